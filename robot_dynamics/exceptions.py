@@ -1,0 +1,39 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""All errors that this package raises on purpose, under one base class."""
+
+
+class RobotDynamicsError(Exception):
+    """Base of every error that `robot_dynamics` raises on purpose."""
+
+
+class InvalidInputError(RobotDynamicsError, ValueError):
+    """A value from outside cannot be used; the message names field, value and expectation."""
+
+
+class ModelError(RobotDynamicsError, ValueError):
+    """A robot description cannot be turned into an arm; the message names the element."""
+
+
+class TrajectoryError(InvalidInputError):
+    """A joint trajectory cannot be followed; the message names the point and the field."""
+
+
+class RecordingError(RobotDynamicsError, ValueError):
+    """A recording cannot be read or does not hold what is asked for."""
+
+
+class MissingDependencyError(RobotDynamicsError, ImportError):
+    """An optional library is not installed; the message names it and how to get it."""

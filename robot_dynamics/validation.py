@@ -1,0 +1,141 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks of input from outside.
+
+Each `check_*` takes the name of the field first, and returns the checked value as float64.
+What it refuses, it refuses with one `InvalidInputError` that says the field, the value that
+was given and what was expected.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_dynamics.exceptions import InvalidInputError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def _as_float_array(field: str, value: Any) -> FloatArray:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f'{field} is {value!r}, expected numbers') from None
+
+
+def _label(field: str, index: tuple[int, ...], names: Sequence[str] | None) -> str:
+    place = ''.join(f'[{i}]' for i in index)
+    if names is not None and index and index[-1] < len(names):
+        return f'{field}{place} ({names[index[-1]]})'
+    return f'{field}{place}'
+
+
+def _check_finite(field: str, array: FloatArray, names: Sequence[str] | None) -> FloatArray:
+    if np.isfinite(array).all():
+        return array
+    index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+    raise InvalidInputError(
+        f'{_label(field, index, names)} is {array[index]}, expected a finite number')
+
+
+def check_vector(
+    field: str, value: Any, length: int, names: Sequence[str] | None = None,
+) -> FloatArray:
+    """
+    Return `value` as a float64 vector, shape (length,), all finite.
+
+    `names` are the names of its entries, for the message: usually the joints.
+    Raises InvalidInputError on another shape or a value that is not finite.
+    """
+    array = _as_float_array(field, value)
+    if array.shape != (length,):
+        given = f'{array.size} values' if array.ndim == 1 else f'an array of shape {array.shape}'
+        wanted = f'{length}, one for each of {list(names)}' if names is not None else f'{length}'
+        raise InvalidInputError(f'{field} has {given}, expected {wanted}')
+    return _check_finite(field, array, names)
+
+
+def check_samples(
+    field: str, value: Any, columns: int, names: Sequence[str] | None = None,
+) -> FloatArray:
+    """
+    Return `value` as a float64 matrix, shape (samples, columns), all finite.
+
+    A flat sequence is read row by row. Raises InvalidInputError where it does not divide into
+    rows of `columns` values or holds a value that is not finite.
+    """
+    array = _as_float_array(field, value)
+    if array.ndim == 1 and (array.size % columns if columns else array.size) == 0:
+        array = array.reshape(-1, columns) if columns else array.reshape(0, 0)
+    if array.ndim != 2 or array.shape[1] != columns:
+        given = f'{array.size} values' if array.ndim == 1 else f'an array of shape {array.shape}'
+        of = f' ({list(names)})' if names is not None else ''
+        raise InvalidInputError(
+            f'{field} has {given}, expected samples × {columns} joints{of}, row by row')
+    return _check_finite(field, array, names)
+
+
+def check_scalar(
+    field: str,
+    value: Any,
+    minimum: float = -np.inf,
+    maximum: float = np.inf,
+    exclusive_minimum: bool = False,
+) -> float:
+    """
+    Return `value` as a finite float within [minimum, maximum].
+
+    With `exclusive_minimum`, `minimum` itself is refused too. Raises InvalidInputError.
+    """
+    array = _as_float_array(field, value)
+    if array.shape != ():
+        raise InvalidInputError(f'{field} is {value!r}, expected one number')
+    number = float(array)
+    too_low = number < minimum or (exclusive_minimum and number == minimum)
+    if not np.isfinite(number) or too_low or number > maximum:
+        raise InvalidInputError(
+            f'{field} is {number:g}, expected '
+            f'{_range_in_words(minimum, maximum, exclusive_minimum)}')
+    return number
+
+
+def _range_in_words(minimum: float, maximum: float, exclusive_minimum: bool) -> str:
+    if np.isfinite(minimum) and np.isfinite(maximum):
+        opening = '(' if exclusive_minimum else '['
+        return f'a number in {opening}{minimum:g}, {maximum:g}]'
+    if np.isfinite(minimum):
+        return f'a number {">" if exclusive_minimum else ">="} {minimum:g}'
+    if np.isfinite(maximum):
+        return f'a number <= {maximum:g}'
+    return 'a finite number'
+
+
+def check_choice(field: str, value: str, choices: Sequence[str]) -> str:
+    """Return `value` if it is one of `choices`; raise InvalidInputError otherwise."""
+    if value not in choices:
+        raise InvalidInputError(f'{field} is {value!r}, expected one of {list(choices)}')
+    return value
+
+
+def check_unique(field: str, names: Sequence[str]) -> None:
+    """Raise InvalidInputError where a name stands twice in `names`."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise InvalidInputError(f'{field} has {name!r} twice, expected each name once')
+        seen.add(name)

@@ -1,0 +1,43 @@
+# Shared by the scripts beside it; not a command.
+# shellcheck shell=bash
+
+root=${root:?}
+venv_parent=$root
+venv=$venv_parent/.venv
+ros_prefix=${ROS_PREFIX:-/opt/ros/jazzy}
+
+has_ros() { [ -e "$ros_prefix/setup.bash" ]; }
+
+say() { printf '\033[2m== %s\033[0m\n' "$*" >&2; }
+
+# fail MESSAGE [LOG]: one clear line, after the end of the log of what went wrong.
+fail() {
+  if [ -n "${2:-}" ]; then
+    tail -n 25 "$2" >&2
+    rm -f "$2"
+  fi
+  printf 'robot_dynamics: %s\n' "$1" >&2
+  exit 1
+}
+
+# The environment of ROS, without this workspace.
+enter_ros() {
+  if has_ros; then
+    set +u  # setup.bash of ROS reads variables that may not be set
+    # shellcheck source=/dev/null
+    source "$ros_prefix/setup.bash"
+    set -u
+  else
+    export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv ROS_DISTRO=jazzy ROS_VERSION=2
+  fi
+  export PATH=$venv/bin:$PATH VIRTUAL_ENV=$venv
+}
+
+# The environment of ROS, with this workspace.
+enter_workspace() {
+  enter_ros
+  set +u
+  # shellcheck source=/dev/null
+  source "$root/install/local_setup.bash"
+  set -u
+}

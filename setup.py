@@ -1,0 +1,54 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Install the nodes, the library and the tools as an ament_python package."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = 'robot_dynamics'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(include=['robot_dynamics', 'robot_dynamics.*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/config', glob('config/*')),
+        (f'share/{package_name}/launch', glob('launch/*.launch.py')),
+        (f'share/{package_name}/rviz', glob('rviz/*.rviz')),
+    ],
+    python_requires='>=3.10',
+    install_requires=['setuptools', 'numpy', 'pin'],
+    extras_require={
+        'tools': ['matplotlib', 'rosbags', 'scipy'],
+        'xacro': ['xacro'],
+    },
+    zip_safe=False,
+    maintainer='The robot_dynamics authors',
+    maintainer_email='maintainers@robot-dynamics.example',
+    description='Which joint torques produce a motion? Dynamics of robot arms with a URDF.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'dynamics_node = robot_dynamics.ros.dynamics_node:main',
+            'simulated_arm = robot_dynamics.ros.simulated_arm_node:main',
+            'demo = robot_dynamics.tools.demo:main',
+            'planar_urdf = robot_dynamics.tools.planar_urdf:main',
+        ],
+    },
+)
