@@ -1,0 +1,85 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the actuators of an arm must deliver: rigid bodies and friction together.
+
+τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction(q̇) − Jᵀ f; τ is on the joint side of the gearbox.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.validation import FloatArray
+
+
+class EffortTerms(NamedTuple):
+    """
+    An effort by term, each (n,) [N·m] or [N], and the energies [J].
+
+    effort = inertial + coriolis + gravity + friction + external.
+    """
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+    friction: FloatArray
+    external: FloatArray
+    effort: FloatArray
+    kinetic_energy: float
+    potential_energy: float
+
+
+class ArmDynamics:
+    """Dynamics of an arm with friction; conventions as in `RigidBody`, not for two threads."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        self.arm = arm
+        self.rigid_body = RigidBody(arm)
+        self.friction = arm.friction
+
+    def inverse_dynamics(
+        self, q: FloatArray, v: FloatArray, a: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """Return the effort (n,) that produces the acceleration a at the state (q, v)."""
+        return self.rigid_body.inverse_dynamics(q, v, a, wrenches) + self.friction.effort(v)
+
+    def inverse_dynamics_batch(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
+    ) -> FloatArray:
+        """Return the efforts of many states; all arrays are (samples, n)."""
+        return self.rigid_body.inverse_dynamics_batch(q, v, a, threads) + self.friction.effort(v)
+
+    def forward_dynamics(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """Return the acceleration (n,) that the effort tau produces at the state (q, v)."""
+        return self.rigid_body.forward_dynamics(q, v, tau - self.friction.effort(v), wrenches)
+
+    def terms(
+        self, q: FloatArray, v: FloatArray, a: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> EffortTerms:
+        """Return the effort of `inverse_dynamics` split by term, and the energies."""
+        body = self.rigid_body
+        inertial, coriolis, gravity, external = body.terms(q, v, a, wrenches)
+        friction = self.friction.effort(v)
+        return EffortTerms(
+            inertial, coriolis, gravity, friction, external,
+            inertial + coriolis + gravity + friction + external,
+            body.kinetic_energy(q, v), body.potential_energy(q))

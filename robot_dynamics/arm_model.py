@@ -1,0 +1,188 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An arm as the rest of the package sees it: joints by name, limits, links, and payload."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from robot_dynamics.coordinates import JointCoordinates
+from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.friction import JointFriction
+from robot_dynamics.payload import Payload
+from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
+from robot_dynamics.validation import check_unique, check_vector, FloatArray
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of n joints, each (n,); infinite where there is none. [rad, m], [/s], [N·m, N]."""
+
+    lower: FloatArray
+    upper: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+
+
+@dataclass(frozen=True)
+class MimicJoint:
+    """A joint that follows an actuated one: position = multiplier × leader + offset."""
+
+    name: str
+    leader: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """
+    An arm with a fixed base and n actuated joints, in the order of `joint_names`.
+
+    It does not change: `with_payload` returns another one. `engine` is Pinocchio's model of the
+    whole tree, whose joints `coordinates` maps to the actuated ones.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    joint_kinds: tuple[str, ...]
+    limits: JointLimits
+    friction: JointFriction
+    mimic_joints: tuple[MimicJoint, ...]
+    locked_joints: dict[str, float]
+    link_names: tuple[str, ...]
+    coordinates: JointCoordinates
+    engine: pin.Model
+    bare_engine: pin.Model
+    payloads: tuple[Payload, ...] = ()
+
+    @property
+    def joint_count(self) -> int:
+        return len(self.joint_names)
+
+    def link_frame(self, link: str, field: str = 'frame_id') -> pin.Frame:
+        """Return Pinocchio's frame of a link; raise InvalidInputError for an unknown one."""
+        if link not in self.link_names:
+            raise InvalidInputError(
+                f'{field} is {link!r}, expected one of the links {list(self.link_names)}')
+        return self.engine.frames[self.engine.getFrameId(link, pin.FrameType.BODY)]
+
+    def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
+        """
+        Return this arm with these loads in place of those that it has.
+
+        Each is added to its link's own inertia. Raises InvalidInputError for an unknown link.
+        """
+        engine = self.bare_engine.copy()
+        for payload in payloads:
+            frame = self.link_frame(payload.link, 'payload.header.frame_id')
+            load = pin.Inertia(payload.mass, payload.com, payload.inertia)
+            engine.inertias[frame.parentJoint] += frame.placement.act(load)
+        return replace(self, engine=engine, payloads=tuple(p for p in payloads if p.mass > 0.0))
+
+
+def load_arm(
+    urdf: str,
+    joints: Sequence[str] = (),
+    gravity: Sequence[float] = STANDARD_GRAVITY,
+) -> ArmModel:
+    """
+    Return the arm that a URDF describes.
+
+    `joints` names the actuated joints in the wanted order; empty means all that move and do not
+    mimic, in the order of the document. Moving joints left out are locked at 0, or at the limit
+    nearest to it, and keep their mass. `gravity` [m/s²] is expressed in the base frame.
+
+    Raises ModelError where the URDF cannot be used, InvalidInputError on wrong names or gravity.
+    """
+    robot = parse_urdf(urdf)
+    g = check_vector('gravity', gravity, 3, ('x', 'y', 'z'))
+    actuated = _actuated_joints(robot, joints)
+    engine = _build_engine(robot)
+    engine.gravity.linear = g
+    index = {joint.name: i for i, joint in enumerate(actuated)}
+    locked = {
+        joint.name: float(np.clip(0.0, joint.lower, joint.upper)) for joint in robot.joints
+        if joint.moves and joint.mimic is None and joint.name not in index}
+    G, q0 = np.zeros((engine.nv, len(actuated))), np.zeros(engine.nv)
+    mimic_joints = []
+    viscous, coulomb = np.zeros(len(actuated)), np.zeros(len(actuated))
+    for joint in robot.joints:
+        if not joint.moves:
+            continue
+        row = engine.joints[engine.getJointId(joint.name)].idx_v
+        leader, multiplier, offset = _leader_of(joint, robot)
+        if leader in locked:
+            q0[row] = multiplier * locked[leader] + offset
+            continue
+        column = index[leader]
+        G[row, column], q0[row] = multiplier, offset
+        # Friction of a mimic joint is felt at its leader: power is the same on both sides.
+        viscous[column] += multiplier**2 * joint.viscous_friction
+        coulomb[column] += abs(multiplier) * joint.coulomb_friction
+        if joint.mimic is not None:
+            mimic_joints.append(MimicJoint(joint.name, leader, multiplier, offset))
+    return ArmModel(
+        name=robot.name,
+        joint_names=tuple(index),
+        joint_kinds=tuple(joint.kind for joint in actuated),
+        limits=JointLimits(
+            np.array([joint.lower for joint in actuated]),
+            np.array([joint.upper for joint in actuated]),
+            np.array([joint.velocity_limit for joint in actuated]),
+            np.array([joint.effort_limit for joint in actuated])),
+        friction=JointFriction(viscous, coulomb),
+        mimic_joints=tuple(mimic_joints),
+        locked_joints=locked,
+        link_names=robot.link_names,
+        coordinates=JointCoordinates(G, q0),
+        engine=engine,
+        bare_engine=engine,
+    )
+
+
+def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint, ...]:
+    candidates = {
+        joint.name: joint for joint in robot.joints if joint.moves and joint.mimic is None}
+    if not candidates:
+        raise ModelError(
+            f'robot_description: robot {robot.name!r} has no joint that moves, expected at '
+            'least one revolute, continuous or prismatic joint')
+    check_unique('joints', names)
+    for name in names:
+        if name not in candidates:
+            raise InvalidInputError(
+                f'joints has {name!r}, expected joints out of {list(candidates)}')
+    return tuple(candidates[name] for name in names) or tuple(candidates.values())
+
+
+def _leader_of(joint: UrdfJoint, robot: UrdfRobot) -> tuple[str, float, float]:
+    if joint.mimic is None:
+        return joint.name, 1.0, 0.0
+    relation = resolve_mimic(joint, robot.joints)
+    return relation.leader, relation.multiplier, relation.offset
+
+
+def _build_engine(robot: UrdfRobot) -> pin.Model:
+    try:
+        return pin.buildModelFromXML(robot.engine_xml)
+    except Exception as error:  # Pinocchio raises what its parser raises
+        raise ModelError(
+            f'robot_description: robot {robot.name!r} was refused by the parser: {error}'
+        ) from error

@@ -1,0 +1,63 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How the actuated joints of an arm move the joints of the whole tree.
+
+q_tree = G q + q0 with constant G: it sorts the joints, lets mimic joints follow their leaders
+(their row holds the multiplier) and locks joints that are not actuated (their row is zero).
+By the principle of virtual work efforts come back with Gᵀ, and, as G is constant, so do
+M = Gᵀ M_tree G and C = Gᵀ C_tree G.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_dynamics.validation import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class JointCoordinates:
+    """The map from n actuated joints to the m joints of the tree: `G` (m, n), `q0` (m,)."""
+
+    G: FloatArray
+    q0: FloatArray
+
+    def __post_init__(self) -> None:
+        m, n = self.G.shape
+        identity = m == n and np.array_equal(self.G, np.eye(n)) and not self.q0.any()
+        permutation = m == n and np.array_equal(self.G.T @ self.G, np.eye(n)) and (
+            np.isin(self.G, (0.0, 1.0)).all())
+        object.__setattr__(self, 'is_identity', bool(identity))
+        object.__setattr__(self, 'is_permutation', bool(permutation))
+
+    is_identity: bool = False
+    is_permutation: bool = False
+
+    def position(self, q: FloatArray) -> FloatArray:
+        """Positions of the tree, shape (m,), or (samples, m) from (samples, n)."""
+        return q if self.is_identity else q @ self.G.T + self.q0
+
+    def rate(self, v: FloatArray) -> FloatArray:
+        """Velocities or accelerations of the tree, likewise."""
+        return v if self.is_identity else v @ self.G.T
+
+    def effort(self, tau: FloatArray) -> FloatArray:
+        """Efforts at the actuated joints, shape (n,) or (samples, n), of efforts at the tree's."""
+        return tau if self.is_identity else tau @ self.G
+
+    def form(self, A: FloatArray) -> FloatArray:
+        """Gᵀ A G: a matrix over the tree's joints as one over the actuated joints."""
+        return A if self.is_identity else self.G.T @ A @ self.G

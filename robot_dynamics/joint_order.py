@@ -1,0 +1,136 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Joints are matched by name: from the order of a request to the arm's order and back.
+
+The rule: a request names every actuated joint, in any order, or none at all, which means all in
+the arm's own order. A mimic joint may be named too; its position, velocity and acceleration must
+be what its leader gives it (within `MIMIC_TOLERANCE`), an effort at it counts at its leader by its
+multiplier, and answers leave it out. Locked joints (see `load_arm`) cannot be named.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robot_dynamics.arm_model import ArmModel, MimicJoint
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import check_samples, check_unique, check_vector, FloatArray
+
+MIMIC_TOLERANCE = 1e-3
+"""[rad] or [m], and per second: how far a named mimic joint may be off its leader."""
+
+
+class JointOrder:
+    """The order of joints in one request; `names` are its actuated joints: those of an answer."""
+
+    def __init__(self, arm: ArmModel, joint_names: Sequence[str] = ()) -> None:
+        """Raise InvalidInputError on unknown, locked, duplicate or missing joints."""
+        given = tuple(joint_names) or arm.joint_names
+        self._given = given
+        self._n = arm.joint_count
+        mimics = {mimic.name: mimic for mimic in arm.mimic_joints}
+        _check_names(arm, given, mimics)
+        column = {name: i for i, name in enumerate(given)}
+        self.names = tuple(name for name in given if name not in mimics)
+        self._to_arm = np.array([column[name] for name in arm.joint_names])
+        arm_index = {name: i for i, name in enumerate(arm.joint_names)}
+        self._to_request = np.array([arm_index[name] for name in self.names])
+        self._mimics = tuple(
+            (column[name], arm_index[mimics[name].leader], mimics[name])
+            for name in given if name in mimics)
+        self._same = given == arm.joint_names
+
+    def position(self, value: Any, field: str = 'position') -> FloatArray:
+        """Return positions (n,) in the arm's order; raise InvalidInputError."""
+        return self._motion(check_vector(field, value, len(self._given), self._given), field, True)
+
+    def rate(self, value: Any, field: str) -> FloatArray:
+        """Return velocities or accelerations (n,) in the arm's order; empty means zero."""
+        if len(value) == 0:
+            return np.zeros(self._n)
+        return self._motion(
+            check_vector(field, value, len(self._given), self._given), field, False)
+
+    def effort(self, value: Any, field: str = 'effort') -> FloatArray:
+        """Return efforts (n,) in the arm's order, those at mimic joints added to their leaders."""
+        given = check_vector(field, value, len(self._given), self._given)
+        tau = given[self._to_arm]
+        for column, leader, mimic in self._mimics:
+            tau[leader] += mimic.multiplier * given[column]
+        return np.asarray(tau)
+
+    def positions(self, value: Any, field: str = 'position') -> FloatArray:
+        """Return many positions, (samples, n) in the arm's order, of a flat or 2-D array."""
+        samples = check_samples(field, value, len(self._given), self._given)
+        return self._motion(samples, field, True)
+
+    def rates(self, value: Any, samples: int, field: str) -> FloatArray:
+        """Return many velocities or accelerations likewise; empty means zero."""
+        if len(value) == 0:
+            return np.zeros((samples, self._n))
+        rates = check_samples(field, value, len(self._given), self._given)
+        if len(rates) != samples:
+            raise InvalidInputError(
+                f'{field} has {len(rates)} samples, expected {samples} as position has, or none')
+        return self._motion(rates, field, False)
+
+    def answer(self, value: FloatArray) -> FloatArray:
+        """Return values of shape (..., n) in the arm's order in the order of `names`."""
+        return value if self._same else np.asarray(value[..., self._to_request])
+
+    def answer_form(self, value: FloatArray) -> FloatArray:
+        """Return an array (n, n) or (n, n, n) over joints with every axis in that order."""
+        if self._same:
+            return value
+        return np.asarray(value[np.ix_(*(self._to_request,) * value.ndim)])
+
+    def _motion(self, given: FloatArray, field: str, with_offset: bool) -> FloatArray:
+        if self._same:
+            return given
+        arm_order = given[..., self._to_arm]
+        for column, leader, mimic in self._mimics:
+            follows = mimic.multiplier * arm_order[..., leader]
+            if with_offset:
+                follows = follows + mimic.offset
+            off = np.abs(given[..., column] - follows)
+            if np.max(off, initial=0.0) > MIMIC_TOLERANCE:
+                worst = int(np.argmax(off))
+                raise InvalidInputError(
+                    f'{field} of mimic joint {mimic.name!r} is '
+                    f'{np.ravel(given[..., column])[worst]:g}, but it follows {mimic.leader!r} '
+                    f'({mimic.multiplier:g} × {mimic.leader}'
+                    f'{f" + {mimic.offset:g}" if with_offset else ""} = '
+                    f'{np.ravel(follows)[worst]:g}), expected that value, or the joint left out')
+        return np.asarray(arm_order)
+
+
+def _check_names(arm: ArmModel, given: Sequence[str], mimics: dict[str, MimicJoint]) -> None:
+    check_unique('joint_names', given)
+    for name in given:
+        if name in arm.locked_joints:
+            raise InvalidInputError(
+                f'joint_names has {name!r}, which is locked at {arm.locked_joints[name]:g} '
+                f'(parameter joints), expected {list(arm.joint_names)}')
+        if name not in arm.joint_names and name not in mimics:
+            also = f' and, if wanted, the mimic joints {list(mimics)}' if mimics else ''
+            raise InvalidInputError(
+                f'joint_names has {name!r}, expected {list(arm.joint_names)}{also}')
+    missing = [name for name in arm.joint_names if name not in given]
+    if missing:
+        raise InvalidInputError(
+            f'joint_names leaves out {missing}, expected every joint of {list(arm.joint_names)} '
+            'in any order, or no names at all for this order')

@@ -1,0 +1,75 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A load that is fixed to a link, in addition to the link's own inertia."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+
+# Relative slack of the triangle inequality: inertias come from files with few digits.
+_INERTIA_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """
+    A rigid load: `mass` [kg], `com` (3,) [m] and `inertia` (3, 3) [kg·m²] about the COM.
+
+    Both are expressed in the frame of `link`. No inertia at all (a point mass) is allowed.
+    """
+
+    link: str
+    mass: float
+    com: FloatArray
+    inertia: FloatArray
+
+
+def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = None) -> Payload:
+    """
+    Return a checked Payload.
+
+    Raises InvalidInputError on a negative mass, or an inertia that no body has: its principal
+    moments must be non-negative and each at most the sum of the other two.
+    """
+    mass = check_scalar('payload.inertia.m', mass, minimum=0.0)
+    com = check_vector('payload.inertia.com', com, 3, ('x', 'y', 'z'))
+    tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=np.float64)
+    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
+        raise InvalidInputError(
+            f'payload.inertia is {tensor.tolist()}, expected a finite 3 × 3 tensor')
+    tensor = 0.5 * (tensor + tensor.T)
+    if mass == 0.0 and tensor.any():
+        raise InvalidInputError(
+            'payload.inertia.m is 0 with a moment of inertia, expected a mass > 0, '
+            'or all zeros to clear the payload')
+    _check_physical(tensor)
+    return Payload(link, mass, com, tensor)
+
+
+def _check_physical(tensor: FloatArray) -> None:
+    moments = np.linalg.eigvalsh(tensor)
+    slack = _INERTIA_TOLERANCE * abs(moments).max()
+    if moments[0] < -slack:
+        raise InvalidInputError(
+            f'payload.inertia has the principal moments {moments.tolist()} kg·m², '
+            'expected none below 0')
+    if moments[2] > moments[0] + moments[1] + slack:
+        raise InvalidInputError(
+            f'payload.inertia has the principal moments {moments.tolist()} kg·m², '
+            'expected each to be at most the sum of the other two (triangle inequality)')

@@ -1,0 +1,219 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The manipulator equation of the rigid bodies: τ = M(q) q̈ + C(q, q̇) q̇ + g(q) − Jᵀ f.
+
+Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008: the recursive
+Newton–Euler algorithm (section 5.3), the composite rigid body algorithm (6.2), the articulated
+body algorithm (7.3); Christoffel symbols: B. Siciliano et al., *Robotics*, Springer 2009,
+eqs. (7.43) to (7.45). Friction is not part of it: see `arm_dynamics`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalWrench:
+    """
+    What the environment exerts on a link, in that link's frame, at its origin.
+
+    `force` (3,) [N], `torque` (3,) [N·m].
+    """
+
+    link: str
+    force: FloatArray
+    torque: FloatArray
+
+
+class RigidBodyTerms(NamedTuple):
+    """The terms of the manipulator equation at one state, each (n,) [N·m] or [N]."""
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+    external: FloatArray
+
+
+class RigidBody:
+    """
+    The rigid bodies of one arm; all vectors are (n,) in the order of `arm.joint_names`.
+
+    q [rad] or [m], v and a its derivatives, tau [N·m] or [N]. Inputs are float64 arrays that have
+    been checked. An instance holds the scratch memory of the algorithms, so it is not for two
+    threads at a time; what it returns is new.
+    """
+
+    def __init__(self, arm: ArmModel) -> None:
+        self.arm = arm
+        self._x = arm.coordinates
+        self._model = arm.engine
+        self._data = self._model.createData()
+        self._zero = np.zeros(self._model.nv)
+        self._weightless = self._model.copy()
+        self._weightless.gravity.linear = np.zeros(3)
+        self._pool: pin.ModelPool | None = None
+
+    # ------------------------------------------------------------------ efforts
+
+    def inverse_dynamics(
+        self, q: FloatArray, v: FloatArray, a: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """Return M(q) a + C(q, v) v + g(q) − Jᵀ f."""
+        x = self._x
+        q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
+        if not wrenches:
+            return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree))
+        forces = self._joint_forces(wrenches)
+        return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree, forces))
+
+    def gravity(self, q: FloatArray) -> FloatArray:
+        """Return g(q): what holds the arm still."""
+        x = self._x
+        return x.effort(pin.computeGeneralizedGravity(self._model, self._data, x.position(q)))
+
+    def nonlinear(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return N(q, v) = C(q, v) v + g(q)."""
+        x = self._x
+        return x.effort(
+            pin.nonLinearEffects(self._model, self._data, x.position(q), x.rate(v)))
+
+    def external(self, q: FloatArray, wrenches: Sequence[ExternalWrench]) -> FloatArray:
+        """Return −Jᵀ f: what bears the wrenches that the environment puts on the links."""
+        if not wrenches:
+            return np.zeros(self.arm.joint_count)
+        x, zero = self._x, self._zero
+        forces = self._joint_forces(wrenches)
+        return x.effort(pin.rnea(
+            self._weightless, self._data, x.position(q), zero, zero, forces))
+
+    def terms(
+        self, q: FloatArray, v: FloatArray, a: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> RigidBodyTerms:
+        """Return the efforts of inverse_dynamics, split; they add up to it."""
+        gravity = self.gravity(q)
+        nonlinear = self.nonlinear(q, v)
+        inertial = self.inverse_dynamics(q, v, a) - nonlinear
+        return RigidBodyTerms(
+            inertial, nonlinear - gravity, gravity, self.external(q, wrenches))
+
+    def inverse_dynamics_batch(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
+    ) -> FloatArray:
+        """Return the efforts of many states; all arrays are (samples, n)."""
+        if q.shape[0] == 0:
+            return np.zeros_like(q)
+        if self._pool is None or self._pool.size() < threads:
+            self._pool = pin.ModelPool(self._model, threads)
+        x = self._x
+        # Pinocchio takes one sample a column.
+        q_tree, v_tree, a_tree = (
+            np.asfortranarray(rows.T) for rows in (x.position(q), x.rate(v), x.rate(a)))
+        tau = pin.rneaInParallel(threads, self._pool, q_tree, v_tree, a_tree)
+        return x.effort(np.ascontiguousarray(tau.T))
+
+    # ------------------------------------------------------------------ matrices
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return M(q), (n, n): symmetric, positive definite."""
+        x = self._x
+        return x.form(pin.crba(self._model, self._data, x.position(q)))
+
+    def coriolis_matrix(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return C(q, v), (n, n), with C_ij = Σ_k c_ijk v_k, so that Ṁ − 2 C is skew."""
+        return np.asarray(self.christoffel_symbols(q) @ v)
+
+    def christoffel_symbols(self, q: FloatArray) -> FloatArray:
+        """
+        Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
+
+        Row i of the equation of motion has Σ_jk c_ijk v_j v_k, a quadratic form in v; its
+        symmetric coefficients follow exactly from the values at e_j and e_j + e_k.
+        """
+        n = self._model.nv
+        q_tree, zero = self._x.position(q), self._zero
+
+        def quadratic(v: FloatArray) -> FloatArray:
+            return np.asarray(pin.rnea(self._weightless, self._data, q_tree, v, zero))
+
+        e = np.eye(n)
+        square = [quadratic(e[j]) for j in range(n)]
+        c = np.empty((n, n, n))
+        for j in range(n):
+            c[:, j, j] = square[j]
+            for k in range(j):
+                c[:, j, k] = 0.5 * (quadratic(e[j] + e[k]) - square[j] - square[k])
+                c[:, k, j] = c[:, j, k]
+        if self._x.is_identity:
+            return c
+        G = self._x.G
+        return np.asarray(np.einsum('abc,ai,bj,ck->ijk', c, G, G, G, optimize=True))
+
+    # ------------------------------------------------------------------ motion and energy
+
+    def forward_dynamics(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """
+        Return the acceleration a with M a + C v + g − Jᵀ f = tau.
+
+        Raises InvalidInputError where M(q) is singular: a joint that moves no mass.
+        """
+        x = self._x
+        if x.is_identity or x.is_permutation:
+            arguments = (self._model, self._data, x.position(q), x.rate(v), tau @ x.G.T)
+            a_tree = pin.aba(*arguments, self._joint_forces(wrenches)) if wrenches else (
+                pin.aba(*arguments))
+            a = x.effort(a_tree)
+        else:
+            rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
+            try:
+                a = np.linalg.solve(self.mass_matrix(q), rest)
+            except np.linalg.LinAlgError:
+                a = np.full_like(rest, np.nan)
+        if not np.isfinite(a).all():
+            raise InvalidInputError(
+                f'forward dynamics at position {q.tolist()} has no finite solution: the mass '
+                'matrix is singular, expected every joint to move some mass or inertia')
+        return np.asarray(a)
+
+    def kinetic_energy(self, q: FloatArray, v: FloatArray) -> float:
+        """Return ½ vᵀ M(q) v [J]."""
+        return float(pin.computeKineticEnergy(
+            self._model, self._data, self._x.position(q), self._x.rate(v)))
+
+    def potential_energy(self, q: FloatArray) -> float:
+        """Return −Σ m gᵀ c [J], from the origin of the base frame."""
+        return float(pin.computePotentialEnergy(self._model, self._data, self._x.position(q)))
+
+    def _joint_forces(self, wrenches: Sequence[ExternalWrench]) -> pin.StdVec_Force:
+        """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""
+        forces = [pin.Force.Zero() for _ in range(self._model.njoints)]
+        for wrench in wrenches:
+            frame = self.arm.link_frame(wrench.link)
+            forces[frame.parentJoint] += frame.placement.act(
+                pin.Force(wrench.force, wrench.torque))
+        return pin.StdVec_Force(forces) if forces else pin.StdVec_Force()

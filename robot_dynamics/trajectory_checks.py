@@ -1,0 +1,248 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a joint trajectory is, and which ones are refused.
+
+`make_trajectory` is the boundary: it takes the fields as they stand in a message and returns a
+`JointTrajectory` in the arm's own joint order, or says in one `TrajectoryError` what is wrong.
+The rules are those of `joint_trajectory_controller` (ros2_controllers, branch jazzy, function
+`validate_trajectory_msg`) with the differences that docs/trajectories.md lists.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.validation import check_scalar, check_unique, check_vector, FloatArray
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+# The range of the seconds in builtin_interfaces/Duration.
+_LONGEST_TIME = 2.0 ** 31
+
+# What joint_trajectory_controller takes for zero: the epsilon of a 32-bit float.
+_ZERO_VELOCITY = float(np.finfo(np.float32).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryPoint:
+    """
+    One point of a joint trajectory; its arrays are read-only.
+
+    `time_from_start` [s]; `position` (n,) [rad or m]; `velocity` (n,) [rad/s or m/s] and
+    `acceleration` (n,) [rad/s² or m/s²], or None where the sender left them out.
+    """
+
+    time_from_start: float
+    position: FloatArray
+    velocity: FloatArray | None = None
+    acceleration: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """Points at strictly increasing times; every array is in the order of `joint_names`."""
+
+    joint_names: tuple[str, ...]
+    points: tuple[TrajectoryPoint, ...]
+
+    @property
+    def duration(self) -> float:
+        """The time of the last point [s]."""
+        return self.points[-1].time_from_start
+
+    @property
+    def is_set_point(self) -> bool:
+        """Whether this is one streamed set-point and no path."""
+        return len(self.points) == 1
+
+
+def make_trajectory(
+    joint_names: Sequence[str],
+    times: Sequence[float],
+    positions: Sequence[Any],
+    velocities: Sequence[Any],
+    accelerations: Sequence[Any],
+    expected_joints: Sequence[str],
+) -> JointTrajectory:
+    """
+    Return the trajectory of a message, checked and put into the order of `expected_joints`.
+
+    `times` are the `time_from_start` of the points [s], rounded to 1 ns. `positions`,
+    `velocities` and `accelerations` hold one row for each point, in the order of `joint_names`;
+    an empty row is an absent field, and `()` for all rows means absent everywhere.
+    One point may carry velocity and acceleration: a streamed set-point. The last one of several
+    has to be at rest.
+
+    Raises TrajectoryError, whose message names point, field, value and what was expected.
+    """
+    expected, names = tuple(expected_joints), list(joint_names)
+    try:
+        _check_joint_names(names, expected)
+        checked_times = _check_times(times)
+        count = len(checked_times)
+        q = _check_field('positions', positions, count, names, expected)
+        v = _check_field('velocities', velocities, count, names, expected)
+        a = _check_field('accelerations', accelerations, count, names, expected)
+        _check_fields_together(q, v, a, names)
+        _check_end_at_rest(v, names, expected)
+    except TrajectoryError:
+        raise
+    except InvalidInputError as error:
+        raise TrajectoryError(str(error)) from None
+    if count == 1 and a[0] is not None and v[0] is None:
+        v = _check_field('velocities', [[0.0] * len(names)], count, names, expected)
+    points = tuple(
+        TrajectoryPoint(t, position, velocity, acceleration)
+        for t, position, velocity, acceleration in zip(checked_times, q, v, a)
+        if position is not None)
+    return JointTrajectory(expected, points)
+
+
+def check_end_in_future(
+    trajectory: JointTrajectory, stamp_ns: int, now_ns: int, max_age_ns: int = 0,
+) -> None:
+    """
+    Raise TrajectoryError where a stamped trajectory ended more than `max_age_ns` before now.
+
+    All times are nanoseconds of one clock; the stamp 0 stands for "now" and always passes.
+    """
+    end_ns = stamp_ns + nanoseconds(trajectory.duration)
+    if stamp_ns != 0 and end_ns + max_age_ns < now_ns:
+        raise TrajectoryError(
+            f'header.stamp is {_in_seconds(stamp_ns)} s and the last point comes '
+            f'{trajectory.duration:g} s later, which is {_in_seconds(now_ns - end_ns)} s before '
+            f'now ({_in_seconds(now_ns)} s), expected an end in the future, or a zero stamp '
+            'to start now')
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a span of time in whole nanoseconds."""
+    return round(seconds * NANOSECONDS_PER_SECOND)
+
+
+def _in_seconds(time_ns: int) -> str:
+    whole, rest = divmod(time_ns, NANOSECONDS_PER_SECOND)
+    return f'{whole}.{rest:09d}'
+
+
+def _check_joint_names(joint_names: Sequence[str], expected: tuple[str, ...]) -> None:
+    if len(joint_names) == 0:
+        raise TrajectoryError(f'joint_names is empty, expected {list(expected)}')
+    for name in joint_names:
+        if name not in expected:
+            raise TrajectoryError(
+                f'joint_names has {name!r}, expected only joints of this arm: {list(expected)}')
+    check_unique('joint_names', joint_names)
+    missing = [name for name in expected if name not in joint_names]
+    if missing:
+        raise TrajectoryError(
+            f'joint_names is {list(joint_names)}, which lacks {missing}, expected all of '
+            f'{list(expected)}')
+
+
+def _check_times(times: Sequence[float]) -> list[float]:
+    count = len(times)
+    if count == 0:
+        raise TrajectoryError('points is empty, expected at least one point')
+    array = _stack('time_from_start', list(times), ())
+    for i in np.flatnonzero((array < 0.0) | (array > _LONGEST_TIME)):
+        check_scalar(
+            f'points[{i}].time_from_start', array[i], minimum=0.0, maximum=_LONGEST_TIME)
+    steps = np.diff(np.rint(array * NANOSECONDS_PER_SECOND))
+    for i in np.flatnonzero(steps <= 0.0):
+        raise TrajectoryError(
+            f'points[{i + 1}].time_from_start is {array[i + 1]} s, expected more than the '
+            f'{array[i]} s of points[{i}], by 1 ns or more')
+    return [float(t) for t in array]
+
+
+def _check_field(
+    field: str, rows: Sequence[Any], count: int, names: list[str], expected: tuple[str, ...],
+) -> list[FloatArray | None]:
+    """Return the rows in the order of `expected`, None where the field is absent."""
+    if len(rows) == 0:
+        return [None] * count
+    if len(rows) != count:
+        raise TrajectoryError(
+            f'{field} has {len(rows)} rows, expected {count}, one for each point')
+    absent = [_is_absent(row) for row in rows]
+    if all(absent):
+        return [None] * count
+    matrix = _stack(field, [
+        np.zeros(len(names)) if empty else row for row, empty in zip(rows, absent)], names)
+    matrix = matrix[:, [names.index(name) for name in expected]]
+    matrix.setflags(write=False)
+    return [None if empty else row for row, empty in zip(matrix, absent)]
+
+
+def _stack(field: str, rows: list[Any], names: Sequence[str]) -> FloatArray:
+    """
+    Return `rows` as one array; without `names` each row is one number.
+
+    All are checked at once, as a path may have thousands of points; one by one only to say
+    which of them is wrong.
+    """
+    row_shape = (len(names),) if names else ()
+    try:
+        array = np.asarray(rows, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape == (len(rows), *row_shape) and np.isfinite(array).all():
+        return array
+    labels = [f'points[{i}].{field}' for i in range(len(rows))]
+    if not names:
+        return np.array([check_scalar(label, row) for label, row in zip(labels, rows)])
+    return np.array([
+        check_vector(label, row, len(names), names) for label, row in zip(labels, rows)])
+
+
+def _is_absent(row: Any) -> bool:
+    return row is None or (hasattr(row, '__len__') and len(row) == 0)
+
+
+def _check_fields_together(
+    q: list[FloatArray | None],
+    v: list[FloatArray | None],
+    a: list[FloatArray | None],
+    names: list[str],
+) -> None:
+    for i, position in enumerate(q):
+        if position is None:
+            raise TrajectoryError(
+                f'points[{i}].positions is empty, expected {len(names)} values, one for each of '
+                f'{names}: a point needs its positions')
+    if len(q) == 1:
+        return
+    for i, (velocity, acceleration) in enumerate(zip(v, a)):
+        if velocity is None and acceleration is not None:
+            raise TrajectoryError(
+                f'points[{i}].velocities is empty beside accelerations, expected {len(names)} '
+                f'values, one for each of {names}')
+
+
+def _check_end_at_rest(
+    v: list[FloatArray | None], names: list[str], expected: tuple[str, ...],
+) -> None:
+    last = v[-1]
+    if len(v) == 1 or last is None:
+        return
+    for j in np.flatnonzero(np.abs(last) > _ZERO_VELOCITY):
+        raise TrajectoryError(
+            f'points[{len(v) - 1}].velocities[{names.index(expected[j])}] ({expected[j]}) is '
+            f'{last[j]:g}, expected 0 at the last point, where the arm is to hold')

@@ -1,0 +1,320 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Read a URDF: its joints, limits, friction and mimic relations, checked and with clear errors.
+
+Only what dynamics needs is read; geometry is left to others. Source: the URDF XML specification,
+`joint` and `link` elements.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+import math
+import xml.etree.ElementTree as ElementTree
+
+from robot_dynamics.exceptions import ModelError
+
+MOVING_KINDS = ('revolute', 'continuous', 'prismatic')
+SUPPORTED_KINDS = (*MOVING_KINDS, 'fixed')
+
+# Stands for "no limit" where the parser behind Pinocchio wants a number.
+_UNLIMITED = '1e30'
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """This joint's position is multiplier × the leader's position + offset."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """
+    One joint of a URDF; [rad, N·m] where it turns, [m, N] where it slides.
+
+    An absent limit is infinite; so is an effort or velocity limit of 0, which exporters write for
+    "not known".
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    lower: float
+    upper: float
+    velocity_limit: float
+    effort_limit: float
+    viscous_friction: float
+    coulomb_friction: float
+    mimic: Mimic | None
+
+    @property
+    def moves(self) -> bool:
+        return self.kind in MOVING_KINDS
+
+
+@dataclass(frozen=True)
+class UrdfRobot:
+    """A checked URDF: a tree of links from one root, joints in the order of the document."""
+
+    name: str
+    root_link: str
+    link_names: tuple[str, ...]
+    joints: tuple[UrdfJoint, ...]
+    engine_xml: str
+    """The same tree for Pinocchio: continuous joints as unlimited revolute ones (one coordinate
+    each instead of cosine and sine), no geometry, no mimic relations."""
+
+    def joint(self, name: str) -> UrdfJoint:
+        return next(joint for joint in self.joints if joint.name == name)
+
+
+def parse_urdf(xml: str) -> UrdfRobot:
+    """
+    Parse and check the text of a URDF.
+
+    Raises ModelError where it is not a URDF, not a tree (a loop), has joints of a kind with more
+    than one degree of freedom, or numbers that are none.
+    """
+    root = _robot_element(xml)
+    name = root.get('name') or ''
+    link_names = tuple(_names_of(root.findall('link'), 'link'))
+    if not link_names:
+        raise ModelError(f'robot_description: robot {name!r} has no links')
+    for link in root.findall('link'):
+        _check_inertial(link)
+    elements = root.findall('joint')
+    _names_of(elements, 'joint')
+    joints = tuple(_parse_joint(element, link_names) for element in elements)
+    root_link = _check_tree(link_names, joints)
+    _check_mimics(joints)
+    return UrdfRobot(name, root_link, link_names, joints, _engine_xml(root))
+
+
+def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
+    """Return the relation of a mimic joint to the joint at the head of its chain of leaders."""
+    by_name = {other.name: other for other in joints}
+    assert joint.mimic is not None
+    relation = joint.mimic
+    while (link := by_name[relation.leader].mimic) is not None:
+        relation = Mimic(
+            link.leader, relation.multiplier * link.multiplier,
+            relation.multiplier * link.offset + relation.offset)
+    return relation
+
+
+def _robot_element(xml: str) -> ElementTree.Element:
+    if not xml.strip():
+        raise ModelError('robot_description is empty, expected the XML of a URDF')
+    try:
+        root = ElementTree.fromstring(xml.strip())
+    except (ElementTree.ParseError, ValueError) as error:
+        raise ModelError(
+            f'robot_description is not well-formed XML ({error}), expected a URDF; '
+            f'it begins with {xml.strip()[:40]!r}') from None
+    if root.tag != 'robot':
+        raise ModelError(
+            f'robot_description has the root element <{root.tag}>, expected <robot>')
+    return root
+
+
+def _names_of(elements: Iterable[ElementTree.Element], what: str) -> list[str]:
+    names: list[str] = []
+    for element in elements:
+        name = element.get('name')
+        if not name:
+            raise ModelError(f'robot_description: a <{what}> has no name')
+        if name in names:
+            raise ModelError(f'robot_description: two {what}s are named {name!r}')
+        names.append(name)
+    return names
+
+
+def _number(
+    element: ElementTree.Element | None, attribute: str, default: float, where: str,
+) -> float:
+    text = None if element is None else element.get(attribute)
+    if text is None or not text.strip():
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise ModelError(f'robot_description: {where}: {attribute}={text!r}, expected a number')
+    return value
+
+
+def _vector(
+    element: ElementTree.Element | None, attribute: str, default: str, where: str,
+) -> tuple[float, ...]:
+    text = default if element is None else element.get(attribute, default)
+    try:
+        values = tuple(float(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(math.isfinite(value) for value in values):
+        raise ModelError(
+            f'robot_description: {where}: {attribute}={text!r}, expected three numbers')
+    return values
+
+
+def _check_origin(element: ElementTree.Element, where: str) -> None:
+    origin = element.find('origin')
+    _vector(origin, 'xyz', '0 0 0', f'{where}: origin')
+    _vector(origin, 'rpy', '0 0 0', f'{where}: origin')
+
+
+def _check_inertial(link: ElementTree.Element) -> None:
+    inertial = link.find('inertial')
+    if inertial is None:
+        return
+    where = f'link {link.get("name")!r}: inertial'
+    _check_origin(inertial, where)
+    mass = _number(inertial.find('mass'), 'value', math.nan, where)
+    if not 0.0 <= mass < math.inf:
+        raise ModelError(f'robot_description: {where}: mass is {mass:g}, expected a number >= 0')
+    inertia = inertial.find('inertia')
+    for entry in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'):
+        value = _number(inertia, entry, math.nan, where)
+        if not math.isfinite(value):
+            raise ModelError(
+                f'robot_description: {where}: {entry} is {value:g}, expected a number')
+
+
+def _end(element: ElementTree.Element, tag: str, link_names: tuple[str, ...]) -> str:
+    end = element.find(tag)
+    link = None if end is None else end.get('link')
+    if link not in link_names or link is None:
+        raise ModelError(
+            f'robot_description: joint {element.get("name")!r}: {tag} link is {link!r}, '
+            f'expected one of {list(link_names)}')
+    return link
+
+
+def _parse_joint(element: ElementTree.Element, link_names: tuple[str, ...]) -> UrdfJoint:
+    name, kind = element.get('name') or '', element.get('type') or ''
+    where = f'joint {name!r}'
+    if kind not in SUPPORTED_KINDS:
+        hint = ': an arm needs a fixed base' if kind == 'floating' else ''
+        raise ModelError(
+            f'robot_description: {where} is of type {kind!r}{hint}, '
+            f'expected one of {list(SUPPORTED_KINDS)}')
+    _check_origin(element, where)
+    if kind in MOVING_KINDS and not any(_vector(element.find('axis'), 'xyz', '1 0 0', where)):
+        raise ModelError(f'robot_description: {where}: axis is zero, expected a direction')
+    limit = element.find('limit')
+    if kind in ('revolute', 'prismatic') and limit is None:
+        raise ModelError(
+            f'robot_description: {where} is {kind} and has no <limit>, which URDF requires')
+    lower, upper = -math.inf, math.inf
+    if kind in ('revolute', 'prismatic'):
+        lower, upper = _number(limit, 'lower', 0.0, where), _number(limit, 'upper', 0.0, where)
+    if lower > upper:
+        raise ModelError(
+            f'robot_description: {where}: lower={lower:g} is above upper={upper:g}')
+    dynamics = element.find('dynamics')
+    damping = _number(dynamics, 'damping', 0.0, where)
+    friction = _number(dynamics, 'friction', 0.0, where)
+    for attribute, value in (('damping', damping), ('friction', friction)):
+        if not 0.0 <= value < math.inf:
+            raise ModelError(
+                f'robot_description: {where}: {attribute}={value:g}, expected a number >= 0')
+    return UrdfJoint(
+        name, kind, _end(element, 'parent', link_names), _end(element, 'child', link_names),
+        lower, upper,
+        abs(_number(limit, 'velocity', 0.0, where)) or math.inf,
+        abs(_number(limit, 'effort', 0.0, where)) or math.inf,
+        damping, friction, _parse_mimic(element, where))
+
+
+def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
+    mimic = element.find('mimic')
+    if mimic is None or element.get('type') == 'fixed':
+        return None
+    return Mimic(
+        mimic.get('joint') or '',
+        _number(mimic, 'multiplier', 1.0, where), _number(mimic, 'offset', 0.0, where))
+
+
+def _check_tree(link_names: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> str:
+    """Return the root link; raise ModelError where the links are not a tree."""
+    parent_joint: dict[str, UrdfJoint] = {}
+    for joint in joints:
+        if joint.child in parent_joint:
+            raise ModelError(
+                f'robot_description: link {joint.child!r} is the child of two joints, '
+                f'{parent_joint[joint.child].name!r} and {joint.name!r}: '
+                'a closed loop, expected a tree')
+        parent_joint[joint.child] = joint
+    roots = [link for link in link_names if link not in parent_joint]
+    if len(roots) > 1:
+        raise ModelError(
+            f'robot_description: links {roots} all have no parent, expected one root')
+    reached, frontier = set(roots), list(roots)
+    children: dict[str, list[str]] = {}
+    for joint in joints:
+        children.setdefault(joint.parent, []).append(joint.child)
+    while frontier:
+        for child in children.get(frontier.pop(), []):
+            reached.add(child)
+            frontier.append(child)
+    lost = [link for link in link_names if link not in reached]
+    if lost:
+        raise ModelError(
+            f'robot_description: links {lost} form a closed loop that hangs on no root, '
+            'expected a tree')
+    return roots[0]
+
+
+def _check_mimics(joints: tuple[UrdfJoint, ...]) -> None:
+    by_name = {joint.name: joint for joint in joints}
+    for joint in joints:
+        followed, leader = {joint.name}, joint.mimic
+        while leader is not None:
+            if leader.leader not in by_name or not by_name[leader.leader].moves:
+                movable = [other.name for other in joints if other.moves]
+                raise ModelError(
+                    f'robot_description: joint {joint.name!r} mimics {leader.leader!r}, '
+                    f'expected one of {movable}')
+            if leader.leader in followed:
+                raise ModelError(
+                    f'robot_description: joint {joint.name!r} mimics itself, through '
+                    f'{leader.leader!r}')
+            followed.add(leader.leader)
+            leader = by_name[leader.leader].mimic
+
+
+def _engine_xml(root: ElementTree.Element) -> str:
+    """Return the tree as Pinocchio is to read it; see UrdfRobot.engine_xml."""
+    tree = ElementTree.Element('robot', {'name': root.get('name') or 'arm'})
+    for link in root.findall('link'):
+        copy = ElementTree.SubElement(tree, 'link', {'name': link.get('name') or ''})
+        copy.extend(link.findall('inertial'))
+    for joint in root.findall('joint'):
+        kind = joint.get('type') or ''
+        copy = ElementTree.SubElement(tree, 'joint', {
+            'name': joint.get('name') or '',
+            'type': 'revolute' if kind == 'continuous' else kind})
+        for tag in ('origin', 'parent', 'child', 'axis'):
+            copy.extend(joint.findall(tag))
+        if kind in MOVING_KINDS:
+            ElementTree.SubElement(copy, 'limit', {
+                'lower': f'-{_UNLIMITED}', 'upper': _UNLIMITED,
+                'effort': _UNLIMITED, 'velocity': _UNLIMITED})
+    return ElementTree.tostring(tree, encoding='unicode')
