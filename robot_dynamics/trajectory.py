@@ -285,7 +285,7 @@ class TrajectoryFollower:
         n, names = len(self.joint_names), self.joint_names
         q = check_vector('position', position, n, names)
         v = check_vector('velocity', velocity, n, names)
-        return Reference(q.copy(), v.copy(), np.zeros(n))
+        return Reference(q, v.copy(), np.zeros(n))
 
     def _turned(self, position: FloatArray, target: FloatArray) -> FloatArray:
         q = position.copy()
@@ -346,7 +346,7 @@ def _least_jerk_derivatives(q: FloatArray, T: FloatArray) -> tuple[FloatArray, F
     x = np.zeros((m, 3, q.shape[1]))
     x[:, 0] = q
     found = np.linalg.solve(system[:, unknown], -system[:, ::3] @ q)
-    x[1:-1, 1:] = found.reshape(m - 2, 2, -1)
+    x[1:-1, 1:] = found.reshape(m - 2, 2, q.shape[1])
     return x[:, 1], x[:, 2]
 
 

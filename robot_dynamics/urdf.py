@@ -31,6 +31,8 @@ SUPPORTED_KINDS = (*MOVING_KINDS, 'fixed')
 
 # Stands for "no limit" where the parser behind Pinocchio wants a number.
 _UNLIMITED = '1e30'
+_INERTIA_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+_NUMERIC_ATTRIBUTES = ('xyz', 'rpy', 'value', *_INERTIA_ENTRIES)
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,10 @@ def parse_urdf(xml: str) -> UrdfRobot:
     name = root.get('name') or ''
     link_names = tuple(_names_of(root.findall('link'), 'link'))
     if not link_names:
-        raise ModelError(f'robot_description: robot {name!r} has no links')
+        hint = (': its text declares xmlns:xacro, is it a xacro file without its robot?'
+                if 'xmlns:xacro' in xml else '')
+        raise ModelError(
+            f'robot_description: robot {name!r} has no links, expected at least two{hint}')
     for link in root.findall('link'):
         _check_inertial(link)
     elements = root.findall('joint')
@@ -127,10 +132,25 @@ def _robot_element(xml: str) -> ElementTree.Element:
         raise ModelError(
             f'robot_description is not well-formed XML ({error}), expected a URDF; '
             f'it begins with {xml.strip()[:40]!r}') from None
+    # A default namespace means nothing in URDF, and its other readers pass over it.
+    namespace = root.tag[:root.tag.find('}') + 1]
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(namespace)
     if root.tag != 'robot':
         raise ModelError(
             f'robot_description has the root element <{root.tag}>, expected <robot>')
+    _check_expanded(root)
     return root
+
+
+def _check_expanded(root: ElementTree.Element) -> None:
+    for element in root.iter():
+        namespace, _, tag = element.tag.rpartition('}')
+        if 'xacro' in namespace:
+            name = f' name={element.get("name")!r}' if element.get('name') else ''
+            raise ModelError(
+                f'robot_description is a xacro file, it has <xacro:{tag}{name}>, '
+                'expected the URDF that the program xacro makes of it')
 
 
 def _names_of(elements: Iterable[ElementTree.Element], what: str) -> list[str]:
@@ -157,6 +177,16 @@ def _number(
         value = math.nan
     if math.isnan(value):
         raise ModelError(f'robot_description: {where}: {attribute}={text!r}, expected a number')
+    return value
+
+
+def _finite_number(
+    element: ElementTree.Element | None, attribute: str, default: float, where: str,
+) -> float:
+    value = _number(element, attribute, default, where)
+    if math.isinf(value):
+        raise ModelError(
+            f'robot_description: {where}: {attribute}={value:g}, expected a finite number')
     return value
 
 
@@ -190,7 +220,7 @@ def _check_inertial(link: ElementTree.Element) -> None:
     if not 0.0 <= mass < math.inf:
         raise ModelError(f'robot_description: {where}: mass is {mass:g}, expected a number >= 0')
     inertia = inertial.find('inertia')
-    for entry in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'):
+    for entry in _INERTIA_ENTRIES:
         value = _number(inertia, entry, math.nan, where)
         if not math.isfinite(value):
             raise ModelError(
@@ -225,6 +255,10 @@ def _parse_joint(element: ElementTree.Element, link_names: tuple[str, ...]) -> U
     lower, upper = -math.inf, math.inf
     if kind in ('revolute', 'prismatic'):
         lower, upper = _number(limit, 'lower', 0.0, where), _number(limit, 'upper', 0.0, where)
+    if lower == math.inf or upper == -math.inf:
+        raise ModelError(
+            f'robot_description: {where}: lower={lower:g}, upper={upper:g}, '
+            'expected a range that holds a finite position')
     if lower > upper:
         raise ModelError(
             f'robot_description: {where}: lower={lower:g} is above upper={upper:g}')
@@ -249,7 +283,8 @@ def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
         return None
     return Mimic(
         mimic.get('joint') or '',
-        _number(mimic, 'multiplier', 1.0, where), _number(mimic, 'offset', 0.0, where))
+        _finite_number(mimic, 'multiplier', 1.0, where),
+        _finite_number(mimic, 'offset', 0.0, where))
 
 
 def _check_tree(link_names: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> str:
@@ -305,16 +340,38 @@ def _engine_xml(root: ElementTree.Element) -> str:
     tree = ElementTree.Element('robot', {'name': root.get('name') or 'arm'})
     for link in root.findall('link'):
         copy = ElementTree.SubElement(tree, 'link', {'name': link.get('name') or ''})
-        copy.extend(link.findall('inertial'))
+        inertial = link.find('inertial')
+        if inertial is not None:
+            _copy_first(
+                ElementTree.SubElement(copy, 'inertial'), inertial, 'origin', 'mass', 'inertia')
     for joint in root.findall('joint'):
         kind = joint.get('type') or ''
         copy = ElementTree.SubElement(tree, 'joint', {
             'name': joint.get('name') or '',
             'type': 'revolute' if kind == 'continuous' else kind})
-        for tag in ('origin', 'parent', 'child', 'axis'):
-            copy.extend(joint.findall(tag))
+        _copy_first(copy, joint, 'origin', 'parent', 'child')
         if kind in MOVING_KINDS:
+            _copy_first(copy, joint, 'axis')
             ElementTree.SubElement(copy, 'limit', {
                 'lower': f'-{_UNLIMITED}', 'upper': _UNLIMITED,
                 'effort': _UNLIMITED, 'velocity': _UNLIMITED})
     return ElementTree.tostring(tree, encoding='unicode')
+
+
+def _copy_first(target: ElementTree.Element, source: ElementTree.Element, *tags: str) -> None:
+    """
+    Append the first child of each tag, which is the one that was checked.
+
+    Its numbers are written anew: where the parser behind Pinocchio cannot read one (after it a
+    space, between two a tab) it drops the whole inertia of a link, and goes on.
+    """
+    for tag in tags:
+        element = source.find(tag)
+        if element is not None:
+            ElementTree.SubElement(target, tag, {
+                attribute: _rewritten(text) if attribute in _NUMERIC_ATTRIBUTES else text
+                for attribute, text in element.items()})
+
+
+def _rewritten(numbers: str) -> str:
+    return ' '.join(repr(float(word)) for word in numbers.split())

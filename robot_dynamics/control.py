@@ -1,0 +1,104 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Control laws: gravity compensation and computed torque.
+
+Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Springer 2009, section
+8.5.2 (inverse dynamics control): with u = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇)q̇ + g(q) + friction
+and an exact model, the error e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint by itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.trajectory import Reference
+from robot_dynamics.validation import check_vector, FloatArray
+
+DEFAULT_NATURAL_FREQUENCY = 20.0
+"""[rad/s]"""
+DEFAULT_DAMPING_RATIO = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Gains of n joints: `kp` (n,) [1/s²] on the position, `kd` (n,) [1/s] on the velocity."""
+
+    kp: FloatArray
+    kd: FloatArray
+
+
+def make_gains(
+    joint_names: Sequence[str],
+    natural_frequency: Any = (DEFAULT_NATURAL_FREQUENCY,),
+    damping_ratio: Any = (DEFAULT_DAMPING_RATIO,),
+    kp: Any = (),
+    kd: Any = (),
+) -> Gains:
+    """
+    Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
+
+    Each is one value for all joints, or one a joint; `kp` or `kd`, where given, take precedence.
+    Raises InvalidInputError on another number of values or a negative one.
+    """
+    omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
+    zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
+    return Gains(
+        per_joint('gains.kp', kp, joint_names) if len(kp) else omega**2,
+        per_joint('gains.kd', kd, joint_names) if len(kd) else 2.0 * zeta * omega)
+
+
+def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
+    """Return non-negative values (n,) of one for all joints, or of one a joint."""
+    n = len(joint_names)
+    values = check_vector(field, value, 1) if len(value) == 1 else (
+        check_vector(field, value, n, joint_names))
+    if (values < 0.0).any():
+        raise InvalidInputError(f'{field} is {values.tolist()}, expected no value below 0')
+    return np.array(np.broadcast_to(values, (n,)))
+
+
+def wrap_to_pi(angle: FloatArray) -> FloatArray:
+    """Return the angles in (−π, π] that are whole turns away."""
+    return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
+
+
+class ErrorFeedback:
+    """
+    The commanded acceleration q̈_ref + K_d ė + K_p e.
+
+    The position error of a continuous joint is taken the short way round.
+    """
+
+    def __init__(self, gains: Gains, joint_kinds: Sequence[str]) -> None:
+        self.gains = gains
+        continuous = np.array([kind == 'continuous' for kind in joint_kinds])
+        self._continuous = continuous if continuous.any() else None
+
+    def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
+        """Return q_ref − q, (n,) [rad] or [m]."""
+        e = reference - q
+        if self._continuous is not None:
+            e[self._continuous] = wrap_to_pi(e[self._continuous])
+        return e
+
+    def acceleration(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the acceleration to command, (n,) [rad/s²] or [m/s²]."""
+        q_ref, v_ref, a_ref = reference
+        e = self.position_error(q_ref, q)
+        return a_ref + self.gains.kd * (v_ref - v) + self.gains.kp * e

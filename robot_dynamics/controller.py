@@ -1,0 +1,202 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+From a measured state to the efforts for it: everything on the control path, without ROS.
+
+Time on this path is the stamp of the joint states, so that a simulation that runs in lock-step,
+or a recording, gives the same efforts however fast it is played.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import threading
+
+import numpy as np
+
+from robot_dynamics.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.control import ErrorFeedback, Gains
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.payload import Payload
+from robot_dynamics.payload_transition import PayloadTransition
+from robot_dynamics.trajectory import JointTrajectory, Reference, TrajectoryFollower
+from robot_dynamics.validation import FloatArray
+
+COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
+
+
+@dataclass(frozen=True, eq=False)
+class ControlOutput:
+    """
+    The efforts for one state, each (n,) [N·m] or [N], or None where there is none.
+
+    `clamped` tells which joints of `command` met their effort limit.
+    """
+
+    gravity_compensation: FloatArray
+    computed_torque: FloatArray | None
+    command: FloatArray | None
+    clamped: FloatArray
+    reference: Reference | None
+    terms: EffortTerms | None
+
+
+@dataclass(frozen=True)
+class ControllerOptions:
+    """What may change while the controller runs."""
+
+    gains: Gains
+    command: str = 'computed_torque'
+    effort_scale: float = 1.0
+    """The command is clamped to this share of the effort limits of the URDF."""
+
+
+class Controller:
+    """
+    Computes efforts from measured states; safe to call from several threads.
+
+    `update` is the control path. The other methods change what it does next, and hold the lock
+    only while they swap something that was prepared outside it.
+    """
+
+    def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
+        self.arm = arm
+        self._lock = threading.Lock()
+        self._dynamics = ArmDynamics(arm)
+        self._transition: PayloadTransition | None = None
+        continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
+                      if kind == 'continuous']
+        self._follower = TrajectoryFollower(arm.joint_names, continuous)
+        self._waiting: tuple[JointTrajectory, int] | None = None
+        self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self.set_options(options)
+
+    def set_options(self, options: ControllerOptions) -> None:
+        """Take over gains, mode and limits."""
+        feedback = ErrorFeedback(options.gains, self.arm.joint_kinds)
+        limit = options.effort_scale * self.arm.limits.effort
+        with self._lock:
+            self._options, self._feedback, self._effort_limit = options, feedback, limit
+
+    def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
+        """
+        Follow a trajectory from `stamp_ns`, 0 for now, where now is the newest state's stamp.
+
+        Before the first state it waits for that. Raises TrajectoryError where it ended already.
+        """
+        with self._lock:
+            if self._state is None:
+                self._waiting = (trajectory, stamp_ns)
+            else:
+                self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
+
+    def set_payload(
+        self, payload: Payload | None, transition_time: float,
+        when_done: Callable[[Payload | None], None],
+    ) -> None:
+        """
+        Let `payload` (None for no load) take the place of the old one over transition_time [s].
+
+        `when_done` is called with it when it is in force: at once for no transition.
+        """
+        if transition_time == 0.0:
+            dynamics = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
+            with self._lock:
+                self._dynamics, self._transition = dynamics, None
+            when_done(payload)
+            return
+        with self._lock:
+            self._transition = PayloadTransition(
+                self._dynamics.arm.payloads, payload, transition_time, when_done)
+
+    def update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
+               with_terms: bool = False) -> ControlOutput:
+        """
+        Return the efforts for the state (q, v) measured at stamp_ns; v may be unknown (None).
+
+        Without a velocity there is gravity compensation alone. Efforts that are not finite raise
+        InvalidInputError: such a state is outside anything the model can answer.
+        """
+        with self._lock:
+            return self._update(stamp_ns, q, v, with_terms)
+
+    def _update(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, with_terms: bool,
+    ) -> ControlOutput:
+        self._advance_payload(stamp_ns)
+        gravity = self._dynamics.rigid_body.gravity(q)
+        zero = np.zeros_like(q)
+        reference = None
+        if v is not None:
+            self._state = (stamp_ns, q, v)
+            self._start_waiting()
+            reference = self._follower.sample(stamp_ns)
+        computed_torque, a = None, zero
+        if reference is not None and v is not None:
+            a = self._feedback.acceleration(reference, q, v)
+            computed_torque = self._dynamics.inverse_dynamics(q, v, a)
+        command = self._choose(gravity, computed_torque)
+        _check_finite(q, gravity, computed_torque)
+        clamped = np.zeros(0, dtype=bool)
+        if command is not None:
+            bounded = np.clip(command, -self._effort_limit, self._effort_limit)
+            clamped = bounded != command
+            command = bounded
+        terms = None
+        if with_terms:
+            follows = computed_torque is not None and self._options.command == 'computed_torque'
+            v_terms = v if follows and v is not None else zero
+            terms = self._dynamics.terms(q, v_terms, a if follows else zero)
+            if v is not None and not follows:
+                terms = terms._replace(
+                    kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
+        return ControlOutput(gravity, computed_torque, command, clamped, reference, terms)
+
+    def _choose(
+        self, gravity: FloatArray, computed_torque: FloatArray | None,
+    ) -> FloatArray | None:
+        if self._options.command == 'none':
+            return None
+        if self._options.command == 'computed_torque' and computed_torque is not None:
+            return computed_torque
+        return gravity
+
+    def _start_waiting(self) -> None:
+        if self._waiting is None or self._state is None:
+            return
+        trajectory, start_ns = self._waiting
+        self._waiting = None
+        self._follower.start(trajectory, *self._state, stamp_ns=start_ns)
+
+    def _advance_payload(self, stamp_ns: int) -> None:
+        transition = self._transition
+        if transition is None:
+            return
+        self._dynamics = ArmDynamics(self.arm.with_payloads(transition.payloads(stamp_ns)))
+        if transition.done:
+            self._transition = None
+            transition.when_done(transition.target)
+
+
+def _check_finite(
+    q: FloatArray, gravity: FloatArray, computed_torque: FloatArray | None,
+) -> None:
+    if np.isfinite(gravity).all() and (
+            computed_torque is None or np.isfinite(computed_torque).all()):
+        return
+    raise InvalidInputError(
+        f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
+        f'computed torque {computed_torque}')
+

@@ -1,0 +1,61 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A payload that takes the place of another one gradually, so that efforts do not jump."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from robot_dynamics.payload import Payload
+
+
+class PayloadTransition:
+    """
+    Fade the old loads out and the new one in, linearly in mass and inertia.
+
+    Each load keeps its place. Efforts are linear in mass and inertia, so they go from the old to
+    the new ones in a straight line, and every load on the way is physical. Time starts with the
+    first stamp that is asked for.
+    """
+
+    def __init__(
+        self,
+        old: Sequence[Payload],
+        target: Payload | None,
+        transition_time: float,
+        when_done: Callable[[Payload | None], None],
+    ) -> None:
+        """Take the loads in force, the load to reach (None for none) and the time for it [s]."""
+        self.target = target
+        self.when_done = when_done
+        self._old = tuple(old)
+        self._duration = transition_time
+        self._start_ns: int | None = None
+        self.done = False
+
+    def payloads(self, stamp_ns: int) -> list[Payload]:
+        """Return the loads in force at a stamp; sets `done` at the end."""
+        if self._start_ns is None:
+            self._start_ns = stamp_ns
+        s = min(max(1e-9 * (stamp_ns - self._start_ns) / self._duration, 0.0), 1.0)
+        self.done = s == 1.0
+        loads = [] if self.done else [scaled(load, 1.0 - s) for load in self._old]
+        if self.target is not None:
+            loads.append(self.target if self.done else scaled(self.target, s))
+        return loads
+
+
+def scaled(payload: Payload, share: float) -> Payload:
+    """Return a payload with this share of the mass and inertia, at the same place."""
+    return replace(payload, mass=share * payload.mass, inertia=share * payload.inertia)
