@@ -86,7 +86,8 @@ class Controller:
     def set_options(self, options: ControllerOptions) -> None:
         """Take over gains, mode and limits."""
         feedback = ErrorFeedback(options.gains, self.arm.joint_kinds)
-        limit = options.effort_scale * self.arm.limits.effort
+        limit = self.arm.limits.effort.copy()  # infinite where there is none, at any scale
+        limit[np.isfinite(limit)] *= options.effort_scale
         with self._lock:
             self._options, self._feedback, self._effort_limit = options, feedback, limit
 

@@ -28,7 +28,13 @@ import numpy as np
 
 from robot_dynamics.arm_model import ArmModel, MimicJoint
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_samples, check_unique, check_vector, FloatArray
+from robot_dynamics.validation import (
+    check_samples,
+    check_unique,
+    check_vector,
+    FloatArray,
+    is_empty,
+)
 
 MIMIC_TOLERANCE = 1e-3
 """[rad] or [m], and per second: how far a named mimic joint may be off its leader."""
@@ -60,7 +66,7 @@ class JointOrder:
 
     def rate(self, value: Any, field: str) -> FloatArray:
         """Return velocities or accelerations (n,) in the arm's order; empty means zero."""
-        if len(value) == 0:
+        if is_empty(value):
             return np.zeros(self._n)
         return self._motion(
             check_vector(field, value, len(self._given), self._given), field, False)
@@ -80,7 +86,7 @@ class JointOrder:
 
     def rates(self, value: Any, samples: int, field: str) -> FloatArray:
         """Return many velocities or accelerations likewise; empty means zero."""
-        if len(value) == 0:
+        if is_empty(value):
             return np.zeros((samples, self._n))
         rates = check_samples(field, value, len(self._given), self._given)
         if len(rates) != samples:

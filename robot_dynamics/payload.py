@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_tensor, check_vector, FloatArray
 
 # Relative slack of the triangle inequality: inertias come from files with few digits.
 _INERTIA_TOLERANCE = 1e-6
@@ -44,22 +44,22 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
     """
     Return a checked Payload.
 
-    Raises InvalidInputError on a negative mass, or an inertia that no body has: its principal
-    moments must be non-negative and each at most the sum of the other two.
+    Raises InvalidInputError on a negative mass, or an inertia that no body has: it must be
+    symmetric, its principal moments non-negative and each at most the sum of the other two.
     """
     mass = check_scalar('payload.inertia.m', mass, minimum=0.0)
     com = check_vector('payload.inertia.com', com, 3, ('x', 'y', 'z'))
-    tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=np.float64)
-    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
+    tensor = np.zeros((3, 3)) if inertia is None else check_tensor('payload.inertia', inertia)
+    if abs(tensor - tensor.T).max() > _INERTIA_TOLERANCE * abs(tensor).max():
         raise InvalidInputError(
-            f'payload.inertia is {tensor.tolist()}, expected a finite 3 × 3 tensor')
+            f'payload.inertia is {tensor.tolist()}, expected a symmetric tensor')
     tensor = 0.5 * (tensor + tensor.T)
     if mass == 0.0 and tensor.any():
         raise InvalidInputError(
             'payload.inertia.m is 0 with a moment of inertia, expected a mass > 0, '
             'or all zeros to clear the payload')
     _check_physical(tensor)
-    return Payload(link, mass, com, tensor)
+    return Payload(link, mass, com.copy(), tensor)
 
 
 def _check_physical(tensor: FloatArray) -> None:

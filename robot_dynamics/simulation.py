@@ -17,9 +17,10 @@ What an arm does under given efforts: forward dynamics, integrated.
 
 Rigid bodies and viscous friction are integrated with the Runge–Kutta method of order 5 of Dormand
 and Prince (E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*,
-Springer 1993, table II.5.2) at a fixed step. Coulomb friction follows each step as an impulse: of all velocities that friction
-of at most F_c h can lead to, the one that dissipates most, which is at rest where F_c suffices
-(D. Stewart and J. Trinkle, Int. J. Numer. Meth. Eng. 39, 1996: velocity-level time stepping).
+Springer 1993, table II.5.2) at a fixed step. Coulomb friction follows each step as an impulse: of
+all velocities that friction of at most F_c h can lead to, the one that dissipates most, which is
+at rest where F_c suffices (D. Stewart and J. Trinkle, Int. J. Numer. Meth. Eng. 39, 1996:
+velocity-level time stepping).
 """
 
 from collections.abc import Sequence

@@ -201,7 +201,7 @@ def _stack(field: str, rows: list[Any], names: Sequence[str]) -> FloatArray:
     row_shape = (len(names),) if names else ()
     try:
         array = np.asarray(rows, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape == (len(rows), *row_shape) and np.isfinite(array).all():
         return array

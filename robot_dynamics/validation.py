@@ -34,7 +34,7 @@ FloatArray = npt.NDArray[np.float64]
 def _as_float_array(field: str, value: Any) -> FloatArray:
     try:
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InvalidInputError(f'{field} is {value!r}, expected numbers') from None
 
 
@@ -88,6 +88,23 @@ def check_samples(
         raise InvalidInputError(
             f'{field} has {given}, expected samples × {columns} joints{of}, row by row')
     return _check_finite(field, array, names)
+
+
+def check_tensor(field: str, value: Any) -> FloatArray:
+    """Return `value` as a float64 tensor, shape (3, 3), all finite; raise InvalidInputError."""
+    array = _as_float_array(field, value)
+    if array.shape != (3, 3) or not np.isfinite(array).all():
+        raise InvalidInputError(
+            f'{field} is {array.tolist()}, expected a finite 3 × 3 tensor')
+    return array
+
+
+def is_empty(value: Any) -> bool:
+    """Return whether `value` is a sequence without entries, which stands for "not given"."""
+    try:
+        return len(value) == 0
+    except TypeError:
+        return False
 
 
 def check_scalar(

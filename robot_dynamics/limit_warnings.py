@@ -1,0 +1,43 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Words for states and efforts outside an arm's limits: answered all the same."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.validation import FloatArray
+
+
+def limit_warnings(
+    arm: ArmModel, q: FloatArray, v: FloatArray, effort: FloatArray,
+) -> list[str]:
+    """Return one line for each joint whose position, velocity or effort is outside its limits."""
+    limits = arm.limits
+    return [
+        *_outside('position', arm.joint_names, q, limits.lower, limits.upper),
+        *_outside('velocity', arm.joint_names, v, -limits.velocity, limits.velocity),
+        *_outside('effort', arm.joint_names, effort, -limits.effort, limits.effort),
+    ]
+
+
+def _outside(
+    field: str, names: Sequence[str], values: FloatArray, lower: FloatArray, upper: FloatArray,
+) -> list[str]:
+    outside = np.flatnonzero((values < lower) | (values > upper)).tolist()
+    return [
+        f'{field} of {names[i]!r} is {values[i]:.6g}, outside its limits '
+        f'[{lower[i]:.6g}, {upper[i]:.6g}]' for i in outside]

@@ -1,0 +1,152 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Messages to arrays and back, in pairs: `*_from_ros` checks what arrives, `*_to_ros` fills messages.
+
+Numbers travel as whole arrays: a message's float64[] is an array.array, which numpy reads in
+place, and which takes the bytes of a numpy array.
+"""
+
+from array import array
+from collections.abc import Sequence
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
+import numpy as np
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from robot_dynamics.arm_dynamics import EffortTerms
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.joint_order import JointOrder
+from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.validation import check_vector, FloatArray
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+def floats_to_ros(values: FloatArray) -> array:  # type: ignore[type-arg]
+    """Return a message's float64[] of an array of any shape, row by row."""
+    return array('d', np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
+def stamp_from_ros(stamp: Time) -> int:
+    """Return the nanoseconds of a time stamp."""
+    return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
+
+
+def stamp_to_ros(nanoseconds: int) -> Time:
+    """Return the time stamp of nanoseconds since the epoch."""
+    sec, nanosec = divmod(nanoseconds, NANOSECONDS_PER_SECOND)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def wrenches_from_ros(arm: ArmModel, messages: Sequence[WrenchStamped]) -> list[ExternalWrench]:
+    """Return checked wrenches; raise InvalidInputError on an unknown link or a bad number."""
+    wrenches = []
+    for i, message in enumerate(messages):
+        field = f'external_wrenches[{i}]'
+        force, torque = message.wrench.force, message.wrench.torque
+        arm.link_frame(message.header.frame_id, f'{field}.header.frame_id')
+        wrenches.append(ExternalWrench(
+            message.header.frame_id,
+            check_vector(
+                f'{field}.wrench.force', (force.x, force.y, force.z), 3, ('x', 'y', 'z')),
+            check_vector(
+                f'{field}.wrench.torque', (torque.x, torque.y, torque.z), 3, ('x', 'y', 'z'))))
+    return wrenches
+
+
+def payload_from_ros(arm: ArmModel, message: InertiaStamped) -> Payload | None:
+    """Return a checked payload, or None for m = 0, which clears it; raise InvalidInputError."""
+    inertia = message.inertia
+    payload = make_payload(
+        message.header.frame_id, inertia.m, (inertia.com.x, inertia.com.y, inertia.com.z),
+        [[inertia.ixx, inertia.ixy, inertia.ixz],
+         [inertia.ixy, inertia.iyy, inertia.iyz],
+         [inertia.ixz, inertia.iyz, inertia.izz]])
+    if payload.mass == 0.0:
+        return None
+    arm.link_frame(payload.link, 'payload.header.frame_id')
+    return payload
+
+
+def payload_to_ros(payload: Payload | None) -> InertiaStamped:
+    """Return the message of a payload; of none, one with m = 0."""
+    message = InertiaStamped()
+    if payload is None:
+        return message
+    message.header.frame_id = payload.link
+    inertia, tensor = message.inertia, payload.inertia
+    inertia.m = payload.mass
+    inertia.com.x, inertia.com.y, inertia.com.z = payload.com.tolist()
+    inertia.ixx, inertia.ixy, inertia.ixz = tensor[0].tolist()
+    inertia.iyy, inertia.iyz, inertia.izz = float(tensor[1, 1]), float(tensor[1, 2]), float(
+        tensor[2, 2])
+    return message
+
+
+def terms_to_ros(
+    terms: EffortTerms, joint_names: Sequence[str], stamp: Time, order: JointOrder | None = None,
+) -> DynamicsTerms:
+    """Return the message of efforts by term, in the order of `order` where it is given."""
+    message = DynamicsTerms(
+        joint_names=list(joint_names),
+        kinetic_energy=terms.kinetic_energy, potential_energy=terms.potential_energy)
+    message.header.stamp = stamp
+    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
+        value = getattr(terms, name)
+        setattr(message, name, floats_to_ros(order.answer(value) if order else value))
+    return message
+
+
+def trajectory_from_ros(message: JointTrajectoryMsg, joint_names: Sequence[str]) -> (
+        JointTrajectory):
+    """Return the trajectory in the order of joint_names; raise TrajectoryError."""
+    points = message.points
+    return make_trajectory(
+        message.joint_names,
+        [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points],
+        [point.positions for point in points],
+        [point.velocities for point in points],
+        [point.accelerations for point in points],
+        joint_names)
+
+
+def trajectory_to_ros(trajectory: JointTrajectory) -> JointTrajectoryMsg:
+    """Return the message of a trajectory, which starts when it arrives."""
+    message = JointTrajectoryMsg(joint_names=list(trajectory.joint_names))
+    for point in trajectory.points:
+        entry = JointTrajectoryPoint(positions=floats_to_ros(point.position))
+        if point.velocity is not None:
+            entry.velocities = floats_to_ros(point.velocity)
+        if point.acceleration is not None:
+            entry.accelerations = floats_to_ros(point.acceleration)
+        nanoseconds = round(point.time_from_start * NANOSECONDS_PER_SECOND)
+        entry.time_from_start.sec, entry.time_from_start.nanosec = divmod(
+            nanoseconds, NANOSECONDS_PER_SECOND)
+        message.points.append(entry)
+    return message
+
+
+def with_efforts(message: JointTrajectoryMsg, efforts: FloatArray) -> JointTrajectoryMsg:
+    """Fill in the efforts (points, n) of a trajectory message, in its own joint order."""
+    for point, effort in zip(message.points, efforts):
+        point.effort = floats_to_ros(effort)
+    return message
+

@@ -1,0 +1,70 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `dynamics` tells about itself on /diagnostics: once a second, and when a level changes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+PERIOD = 1.0
+"""[s] between two reports."""
+LOOK_PERIOD = 0.1
+"""[s] between two looks at whether a level changed."""
+
+
+class Status(NamedTuple):
+    """One check: its name, level, a line of words, and figures by name."""
+
+    name: str
+    level: bytes
+    message: str
+    values: Mapping[str, object]
+
+
+class Diagnostics:
+    """Publishes what `look` returns; its clock is steady, so that /clock does not stop it."""
+
+    def __init__(self, node: Node, look: Callable[[], Sequence[Status]]) -> None:
+        """`look` returns all statuses; it is called ten times a second."""
+        self._node = node
+        self._look = look
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._levels: dict[str, bytes] = {}
+        self._looks = 0
+        node.create_timer(LOOK_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _tick(self) -> None:
+        statuses = self._look()
+        levels = {status.name: status.level for status in statuses}
+        due = self._looks % round(PERIOD / LOOK_PERIOD) == 0
+        self._looks += 1
+        if not due and levels == self._levels:
+            return
+        self._levels = levels
+        message = DiagnosticArray(status=[self._to_ros(status) for status in statuses])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _to_ros(self, status: Status) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            name=f'{self._node.get_name()}: {status.name}',
+            hardware_id=self._node.get_name(),
+            level=status.level,
+            message=status.message,
+            values=[KeyValue(key=key, value=str(value)) for key, value in status.values.items()])

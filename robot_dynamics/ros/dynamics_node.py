@@ -1,0 +1,254 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node `dynamics`: efforts for joint states, and dynamics as services."""
+
+from collections.abc import Sequence
+import sys
+import time
+
+from geometry_msgs.msg import InertiaStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.control import (
+    DEFAULT_DAMPING_RATIO,
+    DEFAULT_NATURAL_FREQUENCY,
+    make_gains,
+)
+from robot_dynamics.controller import COMMAND_MODES, Controller, ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.payload import Payload
+from robot_dynamics.ros.control_path import ControlPath
+from robot_dynamics.ros.conversions import (
+    payload_to_ros,
+    stamp_from_ros,
+    trajectory_from_ros,
+)
+from robot_dynamics.ros.diagnostics import Diagnostics, ERROR, OK, Status, WARN
+from robot_dynamics.ros.dynamics_services import DynamicsServices
+from robot_dynamics.ros.message_loop import MessageLoop
+from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.robot_description import (
+    description_from_parameters,
+    DESCRIPTION_SPECS,
+    embedded_description,
+)
+from robot_dynamics.ros.running import run_node
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+SPECS = (
+    *DESCRIPTION_SPECS,
+    ParameterSpec(
+        'command', Type.STRING, 'computed_torque',
+        'What effort_command carries; computed_torque falls back to gravity_compensation '
+        'without a reference.', choices=COMMAND_MODES),
+    ParameterSpec(
+        'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
+        'Natural frequency of the tracking error [rad/s], one for all joints or one a joint: '
+        'K_p is its square.', minimum=0.0, maximum=1e4),
+    ParameterSpec(
+        'gains.damping_ratio', Type.DOUBLE_ARRAY, [DEFAULT_DAMPING_RATIO],
+        'Damping ratio of the tracking error, one for all joints or one a joint: K_d is twice '
+        'this times the natural frequency.', minimum=0.0, maximum=1e4),
+    ParameterSpec(
+        'gains.kp', Type.DOUBLE_ARRAY, None,
+        'K_p [1/s^2] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+    ParameterSpec(
+        'gains.kd', Type.DOUBLE_ARRAY, None,
+        'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+    ParameterSpec(
+        'effort_scale', Type.DOUBLE, 1.0,
+        'Share of the URDF effort limits to which effort_command is clamped.',
+        minimum=0.0, maximum=1.0),
+    ParameterSpec(
+        'state_thread', Type.BOOL, True,
+        'Take joint states in a thread of their own (little delay) instead of in the executor.',
+        read_only=True),
+)
+GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
+
+
+class DynamicsNode(Node):
+    """Wires parameters, topics and services to the library; computes nothing itself."""
+
+    def __init__(self) -> None:
+        """Raise RobotDynamicsError where the parameters or the URDF cannot be used."""
+        super().__init__('dynamics')
+        self._arm: ArmModel | None = None
+        self._controller: Controller | None = None
+        self._xml = ''
+        self._refused, self._refusal = 0, ''
+        self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
+        self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
+        self._path = ControlPath(self)
+        self._dynamics_services = DynamicsServices(self, self._payload_in_force)
+        self._load_first_model()
+        self.create_subscription(JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10)
+        self._report = StateReport(self._path)
+        Diagnostics(self, self._statuses)
+        self._loop = MessageLoop(
+            self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state,
+            in_thread=self._settings.values['state_thread'])
+        self._loop.start()
+
+    def destroy_node(self) -> None:
+        """Stop the control path, then the rest."""
+        loop = getattr(self, '_loop', None)
+        if loop is not None:
+            loop.stop()
+        super().destroy_node()
+
+    # ------------------------------------------------------------------ the model
+
+    def _load_first_model(self) -> None:
+        values = self._settings.values
+        xml = description_from_parameters(values)
+        if xml is not None:
+            self._use_model(xml)
+            return
+        if not values['joints']:
+            self._use_model(embedded_description())
+            self.get_logger().info(
+                'No robot_description given: serving the embedded planar two-link arm until '
+                'one arrives on the topic robot_description.')
+        else:
+            self.get_logger().info('Waiting for a URDF on the topic robot_description.')
+        self.create_subscription(String, 'robot_description', self._on_description, LATCHED)
+
+    def _on_description(self, message: String) -> None:
+        if message.data == self._xml:
+            return
+        try:
+            self._use_model(message.data)
+        except RobotDynamicsError as error:
+            self.get_logger().error(f'Kept the model in use: {error}')
+
+    def _use_model(self, xml: str) -> None:
+        values = self._settings.values
+        arm = load_arm(xml, values['joints'], values['gravity'])
+        controller = Controller(arm, options_from(values, arm))
+        self._path.use(controller)
+        self._dynamics_services.use(controller)
+        self._arm, self._controller, self._xml = arm, controller, xml
+        self._payload_in_force(None)
+        self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
+        for name, position in arm.locked_joints.items():
+            self.get_logger().info(f'Joint {name!r} is locked at {position:g}')
+
+    def _payload_in_force(self, payload: Payload | None) -> None:
+        message = payload_to_ros(payload)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._payload.publish(message)
+
+    # ------------------------------------------------------------------ parameters
+
+    def _check(self, values: Values) -> None:
+        if len(values['gravity']) != 3:
+            raise InvalidInputError(
+                f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
+        if self._arm is not None:
+            options_from(values, self._arm)
+
+    def _apply(self, values: Values) -> None:
+        if self._controller is not None and self._arm is not None:
+            self._controller.set_options(options_from(values, self._arm))
+
+    # ------------------------------------------------------------------ the reference
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        controller = self._controller
+        try:
+            if controller is None:
+                raise InvalidInputError('no model yet, so that no trajectory can be followed')
+            trajectory = trajectory_from_ros(message, controller.arm.joint_names)
+            controller.follow(trajectory, stamp_from_ros(message.header.stamp))
+            self._refusal = ''
+        except RobotDynamicsError as error:
+            self._refused, self._refusal = self._refused + 1, str(error)
+            self.get_logger().error(f'Refused a joint trajectory: {error}')
+
+    # ------------------------------------------------------------------ diagnostics
+
+    def _statuses(self) -> list[Status]:
+        counters = self._path.counters
+        model = 'none yet' if self._arm is None else self._arm.name
+        return [
+            self._report.status(),
+            Status(
+                'reference', WARN if self._refusal else OK,
+                'following' if counters.following else 'none',
+                {'refused': self._refused, 'refusal of the latest': self._refusal}),
+            Status(
+                'command', OK, str(self._settings.values['command']),
+                {'published': counters.commands, 'clamped': counters.clamped, 'model': model}),
+        ]
+
+
+class StateReport:
+    """Tells whether joint states arrive, at which rate, and why any were dropped."""
+
+    def __init__(self, path: ControlPath) -> None:
+        self._path = path
+        self._last = (time.monotonic(), 0)
+        self._rate = 0.0
+        self._dropped_before = 0
+
+    def status(self) -> Status:
+        """Return the status now; the rate is that of the last second or so."""
+        counters = self._path.counters
+        then, states = self._last
+        now = time.monotonic()
+        fresh_drops = False
+        if now - then >= 1.0:
+            self._rate = (counters.states - states) / (now - then)
+            self._last = (now, counters.states)
+        dropped = sum(counters.dropped.values()) - counters.dropped['other joints']
+        fresh_drops = dropped > self._dropped_before
+        self._dropped_before = dropped
+        level, words = OK, 'arriving'
+        if fresh_drops:
+            level, words = ERROR, counters.last_drop
+        elif self._rate == 0.0:
+            level, words = WARN, 'none arrive'
+        drops = {f'dropped: {reason}': count for reason, count in counters.dropped.items()}
+        return Status(
+            'joint states', level, words,
+            {'answered': counters.states, 'rate [Hz]': f'{self._rate:.1f}', **drops})
+
+
+def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
+    """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
+    for name in GAINS:
+        if len(values[name]) > 1 and not values['joints'] and arm.joint_count > 1:
+            raise InvalidInputError(
+                f'{name} has {len(values[name])} values, one a joint, but the parameter joints, '
+                'which gives them their order, is not set: expected one value, or joints')
+    gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
+    return ControllerOptions(gains, values['command'], values['effort_scale'])
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(DynamicsNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,194 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The services of `dynamics`: each checks its request, asks the library, and fills the answer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+from robot_dynamics_interfaces.srv import (
+    ForwardDynamics,
+    InverseDynamics,
+    InverseDynamicsBatch,
+    InverseDynamicsTrajectory,
+    ManipulatorEquation,
+    SetPayload,
+)
+
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.controller import Controller
+from robot_dynamics.exceptions import ModelError, RobotDynamicsError
+from robot_dynamics.joint_order import JointOrder
+from robot_dynamics.limit_warnings import limit_warnings
+from robot_dynamics.payload import Payload
+from robot_dynamics.ros.conversions import (
+    floats_to_ros,
+    payload_from_ros,
+    stamp_to_ros,
+    terms_to_ros,
+    trajectory_from_ros,
+    with_efforts,
+    wrenches_from_ros,
+)
+from robot_dynamics.trajectory_efforts import trajectory_efforts
+from robot_dynamics.validation import check_scalar
+
+Handler = Callable[[Any, Any], None]
+
+
+@dataclass
+class ServedArm:
+    """What the services answer with: they run in the executor's thread, control in its own."""
+
+    dynamics: ArmDynamics
+    controller: Controller
+
+
+class DynamicsServices:
+    """
+    Offers all services on a node.
+
+    A request that cannot be answered gets success = false and the reason; a handler never raises.
+    """
+
+    def __init__(self, node: Node, payload_done: Callable[[Payload | None], None]) -> None:
+        """`payload_done` hears of each payload when it is in force."""
+        self._node = node
+        self._served: ServedArm | None = None
+        self._payload_done = payload_done
+
+        def offer(service_type: type, name: str, handler: Handler) -> None:
+            node.create_service(service_type, f'~/{name}', self._guarded(name, handler))
+
+        offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
+        offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
+        offer(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory', self._trajectory)
+        offer(ForwardDynamics, 'forward_dynamics', self._forward_dynamics)
+        offer(ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
+        offer(SetPayload, 'set_payload', self._set_payload)
+
+    def use(self, controller: Controller) -> None:
+        """Answer for this arm from the next request on."""
+        self._served = ServedArm(ArmDynamics(controller.arm), controller)
+
+    def _guarded(self, name: str, handler: Handler) -> Callable[[Any, Any], Any]:
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                handler(request, response)
+                response.success = True
+                return response
+            except RobotDynamicsError as error:
+                reason = str(error)
+            except Exception as error:  # rclpy ends its spin at anything that is raised here
+                reason = f'internal error: {error!r}'
+                self._node.get_logger().error(f'{name}: {reason}')
+            refusal = type(response)()  # nothing half filled in
+            refusal.success, refusal.message = False, reason
+            return refusal
+
+        return answer
+
+    def _arm(self) -> ServedArm:
+        if self._served is None:
+            raise ModelError(
+                'no model yet: waiting for a URDF on the topic robot_description')
+        return self._served
+
+    def _inverse_dynamics(
+        self, request: InverseDynamics.Request, response: InverseDynamics.Response,
+    ) -> None:
+        dynamics = self._arm().dynamics
+        order = JointOrder(dynamics.arm, request.joint_names)
+        q = order.position(request.position)
+        v = order.rate(request.velocity, 'velocity')
+        a = order.rate(request.acceleration, 'acceleration')
+        wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
+        terms = dynamics.terms(q, v, a, wrenches)
+        response.joint_names = list(order.names)
+        response.effort = floats_to_ros(order.answer(terms.effort))
+        response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
+        response.terms.header.stamp = self._node.get_clock().now().to_msg()
+        response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)
+
+    def _batch(
+        self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
+    ) -> None:
+        dynamics = self._arm().dynamics
+        order = JointOrder(dynamics.arm, request.joint_names)
+        q = order.positions(request.position)
+        v = order.rates(request.velocity, len(q), 'velocity')
+        a = order.rates(request.acceleration, len(q), 'acceleration')
+        effort = dynamics.inverse_dynamics_batch(q, v, a)
+        response.joint_names = list(order.names)
+        response.effort = floats_to_ros(order.answer(effort))
+
+    def _trajectory(
+        self,
+        request: InverseDynamicsTrajectory.Request,
+        response: InverseDynamicsTrajectory.Response,
+    ) -> None:
+        dynamics = self._arm().dynamics
+        trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
+        result = trajectory_efforts(dynamics, trajectory)
+        order = JointOrder(dynamics.arm, request.trajectory.joint_names)
+        response.trajectory = with_efforts(request.trajectory, order.answer(result.efforts))
+        response.feasible = result.feasible
+        response.worst_joint = result.worst_joint
+        response.worst_ratio = result.worst_ratio
+        response.worst_time = result.worst_time
+
+    def _forward_dynamics(
+        self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
+    ) -> None:
+        dynamics = self._arm().dynamics
+        order = JointOrder(dynamics.arm, request.joint_names)
+        q = order.position(request.position)
+        v = order.rate(request.velocity, 'velocity')
+        tau = order.effort(request.effort)
+        wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
+        response.joint_names = list(order.names)
+        response.acceleration = floats_to_ros(
+            order.answer(dynamics.forward_dynamics(q, v, tau, wrenches)))
+
+    def _manipulator_equation(
+        self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
+    ) -> None:
+        dynamics = self._arm().dynamics
+        body = dynamics.rigid_body
+        order = JointOrder(dynamics.arm, request.joint_names)
+        q = order.position(request.position)
+        v = order.rate(request.velocity, 'velocity')
+        christoffel = body.christoffel_symbols(q)
+        response.joint_names = list(order.names)
+        response.mass_matrix = floats_to_ros(order.answer_form(body.mass_matrix(q)))
+        response.coriolis_matrix = floats_to_ros(order.answer_form(christoffel @ v))
+        response.gravity = floats_to_ros(order.answer(body.gravity(q)))
+        response.nonlinear = floats_to_ros(order.answer(body.nonlinear(q, v)))
+        response.friction = floats_to_ros(order.answer(dynamics.friction.effort(v)))
+        if request.include_christoffel:
+            response.christoffel = floats_to_ros(order.answer_form(christoffel))
+        response.kinetic_energy = body.kinetic_energy(q, v)
+        response.potential_energy = body.potential_energy(q)
+
+    def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
+        served = self._arm()
+        payload = payload_from_ros(served.controller.arm, request.payload)
+        seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
+        served.controller.set_payload(payload, seconds, self._payload_done)
+        served.dynamics = ArmDynamics(
+            served.controller.arm.with_payloads([payload] if payload else []))
+        response.message = (
+            'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')

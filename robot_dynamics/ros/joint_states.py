@@ -1,0 +1,80 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Read joint states by name, as fast as a control path wants it."""
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import JointState
+
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import check_unique, FloatArray
+
+
+class OtherJointsError(InvalidInputError):
+    """A message that speaks of none of these joints, as on a topic that several devices share."""
+
+
+class JointStateReader:
+    """Finds one arm's joints in `sensor_msgs/JointState` messages and passes over others."""
+
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        self._joint_names = joint_names
+        self._known_names: list[str] | None = None
+        self._index: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+
+    def read(self, message: JointState) -> tuple[FloatArray, FloatArray | None]:
+        """
+        Return position (n,) and velocity (n,), the latter None where the message has none.
+
+        Raises OtherJointsError where none of the joints is there; InvalidInputError where some
+        are missing, a name stands twice, lengths differ or a value of these joints is not finite.
+        """
+        q = self._values(message, 'position')
+        return q, self._values(message, 'velocity') if message.velocity else None
+
+    def effort(self, message: JointState) -> FloatArray | None:
+        """Return the effort (n,) likewise, NaN where it is not measured."""
+        if not message.effort:
+            return None
+        return self._values(message, 'effort', finite=False)
+
+    def _learn(self, names: list[str]) -> None:
+        """Find the joints; publishers keep their order, so this is done once for each."""
+        self._known_names = None
+        missing = [name for name in self._joint_names if name not in names]
+        if len(missing) == len(self._joint_names):
+            raise OtherJointsError(
+                f'name is {names}, which has none of {list(self._joint_names)}')
+        if missing:
+            raise InvalidInputError(
+                f'name leaves out {missing}, expected all of {list(self._joint_names)}')
+        check_unique('name', [name for name in names if name in self._joint_names])
+        self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
+        self._known_names = list(names)
+
+    def _values(self, message: JointState, field: str, finite: bool = True) -> FloatArray:
+        if message.name != self._known_names:
+            self._learn(message.name)
+        values = getattr(message, field)
+        if len(values) != len(message.name):
+            raise InvalidInputError(
+                f'{field} has {len(values)} values, expected {len(message.name)} as name has')
+        used: FloatArray = np.frombuffer(values, dtype=np.float64)[self._index]
+        if finite and not np.isfinite(used).all():
+            joint = int(np.argmin(np.isfinite(used)))
+            raise InvalidInputError(
+                f'{field} of {self._joint_names[joint]!r} is {used[joint]}, '
+                'expected a finite number')
+        return used

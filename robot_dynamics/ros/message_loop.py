@@ -1,0 +1,98 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Hand each joint state to the control path with little delay.
+
+rclpy's executors rebuild their wait set from every service, timer and subscription of the node
+each time that anything arrives, and run one callback at a time, so that a long service call holds
+up control. Here a thread of its own waits on a wait set with just the state subscription, as
+rclpy.wait_for_message does. Where that is unwanted, `in_thread=False` leaves the subscription to
+the node's executor.
+"""
+
+from collections.abc import Callable
+import threading
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+FOREVER = -1
+"""Time to wait [ns]."""
+
+
+class _LeftToTheLoop(CallbackGroup):
+    """Keeps an entity out of every executor's wait set."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        pass
+
+
+LEFT_TO_THE_LOOP = _LeftToTheLoop()
+"""The group of entities that a thread waits on by itself."""
+
+
+class MessageLoop:
+    """A subscription whose callback runs in a thread of its own, newest message first."""
+
+    def __init__(
+        self, node: Node, message_type: type, topic: str, qos: QoSProfile,
+        callback: Callable[[Any], None], in_thread: bool = True,
+    ) -> None:
+        """Subscribe; the callback must not raise."""
+        self._context = node.context
+        self._callback = callback
+        self._stop = False
+        group = LEFT_TO_THE_LOOP if in_thread else None
+        self._subscription = node.create_subscription(
+            message_type, topic, callback, qos, callback_group=group)
+        self._wake = GuardCondition(lambda: None, None, context=node.context)
+        self._thread = threading.Thread(
+            target=self._run, name=f'{topic} loop', daemon=True) if in_thread else None
+
+    def start(self) -> None:
+        """Begin to call back."""
+        if self._thread is not None:
+            self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, before the node is destroyed."""
+        self._stop = True
+        if self._thread is not None and self._thread.is_alive():
+            self._wake.trigger()
+            self._thread.join()
+
+    def _run(self) -> None:
+        subscription, wake = self._subscription.handle, self._wake.handle
+        wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, self._context.handle)
+        while not self._stop and self._context.ok():
+            wait_set.clear_entities()
+            wait_set.add_subscription(subscription)
+            wait_set.add_guard_condition(wake)
+            wait_set.wait(FOREVER)
+            if self._stop or not wait_set.get_ready_entities('subscription'):
+                continue
+            taken = subscription.take_message(self._subscription.msg_type, False)
+            if taken is not None:
+                self._callback(taken[0])

@@ -1,0 +1,183 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Parameters, declared once: name, type, default, range, description, whether they may change.
+
+A node lists its `ParameterSpec`s. `DeclaredParameters` declares them, refuses bad values with a
+reason, at start and at run time, and hands accepted changes to the node.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.validation import check_choice, check_scalar
+
+Type = Parameter.Type
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """
+    One parameter. `default` None leaves it unset, which `Values` shows as an empty tuple.
+
+    `minimum` and `maximum` hold for a number, or for each number of an array.
+    """
+
+    name: str
+    type: Any
+    default: Any
+    description: str
+    read_only: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return what `ros2 param describe` shows."""
+        descriptor = ParameterDescriptor(
+            name=self.name, type=self.type.value, description=self.description,
+            read_only=self.read_only)
+        if self.choices:
+            descriptor.additional_constraints = f'one of {list(self.choices)}'
+        if self.minimum is not None and self.maximum is not None:
+            if self.type is Type.DOUBLE:
+                descriptor.floating_point_range = [FloatingPointRange(
+                    from_value=float(self.minimum), to_value=float(self.maximum))]
+            elif self.type is Type.INTEGER:
+                descriptor.integer_range = [IntegerRange(
+                    from_value=int(self.minimum), to_value=int(self.maximum), step=1)]
+            else:  # rclpy reads ranges for scalars alone; `check` does it for arrays
+                descriptor.additional_constraints = (
+                    f'each in [{self.minimum:g}, {self.maximum:g}]')
+        return descriptor
+
+    def check(self, value: Any) -> None:
+        """Raise InvalidInputError, naming this parameter, for a value that it cannot have."""
+        if self.choices:
+            check_choice(self.name, value, self.choices)
+        low = -math.inf if self.minimum is None else self.minimum
+        high = math.inf if self.maximum is None else self.maximum
+        if self.type in (Type.DOUBLE, Type.INTEGER):
+            check_scalar(self.name, value, low, high)
+        elif self.type in (Type.DOUBLE_ARRAY, Type.INTEGER_ARRAY):
+            for i, number in enumerate(value):
+                check_scalar(f'{self.name}[{i}]', number, low, high)
+
+
+class DeclaredParameters:
+    """The parameters of one node."""
+
+    def __init__(
+        self, node: Node, specs: Sequence[ParameterSpec],
+        check: Callable[[Values], Any], apply: Callable[[Values], None],
+    ) -> None:
+        """
+        Declare all parameters; `values` are then those of the command line and files.
+
+        `check` looks at all values together and raises RobotDynamicsError on what does not fit;
+        `apply` takes over an accepted change. Raises InvalidInputError on a bad start value.
+        """
+        self._node = node
+        self._specs = {spec.name: spec for spec in specs}
+        self._check, self._apply = check, apply
+        self._values: dict[str, Any] = {}
+        for spec in specs:
+            self._values[spec.name] = self._declare(spec)
+        self._check(self._values)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(self._take_over)
+
+    @property
+    def values(self) -> Values:
+        """All values by name; an unset parameter is an empty tuple."""
+        return self._values
+
+    def _declare(self, spec: ParameterSpec) -> Any:
+        default = spec.type if spec.default is None else spec.default
+        try:
+            parameter = self._node.declare_parameter(spec.name, default, spec.descriptor())
+        except ParameterException as error:
+            raise InvalidInputError(
+                f'parameter {spec.name}: {error} '
+                f'(expected {_type_in_words(spec)}: {spec.description})') from None
+        value = _plain(parameter)
+        if value != ():
+            spec.check(value)
+        return value
+
+    def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._check(self._changed(parameters))
+        except RobotDynamicsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # an exception here would end the node's spin
+            self._node.get_logger().error(f'Checking parameters failed: {error!r}')
+            return SetParametersResult(successful=False, reason=f'internal error: {error!r}')
+        return SetParametersResult(successful=True)
+
+    def _take_over(self, parameters: list[Parameter]) -> None:
+        try:
+            values = self._changed(parameters)
+            self._apply(values)
+            self._values = values
+        except Exception as error:
+            self._node.get_logger().error(f'Taking over parameters failed: {error!r}')
+
+    def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
+        values = dict(self._values)
+        for parameter in parameters:
+            spec = self._specs.get(parameter.name)
+            if spec is None:  # use_sim_time and the like, which belong to rclpy
+                continue
+            value = _plain(parameter)
+            if value == () and spec.default is not None:
+                raise InvalidInputError(f'{spec.name} cannot be unset')
+            if value != ():
+                spec.check(value)
+            values[spec.name] = value
+        return values
+
+
+def _plain(parameter: Parameter) -> Any:
+    if parameter.type_ is Type.NOT_SET:
+        return ()
+    value = parameter.value
+    return value if isinstance(value, (bool, int, float, str)) else tuple(value)
+
+
+def _type_in_words(spec: ParameterSpec) -> str:
+    words = {
+        Type.DOUBLE: 'a number with a decimal point, as 1.0',
+        Type.DOUBLE_ARRAY: 'numbers with a decimal point, as [1.0, 2.0]',
+        Type.STRING_ARRAY: 'names, as [joint1, joint2]',
+        Type.BOOL: 'true or false',
+        Type.INTEGER: 'a whole number',
+        Type.STRING: 'text',
+    }
+    return words[spec.type]

@@ -1,0 +1,172 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node `simulated_arm`: answers efforts with the motion that they cause, as joint states."""
+
+from collections.abc import Sequence
+import sys
+import threading
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.node import Node
+from robot_dynamics_interfaces.srv import SetPayload
+from std_srvs.srv import Trigger
+
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
+from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.robot_description import (
+    description_from_parameters,
+    DESCRIPTION_SPECS,
+    embedded_description,
+)
+from robot_dynamics.ros.running import run_node
+from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
+from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
+
+SPECS = (
+    *DESCRIPTION_SPECS,
+    ParameterSpec(
+        'rate', Type.DOUBLE, 500.0,
+        'Joint states a second [Hz]; the effort is held in between.',
+        read_only=True, minimum=1.0, maximum=10000.0),
+    ParameterSpec(
+        'lock_step', Type.BOOL, False,
+        'Each state waits for the effort that carries its stamp, as fast as the machine can, '
+        'in the time of /clock.', read_only=True),
+    ParameterSpec(
+        'publish_clock', Type.BOOL, False,
+        'Count time from 0 and publish it on /clock; lock_step does so always.', read_only=True),
+    ParameterSpec(
+        'initial_position', Type.DOUBLE_ARRAY, None,
+        'Position at the start [rad] or [m], one a joint. Unset: 0, or the limit nearest to it.',
+        read_only=True, minimum=-1e6, maximum=1e6),
+    ParameterSpec(
+        'initial_velocity', Type.DOUBLE_ARRAY, None,
+        'Velocity at the start [rad/s] or [m/s], one a joint. Unset: 0.',
+        read_only=True, minimum=-1e6, maximum=1e6),
+    ParameterSpec(
+        'brakes', Type.BOOL, True,
+        'Hold the initial pose until the first effort arrives; without, the arm falls freely.',
+        read_only=True),
+    ParameterSpec(
+        'position_noise', Type.DOUBLE, 0.0,
+        'Standard deviation of the noise on measured positions [rad] or [m].',
+        minimum=0.0, maximum=1.0),
+    ParameterSpec(
+        'velocity_noise', Type.DOUBLE, 0.0,
+        'Standard deviation of the noise on measured velocities [rad/s] or [m/s].',
+        minimum=0.0, maximum=10.0),
+    ParameterSpec(
+        'seed', Type.INTEGER, 0, 'Seed of the noise.', read_only=True,
+        minimum=0, maximum=2**31 - 1),
+    ParameterSpec(
+        'max_step', Type.DOUBLE, DEFAULT_MAX_STEP,
+        'Longest step of integration [s].', read_only=True, minimum=1e-6, maximum=0.1),
+)
+
+
+class SimulatedArmNode(Node):
+    """Wires parameters, topics and services to the simulation; computes nothing itself."""
+
+    def __init__(self) -> None:
+        """Raise RobotDynamicsError where the parameters or the URDF cannot be used."""
+        super().__init__('simulated_arm')
+        parameters = DeclaredParameters(self, SPECS, _check, self._apply)
+        values = parameters.values
+        xml = description_from_parameters(values) or embedded_description()
+        self._arm = load_arm(xml, values['joints'], values['gravity'])
+        simulation = ArmSimulation(
+            self._arm,
+            values['initial_position'] or None, values['initial_velocity'] or None,
+            values['max_step'])
+        if not values['brakes']:
+            simulation.release()
+        self._lock = threading.Lock()
+        self._plant = Plant(simulation, values['brakes'], np.random.default_rng(values['seed']))
+        self._apply(values)
+        self._own_time = values['publish_clock'] or values['lock_step']
+        topics = ArmTopics(self, self._arm.joint_names, self._own_time)
+        loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
+        self._loop = loop_type(self, self._plant, topics, self._lock, 1.0 / values['rate'])
+        self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.create_service(SetPayload, '~/set_payload', self._set_payload)
+        self.get_logger().info(
+            f'Model {self._arm.name!r}: joints {list(self._arm.joint_names)}')
+        self._loop.start()
+
+    def destroy_node(self) -> None:
+        """Stop the simulation, then the rest."""
+        loop = getattr(self, '_loop', None)
+        if loop is not None:
+            loop.stop()
+        super().destroy_node()
+
+    def _apply(self, values: Values) -> None:
+        with self._lock:
+            self._plant.position_noise = values['position_noise']
+            self._plant.velocity_noise = values['velocity_noise']
+
+    def _on_wrench(self, message: WrenchStamped) -> None:
+        """Take the wrench on this link from now on; all zeros lift it."""
+        try:
+            wrench, = wrenches_from_ros(self._arm, [message])
+        except RobotDynamicsError as error:
+            self.get_logger().error(f'Refused an external wrench: {error}')
+            return
+        with self._lock:
+            self._plant.wrenches[wrench.link] = wrench
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            self._plant.reset()
+        response.success, response.message = True, 'back at the initial pose'
+        return response
+
+    def _set_payload(
+        self, request: SetPayload.Request, response: SetPayload.Response,
+    ) -> SetPayload.Response:
+        try:
+            payload = payload_from_ros(self._arm, request.payload)
+            if request.transition_time != 0.0:
+                raise InvalidInputError(
+                    f'transition_time is {request.transition_time:g}, expected 0: a load is on '
+                    'the simulated arm, or it is not')
+            with self._lock:
+                self._plant.simulation.set_payload(payload)
+        except RobotDynamicsError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success = True
+        response.message = (
+            'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
+        return response
+
+
+def _check(values: Values) -> None:
+    if len(values['gravity']) != 3:
+        raise InvalidInputError(
+            f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(SimulatedArmNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,269 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The loops of `simulated_arm`: step the arm, publish its state, take the effort for it.
+
+In wall time a state goes out every period, and the newest effort acts until the next. In lock-step
+a state waits for the effort that carries its stamp, so that the same efforts meet the same states
+however fast the processes run.
+"""
+
+import threading
+import time
+
+import numpy as np
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.validation import FloatArray
+
+NEWEST_ONLY = QoSProfile(depth=1)
+NANOSECONDS_PER_SECOND = 1_000_000_000
+MAX_LAG = 0.1
+"""[s] that the simulation may run late before it lets time go and starts afresh from now."""
+RESEND_PERIOD = 0.1
+"""[s] after which lock-step says its state again: the first time nobody may have listened."""
+LOG_PERIOD = 5.0
+
+
+class Plant:
+    """The simulated arm with what acts on it, and with noisy sensors. Guarded by the lock."""
+
+    def __init__(
+        self, simulation: ArmSimulation, brakes: bool, noise: np.random.Generator,
+    ) -> None:
+        self.simulation = simulation
+        self.effort = np.zeros(simulation.arm.joint_count)
+        self.wrenches: dict[str, ExternalWrench] = {}
+        self.position_noise = 0.0
+        self.velocity_noise = 0.0
+        self._brakes = brakes
+        self._noise = noise
+
+    def reset(self) -> None:
+        """Back to the initial pose, without an effort or a wrench."""
+        self.simulation.reset()
+        self.effort = np.zeros_like(self.effort)
+        self.wrenches.clear()
+        if not self._brakes:
+            self.simulation.release()
+
+    def take_effort(self, effort: FloatArray) -> None:
+        """Let this effort act; the first one opens the brakes."""
+        self.effort = effort
+        self.simulation.release()
+
+    def step(self, period: float) -> None:
+        self.simulation.step(self.effort, period, list(self.wrenches.values()))
+
+    def measure(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return measured position, velocity and effort."""
+        q, v = self.simulation.state
+        n = len(q)
+        if self.position_noise > 0.0:
+            q = q + self.position_noise * self._noise.standard_normal(n)
+        if self.velocity_noise > 0.0:
+            v = v + self.velocity_noise * self._noise.standard_normal(n)
+        return q, v, self.effort
+
+
+class ArmTopics:
+    """The joint states and the clock of the simulated arm, and the efforts that it takes."""
+
+    def __init__(self, node: Node, joint_names: tuple[str, ...], with_clock: bool) -> None:
+        self._node = node
+        self._names = list(joint_names)
+        self._reader = JointStateReader(joint_names)
+        self._states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+        self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
+        self.efforts = node.create_subscription(
+            JointState, 'effort_command', lambda _: None, NEWEST_ONLY,
+            callback_group=LEFT_TO_THE_LOOP)
+
+    @property
+    def has_own_time(self) -> bool:
+        return self._clock is not None
+
+    def take_effort(self) -> tuple[FloatArray, int] | None:
+        """Return the newest effort that has arrived and its stamp, or None."""
+        taken = self.efforts.handle.take_message(JointState, False)
+        if taken is None:
+            return None
+        message = taken[0]
+        try:
+            effort = self._reader.effort(message)
+            if effort is None or not np.isfinite(effort).all():
+                raise RobotDynamicsError(
+                    f'effort is {list(message.effort)}, expected a finite number for each of '
+                    f'{self._names}')
+        except RobotDynamicsError as error:
+            self._node.get_logger().warning(
+                f'Refused an effort: {error}', throttle_duration_sec=LOG_PERIOD)
+            return None
+        stamp = message.header.stamp
+        return effort, stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec
+
+    def state_message(
+        self, stamp_ns: int, measured: tuple[FloatArray, FloatArray, FloatArray],
+    ) -> JointState:
+        message = JointState(name=self._names)
+        message.header.stamp = stamp_to_ros(stamp_ns)
+        message.position, message.velocity, message.effort = (
+            floats_to_ros(values) for values in measured)
+        return message
+
+    def publish(self, state: JointState) -> None:
+        """Publish a state, after the time that it is of."""
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=state.header.stamp))
+        self._states.publish(state)
+
+
+class _Loop:
+    """A thread that waits for efforts and for being stopped."""
+
+    def __init__(
+        self, node: Node, plant: Plant, topics: ArmTopics, lock: threading.Lock, period: float,
+    ) -> None:
+        self._node, self._plant, self._topics, self._lock = node, plant, topics, lock
+        self._period = period
+        self._period_ns = round(period * NANOSECONDS_PER_SECOND)
+        self._stop = False
+        self._wake = GuardCondition(lambda: None, None, context=node.context)
+        self._wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, node.context.handle)
+        self._thread = threading.Thread(target=self._guarded_run, name='simulation', daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, before the node is destroyed."""
+        self._stop = True
+        if self._thread.is_alive():
+            self._wake.trigger()
+            self._thread.join()
+
+    def _guarded_run(self) -> None:
+        try:
+            self._run()
+        except Exception as error:
+            if self._node.context.ok():
+                self._node.get_logger().fatal(f'The simulation ended: {error!r}')
+
+    def _run(self) -> None:
+        raise NotImplementedError
+
+    def _running(self) -> bool:
+        return not self._stop and self._node.context.ok()
+
+    def _wait_for_effort(self, seconds: float) -> bool:
+        """Return whether an effort can be taken; wait for it at most so long."""
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        wait_set.add_subscription(self._topics.efforts.handle)
+        wait_set.add_guard_condition(self._wake.handle)
+        wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        return bool(wait_set.get_ready_entities('subscription'))
+
+    def _advance(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what is measured one period on; an arm flung to infinity starts again."""
+        with self._lock:
+            try:
+                self._plant.step(self._period)
+            except RobotDynamicsError as error:
+                self._node.get_logger().error(f'Back to the initial pose: {error}')
+                self._plant.reset()
+            return self._plant.measure()
+
+
+class WallTimeLoop(_Loop):
+    """
+    A state every period of the wall clock.
+
+    Stamps are whole periods apart, as the simulated time is; a late loop catches up, and after
+    more than MAX_LAG lets the missed time go.
+    """
+
+    def _run(self) -> None:
+        first_ns = 0 if self._topics.has_own_time else self._node.get_clock().now().nanoseconds
+        start, tick = time.monotonic(), 0
+        with self._lock:
+            measured = self._plant.measure()
+        while self._running():
+            stamp_ns = first_ns + tick * self._period_ns
+            self._topics.publish(self._topics.state_message(stamp_ns, measured))
+            tick += 1
+            self._take_efforts_until(start + tick * self._period)
+            lag = time.monotonic() - (start + tick * self._period)
+            if lag > MAX_LAG:
+                self._node.get_logger().warning(
+                    f'{lag:.3f} s behind at a period of {self._period:g} s: let go',
+                    throttle_duration_sec=LOG_PERIOD)
+                start += lag
+                if not self._topics.has_own_time:
+                    first_ns += round(lag * NANOSECONDS_PER_SECOND)
+            measured = self._advance()
+
+    def _take_efforts_until(self, deadline: float) -> None:
+        while self._running():
+            remaining = deadline - time.monotonic()
+            if self._wait_for_effort(max(remaining, 0.0)):
+                taken = self._topics.take_effort()
+                if taken is not None:
+                    with self._lock:
+                        self._plant.take_effort(taken[0])
+            if remaining <= 0.0:
+                return
+
+
+class LockStepLoop(_Loop):
+    """A state, then the effort that carries its stamp, then the next state, in simulated time."""
+
+    def _run(self) -> None:
+        tick = 1  # a stamp of 0 would read as "no stamp"
+        with self._lock:
+            measured = self._plant.measure()
+        while self._running():
+            stamp_ns = tick * self._period_ns
+            effort = self._ask(self._topics.state_message(stamp_ns, measured), stamp_ns)
+            if effort is None:
+                return
+            with self._lock:
+                self._plant.take_effort(effort)
+            tick += 1
+            measured = self._advance()
+
+    def _ask(self, state: JointState, stamp_ns: int) -> FloatArray | None:
+        """Publish a state until its effort arrives; return None when told to stop."""
+        while self._running():
+            self._topics.publish(state)
+            deadline = time.monotonic() + RESEND_PERIOD
+            while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
+                if not self._wait_for_effort(remaining):
+                    continue
+                taken = self._topics.take_effort()
+                if taken is not None and taken[1] == stamp_ns:
+                    return taken[0]
+        return None

@@ -1,0 +1,117 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Write the URDF of a planar arm from its masses, lengths and inertias."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.planar import PlanarTwoLink
+from robot_dynamics.planar_chain import PlanarChain
+from robot_dynamics.planar_urdf import (
+    DEFAULT_EFFORT_LIMITS,
+    DEFAULT_VELOCITY_LIMITS,
+    GENEROUS_EFFORT_LIMIT,
+    GENEROUS_VELOCITY_LIMIT,
+    planar_arm_urdf,
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the tool, and return its exit status.
+
+    0: written; 1: the file cannot be written; 2: the arm cannot be built. A status other than 0
+    comes with one line on stderr.
+    """
+    arguments = _parser().parse_args(argv)
+    try:
+        urdf = _urdf(arguments)
+    except RobotDynamicsError as error:
+        print(f'planar_urdf: {error}', file=sys.stderr)
+        return 2
+    if arguments.output is None:
+        sys.stdout.write(urdf)
+        return 0
+    try:
+        arguments.output.write_text(urdf, encoding='utf-8')
+    except OSError as error:
+        print(f'planar_urdf: cannot write {arguments.output}: {error.strerror}', file=sys.stderr)
+        return 1
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='planar_urdf',
+        description='Write the URDF of a planar arm, with one value per link, base first. '
+                    'Without arguments: the two-link arm that everything runs on by default.')
+    own = PlanarChain.from_two_link(PlanarTwoLink())
+    for flag, values, unit, meaning in (
+        ('--masses', own.masses, 'kg', 'mass'),
+        ('--lengths', own.lengths, 'm', 'length'),
+        ('--com-distances', own.com_distances, 'm', 'centre of mass, from the joint'),
+        ('--inertias', own.inertias, 'kg·m²', 'moment of inertia about the centre of mass'),
+    ):
+        _add_numbers(parser, flag, unit, f'{meaning} (default: {_in_words(values)})')
+    _add_numbers(parser, '--viscous', 'N·m·s/rad', 'viscous friction (default: 0)')
+    _add_numbers(parser, '--coulomb', 'N·m', 'Coulomb friction (default: 0)')
+    _add_numbers(
+        parser, '--effort-limits', 'N·m',
+        f'(default: {_in_words(DEFAULT_EFFORT_LIMITS)} for the default links, '
+        f'{GENEROUS_EFFORT_LIMIT:g} for others)')
+    _add_numbers(
+        parser, '--velocity-limits', 'rad/s',
+        f'(default: {_in_words(DEFAULT_VELOCITY_LIMITS)} for the default links, '
+        f'{GENEROUS_VELOCITY_LIMIT:g} for others)')
+    parser.add_argument('--name', default='planar_arm', help='of the robot (default: %(default)s)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE', help='where to write (default: stdout)')
+    return parser
+
+
+def _add_numbers(parser: argparse.ArgumentParser, flag: str, unit: str, meaning: str) -> None:
+    parser.add_argument(flag, type=float, nargs='+', metavar='X', help=f'[{unit}] {meaning}')
+
+
+def _in_words(values: Sequence[float]) -> str:
+    return ' '.join(f'{value:g}' for value in values)
+
+
+def _urdf(arguments: argparse.Namespace) -> str:
+    own = PlanarChain.from_two_link(PlanarTwoLink())
+    given = (arguments.masses, arguments.lengths, arguments.com_distances, arguments.inertias)
+    effort_limits, velocity_limits = arguments.effort_limits, arguments.velocity_limits
+    # The limits of the default arm say nothing about links that somebody else describes.
+    if all(values is None for values in given):
+        effort_limits = effort_limits or DEFAULT_EFFORT_LIMITS
+        velocity_limits = velocity_limits or DEFAULT_VELOCITY_LIMITS
+    return planar_arm_urdf(
+        arguments.masses or own.masses,
+        arguments.lengths or own.lengths,
+        arguments.com_distances or own.com_distances,
+        arguments.inertias or own.inertias,
+        viscous_friction=arguments.viscous,
+        coulomb_friction=arguments.coulomb,
+        effort_limits=effort_limits,
+        velocity_limits=velocity_limits,
+        name=arguments.name,
+    )
+
+
+if __name__ == '__main__':
+    sys.exit(main())

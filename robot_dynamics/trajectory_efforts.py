@@ -1,0 +1,64 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The efforts that a trajectory takes at its points, and whether the arm has them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
+from robot_dynamics.validation import FloatArray
+
+
+class TrajectoryEfforts(NamedTuple):
+    """
+    Efforts (points, n) at the points, and where they come closest to the arm's limits.
+
+    `worst_ratio` is |effort| / limit of `worst_joint` at `worst_time` [s] from the start.
+    """
+
+    efforts: FloatArray
+    feasible: bool
+    worst_joint: str
+    worst_ratio: float
+    worst_time: float
+
+
+def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> TrajectoryEfforts:
+    """
+    Return inverse dynamics along a trajectory, whose joints are in the arm's order.
+
+    A point's own velocity and acceleration are used; what it leaves out is what the
+    interpolation has at that time.
+    """
+    first = trajectory.points[0]
+    rest = Reference(first.position, np.zeros_like(first.position), np.zeros_like(first.position))
+    active = ActiveTrajectory(trajectory, 0, 0, rest)
+    motion = []
+    for point in trajectory.points:
+        sample = active.sample(round(1e9 * point.time_from_start))
+        motion.append((
+            point.position,
+            sample.velocity if point.velocity is None else point.velocity,
+            sample.acceleration if point.acceleration is None else point.acceleration))
+    q, v, a = (np.array(rows) for rows in zip(*motion))
+    efforts = dynamics.inverse_dynamics_batch(q, v, a)
+    ratios = np.abs(efforts) / dynamics.arm.limits.effort
+    i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    worst = float(ratios[i, joint])
+    return TrajectoryEfforts(
+        efforts, worst <= 1.0, dynamics.arm.joint_names[joint], worst,
+        trajectory.points[i].time_from_start)
