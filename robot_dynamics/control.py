@@ -16,8 +16,9 @@
 Control laws: gravity compensation and computed torque.
 
 Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Springer 2009, section
-8.5.2 (inverse dynamics control): with u = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇)q̇ + g(q) + friction
-and an exact model, the error e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint by itself.
+8.5.2 (inverse dynamics control): with
+τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction and an exact model, the error
+e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint by itself.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.trajectory import Reference
 from robot_dynamics.validation import check_vector, FloatArray

@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import threading
 
 import numpy as np
-
 from robot_dynamics.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, Gains
@@ -200,4 +199,3 @@ def _check_finite(
     raise InvalidInputError(
         f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
         f'computed torque {computed_torque}')
-

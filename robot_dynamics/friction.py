@@ -15,14 +15,13 @@
 """
 Friction at the joints, on the joint side of the gearbox.
 
-Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Springer 2009, eq. (7.42):
+Source: B. Siciliano et al., *Robotics*, Springer 2009, section 7.3:
 viscous friction F_v v and Coulomb friction F_s sgn(v).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-
 from robot_dynamics.validation import FloatArray
 
 

@@ -25,7 +25,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-
 from robot_dynamics.arm_model import ArmModel, MimicJoint
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import (

@@ -17,7 +17,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.validation import FloatArray
 

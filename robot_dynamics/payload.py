@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import check_scalar, check_tensor, check_vector, FloatArray
 

@@ -37,7 +37,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray
 
 JOINT_NAMES = ('joint1', 'joint2')

@@ -32,7 +32,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import link_direction, PlanarPositions, PlanarTwoLink
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray

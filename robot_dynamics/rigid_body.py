@@ -27,7 +27,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import FloatArray

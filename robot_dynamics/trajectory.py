@@ -29,7 +29,6 @@ from math import ceil, copysign, pi
 from typing import Any, NamedTuple
 
 import numpy as np
-
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.trajectory_checks import (
     check_end_in_future,

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.validation import check_scalar, check_unique, check_vector, FloatArray
 

@@ -17,7 +17,6 @@
 from typing import NamedTuple
 
 import numpy as np
-
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
 from robot_dynamics.validation import FloatArray

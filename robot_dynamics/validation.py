@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
 from robot_dynamics.exceptions import InvalidInputError
 
 FloatArray = npt.NDArray[np.float64]

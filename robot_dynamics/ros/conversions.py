@@ -25,10 +25,6 @@ from collections.abc import Sequence
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
-from robot_dynamics_interfaces.msg import DynamicsTerms
-from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
-from trajectory_msgs.msg import JointTrajectoryPoint
-
 from robot_dynamics.arm_dynamics import EffortTerms
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.joint_order import JointOrder
@@ -36,6 +32,9 @@ from robot_dynamics.payload import make_payload, Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_vector, FloatArray
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -149,4 +148,3 @@ def with_efforts(message: JointTrajectoryMsg, efforts: FloatArray) -> JointTraje
     for point, effort in zip(message.points, efforts):
         point.effort = floats_to_ros(effort)
     return message
-

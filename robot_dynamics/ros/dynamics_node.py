@@ -21,10 +21,6 @@ import time
 from geometry_msgs.msg import InertiaStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
-
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import (
     DEFAULT_DAMPING_RATIO,
@@ -50,6 +46,9 @@ from robot_dynamics.ros.robot_description import (
     embedded_description,
 )
 from robot_dynamics.ros.running import run_node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -19,15 +19,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rclpy.node import Node
-from robot_dynamics_interfaces.srv import (
-    ForwardDynamics,
-    InverseDynamics,
-    InverseDynamicsBatch,
-    InverseDynamicsTrajectory,
-    ManipulatorEquation,
-    SetPayload,
-)
-
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
@@ -45,6 +36,14 @@ from robot_dynamics.ros.conversions import (
 )
 from robot_dynamics.trajectory_efforts import trajectory_efforts
 from robot_dynamics.validation import check_scalar
+from robot_dynamics_interfaces.srv import (
+    ForwardDynamics,
+    InverseDynamics,
+    InverseDynamicsBatch,
+    InverseDynamicsTrajectory,
+    ManipulatorEquation,
+    SetPayload,
+)
 
 Handler = Callable[[Any, Any], None]
 

@@ -16,10 +16,9 @@
 
 import numpy as np
 import numpy.typing as npt
-from sensor_msgs.msg import JointState
-
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import check_unique, FloatArray
+from sensor_msgs.msg import JointState
 
 
 class OtherJointsError(InvalidInputError):
@@ -45,7 +44,7 @@ class JointStateReader:
         return q, self._values(message, 'velocity') if message.velocity else None
 
     def effort(self, message: JointState) -> FloatArray | None:
-        """Return the effort (n,) likewise, NaN where it is not measured."""
+        """Return the efforts of shape (n,) likewise, NaN where one is not measured."""
         if not message.effort:
             return None
         return self._values(message, 'effort', finite=False)

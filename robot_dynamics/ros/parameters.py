@@ -33,7 +33,6 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.validation import check_choice, check_scalar
 
@@ -50,7 +49,7 @@ class ParameterSpec:
     """
 
     name: str
-    type: Any
+    kind: Any
     default: Any
     description: str
     read_only: bool = False
@@ -61,15 +60,15 @@ class ParameterSpec:
     def descriptor(self) -> ParameterDescriptor:
         """Return what `ros2 param describe` shows."""
         descriptor = ParameterDescriptor(
-            name=self.name, type=self.type.value, description=self.description,
+            name=self.name, type=self.kind.value, description=self.description,
             read_only=self.read_only)
         if self.choices:
             descriptor.additional_constraints = f'one of {list(self.choices)}'
         if self.minimum is not None and self.maximum is not None:
-            if self.type is Type.DOUBLE:
+            if self.kind is Type.DOUBLE:
                 descriptor.floating_point_range = [FloatingPointRange(
                     from_value=float(self.minimum), to_value=float(self.maximum))]
-            elif self.type is Type.INTEGER:
+            elif self.kind is Type.INTEGER:
                 descriptor.integer_range = [IntegerRange(
                     from_value=int(self.minimum), to_value=int(self.maximum), step=1)]
             else:  # rclpy reads ranges for scalars alone; `check` does it for arrays
@@ -83,9 +82,9 @@ class ParameterSpec:
             check_choice(self.name, value, self.choices)
         low = -math.inf if self.minimum is None else self.minimum
         high = math.inf if self.maximum is None else self.maximum
-        if self.type in (Type.DOUBLE, Type.INTEGER):
+        if self.kind in (Type.DOUBLE, Type.INTEGER):
             check_scalar(self.name, value, low, high)
-        elif self.type in (Type.DOUBLE_ARRAY, Type.INTEGER_ARRAY):
+        elif self.kind in (Type.DOUBLE_ARRAY, Type.INTEGER_ARRAY):
             for i, number in enumerate(value):
                 check_scalar(f'{self.name}[{i}]', number, low, high)
 
@@ -119,7 +118,7 @@ class DeclaredParameters:
         return self._values
 
     def _declare(self, spec: ParameterSpec) -> Any:
-        default = spec.type if spec.default is None else spec.default
+        default = spec.kind if spec.default is None else spec.default
         try:
             parameter = self._node.declare_parameter(spec.name, default, spec.descriptor())
         except ParameterException as error:
@@ -180,4 +179,4 @@ def _type_in_words(spec: ParameterSpec) -> str:
         Type.INTEGER: 'a whole number',
         Type.STRING: 'text',
     }
-    return words[spec.type]
+    return words[spec.kind]

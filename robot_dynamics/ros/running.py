@@ -20,7 +20,6 @@ import sys
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-
 from robot_dynamics.exceptions import RobotDynamicsError
 
 

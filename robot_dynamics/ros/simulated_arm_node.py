@@ -21,9 +21,6 @@ import threading
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.node import Node
-from robot_dynamics_interfaces.srv import SetPayload
-from std_srvs.srv import Trigger
-
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
@@ -36,6 +33,8 @@ from robot_dynamics.ros.robot_description import (
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
 from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
+from robot_dynamics_interfaces.srv import SetPayload
+from std_srvs.srv import Trigger
 
 SPECS = (
     *DESCRIPTION_SPECS,

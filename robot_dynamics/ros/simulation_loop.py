@@ -28,9 +28,6 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
@@ -38,6 +35,8 @@ from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.validation import FloatArray
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 NEWEST_ONLY = QoSProfile(depth=1)
 NANOSECONDS_PER_SECOND = 1_000_000_000

@@ -1,0 +1,50 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The closed loop without hardware: `simulated_arm`, `dynamics_node` and `robot_state_publisher`.
+
+ros2 launch robot_dynamics closed_loop.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from robot_dynamics.ros.robot_description import embedded_description, read_description_file
+
+
+def _nodes(context, *_):
+    robot = LaunchConfiguration('robot').perform(context)
+    params = LaunchConfiguration('params').perform(context)
+    description = {
+        'robot_description': read_description_file(robot) if robot else embedded_description()}
+    parameters = [*([params] if params else []), description]
+    return [
+        Node(package='robot_dynamics', executable='simulated_arm', parameters=parameters),
+        Node(package='robot_dynamics', executable='dynamics_node', parameters=parameters),
+        Node(package='robot_state_publisher', executable='robot_state_publisher',
+             parameters=[description]),
+    ]
+
+
+def generate_launch_description():
+    return LaunchDescription([
+        DeclareLaunchArgument(
+            'robot', default_value='',
+            description='The URDF: a path or package://PACKAGE/PATH; empty for the two-link arm.'),
+        DeclareLaunchArgument(
+            'params', default_value='', description='A parameter file for both nodes.'),
+        OpaqueFunction(function=_nodes),
+    ])

@@ -1,0 +1,69 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What all tests share: a domain of their own for everything that speaks ROS, and fixtures for it.
+
+Modules that use `ros_harness` are skipped, with the reason in words, where there is no ROS.
+"""
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from robots import must_have_everything
+
+if TYPE_CHECKING:
+    from ros_harness import RosClient
+
+# Test runs that go on at the same time, and whatever else runs here, must not hear each other;
+# UDP because processes that are killed leave segments of shared memory behind.
+os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
+os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+
+NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
+
+
+class ModuleWithoutRos(pytest.Module):
+    """Stands for a test module that cannot even be imported here."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        absent = [name for name in NEEDED_FOR_ROS if find_spec(name) is None]
+        reason = f'{self.path.name} needs ROS, and {absent} cannot be imported'
+        if must_have_everything():
+            raise self.CollectError(f'{reason}; with CI set this is a failure')
+        pytest.skip(reason, allow_module_level=True)
+
+
+def pytest_pycollect_makemodule(
+    module_path: Path, parent: pytest.Collector,
+) -> pytest.Module | None:
+    if all(find_spec(name) is not None for name in NEEDED_FOR_ROS):
+        return None
+    if 'ros_harness' not in module_path.read_text(encoding='utf-8'):
+        return None
+    module: ModuleWithoutRos = ModuleWithoutRos.from_parent(parent, path=module_path)
+    return module
+
+
+@pytest.fixture(scope='module')
+def client() -> Iterator['RosClient']:
+    """Return a ROS node of the tests, which spins in a thread of its own."""
+    from ros_harness import RosClient
+    with RosClient() as ros_client:
+        yield ros_client

@@ -1,0 +1,384 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Two independent engines, MuJoCo and Drake, behind one interface: the reference of the tests.
+
+Nothing here uses `robot_dynamics` or Pinocchio. An engine computes with all moving joints of the
+tree, mimic joints too, which it knows nothing of; `Projected` maps that to actuated joints.
+Conventions are those of the manipulator equation M a + C v + g − Jᵀ f = tau; a wrench acts on a
+link at its origin, in its frame.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+import importlib
+import logging
+import math
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+from robots import missing
+
+Array = npt.NDArray[np.float64]
+MOVING = ('revolute', 'continuous', 'prismatic')
+
+
+class Wrench(NamedTuple):
+    """Force (3,) [N] and torque (3,) [N·m] on a link, at its origin and in its frame."""
+
+    link: str
+    force: Array
+    torque: Array
+
+
+def load(module: str, wheel: str) -> Any:
+    """Return an engine's module; skip the test (or fail it, see `missing`) without it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        missing(f'the engine {wheel} to compare with is not installed ({error})')
+
+
+def bare_urdf(urdf: str) -> ElementTree.Element:
+    """Return links with their inertials, and joints without limits or mimic; nothing else."""
+    root = ElementTree.fromstring(urdf)
+    bare = ElementTree.Element('robot', {'name': 'robot'})
+    for link in root.findall('link'):
+        ElementTree.SubElement(bare, 'link', link.attrib).extend(link.findall('inertial'))
+    for joint in root.findall('joint'):
+        copy = ElementTree.SubElement(bare, 'joint', joint.attrib)
+        for tag in ('origin', 'parent', 'child', 'axis', 'dynamics'):
+            copy.extend(joint.findall(tag))
+    return bare
+
+
+class Engine(ABC):
+    """Dynamics of the whole tree; vectors are (m,) in the order of `joint_names`."""
+
+    def __init__(self, urdf: str, gravity: Sequence[float]) -> None:
+        self.bare = bare_urdf(urdf)
+        joints = self.bare.findall('joint')
+        self.joint_names = [j.attrib['name'] for j in joints if j.attrib['type'] in MOVING]
+        self.build(gravity)
+
+    @abstractmethod
+    def build(self, gravity: Sequence[float]) -> None:
+        """Build the engine's model from `self.bare`."""
+
+    @abstractmethod
+    def inverse_dynamics(
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        """Return M a + C v + g + D v − Jᵀ f; D is the damping of the description."""
+
+    @abstractmethod
+    def forward_dynamics(
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        """Return the acceleration, by the engine's own algorithm."""
+
+    @abstractmethod
+    def mass_matrix(self, q: Array) -> Array: ...
+
+    @abstractmethod
+    def coriolis(self, q: Array, v: Array) -> Array:
+        """Return C v."""
+
+    @abstractmethod
+    def gravity(self, q: Array) -> Array: ...
+
+    @abstractmethod
+    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
+        """Return −Jᵀ f."""
+
+    @abstractmethod
+    def kinetic_energy(self, q: Array, v: Array) -> float: ...
+
+    @abstractmethod
+    def potential_energy(self, q: Array) -> float:
+        """Return the potential energy up to a constant."""
+
+    def mass_derivative(self, q: Array) -> Array:
+        """
+        Return ∂M_ij/∂q_k, (m, m, m), from values of M alone.
+
+        M is a polynomial of degree 2 in the position of a prismatic joint, and a trigonometric
+        one of degree 2 in the angle of another, so the differences are exact: the central one,
+        and M. Riesz's interpolation formula with four nodes.
+        """
+        joints = {j.attrib['name']: j.attrib['type'] for j in self.bare.findall('joint')}
+        m = len(self.joint_names)
+        derivative = np.zeros((m, m, m))
+        for k, name in enumerate(self.joint_names):
+            if joints[name] == 'prismatic':
+                nodes = [(1.0, 0.5), (-1.0, -0.5)]
+            else:
+                angles = [(2 * r - 1) * math.pi / 4 for r in (1, 2, 3, 4)]
+                nodes = [
+                    (t, (-1) ** r / (8 * math.sin(t / 2) ** 2)) for r, t in enumerate(angles)]
+            for step, weight in nodes:
+                shifted = q.copy()
+                shifted[k] += step
+                derivative[:, :, k] += weight * self.mass_matrix(shifted)
+        return derivative
+
+
+class MujocoEngine(Engine):
+    """MuJoCo, with its constraint solver off and its bounds on mass and inertia unset."""
+
+    def build(self, gravity: Sequence[float]) -> None:
+        self.mj = load('mujoco', 'mujoco')
+        options = ElementTree.SubElement(self.bare, 'mujoco')
+        ElementTree.SubElement(options, 'compiler', {
+            'fusestatic': 'false', 'discardvisual': 'true', 'balanceinertia': 'false'})
+        self.model = self.mj.MjModel.from_xml_string(
+            ElementTree.tostring(self.bare, encoding='unicode'))
+        self.model.opt.gravity = gravity
+        self.model.opt.disableflags = self.mj.mjtDisableBit.mjDSBL_CONSTRAINT
+        self.model.opt.enableflags = self.mj.mjtEnableBit.mjENBL_ENERGY
+        self.data = self.mj.MjData(self.model)
+        joints = [self.model.joint(name) for name in self.joint_names]
+        self.position = np.array([joint.qposadr[0] for joint in joints])
+        self.velocity = np.array([joint.dofadr[0] for joint in joints])
+
+    def _set(self, q: Array, v: Array | None = None) -> Any:
+        data = self.data
+        self.mj.mj_resetData(self.model, data)
+        data.qpos[self.position] = q
+        if v is not None:
+            data.qvel[self.velocity] = v
+        return data
+
+    def _world(self, wrench: Wrench) -> tuple[int, Any, Any]:
+        body = self.model.body(wrench.link).id
+        rotation = self.data.xmat[body].reshape(3, 3)
+        return body, rotation @ wrench.force, rotation @ wrench.torque
+
+    def inverse_dynamics(
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        data = self._set(q, v)
+        data.qacc[self.velocity] = a
+        self.mj.mj_inverse(self.model, data)
+        tau = data.qfrc_inverse[self.velocity]
+        return np.asarray(tau + self.external(q, wrenches) if wrenches else tau)
+
+    def forward_dynamics(
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        data = self._set(q, v)
+        data.qfrc_applied[self.velocity] = tau
+        self.mj.mj_kinematics(self.model, data)
+        for wrench in wrenches:
+            body, force, torque = self._world(wrench)
+            # `xfrc_applied` acts at the centre of mass.
+            arm = data.xpos[body] - data.xipos[body]
+            data.xfrc_applied[body] += np.concatenate([force, torque + np.cross(arm, force)])
+        self.mj.mj_forward(self.model, data)
+        return np.asarray(data.qacc[self.velocity])
+
+    def mass_matrix(self, q: Array) -> Array:
+        data, m = self._set(q), self.model.nv
+        self.mj.mj_forward(self.model, data)
+        M = np.zeros((m, m))
+        for row, unit in zip(M, np.eye(m)):
+            self.mj.mj_mulM(self.model, data, row, unit)
+        return M[np.ix_(self.velocity, self.velocity)]
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        pull = self.model.opt.gravity.copy()
+        self.model.opt.gravity = np.zeros(3)
+        data = self._set(q, v)
+        self.mj.mj_forward(self.model, data)
+        self.model.opt.gravity = pull
+        return np.asarray(data.qfrc_bias[self.velocity])
+
+    def gravity(self, q: Array) -> Array:
+        data = self._set(q)
+        self.mj.mj_forward(self.model, data)
+        return np.asarray(data.qfrc_bias[self.velocity])
+
+    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
+        data = self._set(q)
+        self.mj.mj_forward(self.model, data)
+        pushed = np.zeros(self.model.nv)
+        for wrench in wrenches:
+            body, force, torque = self._world(wrench)
+            self.mj.mj_applyFT(
+                self.model, data, force, torque, data.xpos[body].copy(), body, pushed)
+        return np.asarray(-pushed[self.velocity])
+
+    def kinetic_energy(self, q: Array, v: Array) -> float:
+        data = self._set(q, v)
+        self.mj.mj_forward(self.model, data)
+        return float(data.energy[1])
+
+    def potential_energy(self, q: Array) -> float:
+        data = self._set(q)
+        self.mj.mj_forward(self.model, data)
+        return float(data.energy[0])
+
+
+class DrakeEngine(Engine):
+    """Drake's MultibodyPlant in continuous time, its root link welded to the world."""
+
+    def build(self, gravity: Sequence[float]) -> None:
+        multibody = load('pydrake.multibody.plant', 'drake')
+        parsing = load('pydrake.multibody.parsing', 'drake')
+        self.tree = load('pydrake.multibody.tree', 'drake')
+        self.force_of = load('pydrake.multibody.math', 'drake').SpatialForce
+        self.applied = multibody.ExternallyAppliedSpatialForce
+        self.plant = multibody.MultibodyPlant(0.0)
+        _parse_quietly(parsing.Parser(self.plant), self.bare)
+        children = {joint.find('child').attrib['link'] for joint in self.bare.findall('joint')}
+        root, = (n for link in self.bare.findall('link')
+                 if (n := link.attrib['name']) not in children)
+        if root != 'world':
+            self.plant.WeldFrames(self.plant.world_frame(), self._body(root).body_frame())
+        self.plant.mutable_gravity_field().set_gravity_vector(gravity)
+        self.plant.Finalize()
+        self.context = self.plant.CreateDefaultContext()
+        joints = [self.plant.GetJointByName(name) for name in self.joint_names]
+        self.position = np.array([joint.position_start() for joint in joints])
+        self.velocity = np.array([joint.velocity_start() for joint in joints])
+
+    def _body(self, link: str) -> Any:
+        return self.plant.GetBodyByName(link)
+
+    def _full(self, value: Array, index: Any) -> Array:
+        full = np.zeros(len(value))
+        full[index] = value
+        return full
+
+    def _set(self, q: Array, v: Array | None = None) -> Any:
+        v = np.zeros(len(q)) if v is None else v
+        self.plant.SetPositions(self.context, self._full(q, self.position))
+        self.plant.SetVelocities(self.context, self._full(v, self.velocity))
+        return self.context
+
+    def inverse_dynamics(
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        context = self._set(q, v)
+        forces = self.tree.MultibodyForces(self.plant)
+        self.plant.CalcForceElementsContribution(context, forces)
+        for link, force, torque in wrenches:
+            body = self._body(link)
+            body.AddInForce(
+                context, np.zeros(3), self.force_of(torque, force), body.body_frame(), forces)
+        tau = self.plant.CalcInverseDynamics(context, self._full(a, self.velocity), forces)
+        return np.asarray(tau[self.velocity])
+
+    def forward_dynamics(
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        context, applied = self._set(q, v), []
+        for link, force, torque in wrenches:
+            push = self.applied()
+            push.body_index, push.p_BoBq_B = self._body(link).index(), np.zeros(3)
+            rotation = self.plant.EvalBodyPoseInWorld(context, self._body(link)).rotation()
+            push.F_Bq_W = self.force_of(rotation.matrix() @ torque, rotation.matrix() @ force)
+            applied.append(push)
+        self.plant.get_applied_spatial_force_input_port().FixValue(context, applied)
+        self.plant.get_applied_generalized_force_input_port().FixValue(
+            context, self._full(tau, self.velocity))
+        a = self.plant.get_generalized_acceleration_output_port().Eval(context)
+        return np.asarray(a[self.velocity])
+
+    def mass_matrix(self, q: Array) -> Array:
+        M = self.plant.CalcMassMatrix(self._set(q))
+        return np.asarray(M[np.ix_(self.velocity, self.velocity)])
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        return np.asarray(self.plant.CalcBiasTerm(self._set(q, v))[self.velocity])
+
+    def gravity(self, q: Array) -> Array:
+        pull = self.plant.CalcGravityGeneralizedForces(self._set(q))
+        return np.asarray(-pull[self.velocity])
+
+    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
+        context, pushed = self._set(q), np.zeros(len(q))
+        for link, force, torque in wrenches:
+            frame = self._body(link).body_frame()
+            J = self.plant.CalcJacobianSpatialVelocity(
+                context, self.tree.JacobianWrtVariable.kV, frame, np.zeros(3),
+                self.plant.world_frame(), frame)
+            pushed += J.T @ np.concatenate([torque, force])
+        return np.asarray(-pushed[self.velocity])
+
+    def kinetic_energy(self, q: Array, v: Array) -> float:
+        return float(self.plant.CalcKineticEnergy(self._set(q, v)))
+
+    def potential_energy(self, q: Array) -> float:
+        return float(self.plant.CalcPotentialEnergy(self._set(q)))
+
+
+def _parse_quietly(parser: Any, bare: ElementTree.Element) -> None:
+    """Parse without the warnings about inertias that no body has: they are taken as they are."""
+    log = logging.getLogger('drake')
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        parser.AddModelsFromString(ElementTree.tostring(bare, encoding='unicode'), 'urdf')
+    finally:
+        log.setLevel(level)
+
+
+class Projected:
+    """An engine seen from actuated joints: q_tree = G q + q0, efforts come back with Gᵀ."""
+
+    def __init__(self, engine: Engine, G: Array, q0: Array) -> None:
+        self.engine, self.G, self.q0 = engine, G, q0
+        # A permutation at most: then the engine's own forward dynamics is the answer.
+        self.whole = G.shape[0] == G.shape[1]
+
+    def tree(self, q: Array) -> Array:
+        """Return the positions of all joints of the tree."""
+        return self.G @ q + self.q0
+
+    def inverse_dynamics(
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        return self.G.T @ self.engine.inverse_dynamics(
+            self.tree(q), self.G @ v, self.G @ a, wrenches)
+
+    def forward_dynamics(
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        G = self.G
+        if self.whole:
+            return G.T @ self.engine.forward_dynamics(self.tree(q), G @ v, G @ tau, wrenches)
+        rest = tau - self.inverse_dynamics(q, v, np.zeros(len(q)), wrenches)
+        return np.asarray(np.linalg.solve(self.mass_matrix(q), rest))
+
+    def mass_matrix(self, q: Array) -> Array:
+        return self.G.T @ self.engine.mass_matrix(self.tree(q)) @ self.G
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        return self.G.T @ self.engine.coriolis(self.tree(q), self.G @ v)
+
+    def gravity(self, q: Array) -> Array:
+        return self.G.T @ self.engine.gravity(self.tree(q))
+
+    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
+        return self.G.T @ self.engine.external(self.tree(q), wrenches)
+
+    def kinetic_energy(self, q: Array, v: Array) -> float:
+        return self.engine.kinetic_energy(self.tree(q), self.G @ v)
+
+    def potential_energy(self, q: Array) -> float:
+        return self.engine.potential_energy(self.tree(q))
+
+    def christoffel(self, q: Array) -> Array:
+        """Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n)."""
+        d = self.engine.mass_derivative(self.tree(q))
+        for axis in range(3):
+            # Each axis of the tree in turn becomes the last and then returns to its place.
+            d = np.moveaxis(np.moveaxis(d, axis, -1) @ self.G, -1, axis)
+        return np.asarray(0.5 * (d + d.transpose(0, 2, 1) - d.transpose(2, 0, 1)))

@@ -1,0 +1,109 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Descriptions of real robots for the tests: those of `example-robot-data`.
+
+Without that package the tests that need it are skipped, with the reason in words; where the
+environment variable CI is set, on x86-64 Linux, they fail instead.
+"""
+
+from importlib import metadata
+import os
+from pathlib import Path
+import platform
+import sys
+from typing import NoReturn
+
+import pytest
+
+PACKAGE = 'example-robot-data'
+
+_FILES = {
+    'baxter': 'baxter_description/urdf/baxter.urdf',
+    'kinova': 'kinova_description/robots/kinova.urdf',
+    'panda': 'panda_description/urdf/panda.urdf',
+    'pr2': 'pr2_description/urdf/pr2.urdf',
+    'so100': 'so_arm_description/urdf/so100.urdf',
+    'talos_full_v2': 'talos_data/robots/talos_full_v2.urdf',
+    'talos_left_arm': 'talos_data/robots/talos_left_arm.urdf',
+    'tiago': 'tiago_description/robots/tiago.urdf',
+    'tiago_dual': 'tiago_description/robots/tiago_dual.urdf',
+    'tiago_no_hand': 'tiago_description/robots/tiago_no_hand.urdf',
+    'tiago_pro': 'tiago_pro_description/robots/tiago_pro.urdf',
+    'ur10': 'ur_description/urdf/ur10_robot.urdf',
+    'ur3': 'ur_description/urdf/ur3_robot.urdf',
+    'ur5': 'ur_description/urdf/ur5_robot.urdf',
+    'xarm7': 'xarm_description/urdf/xarm7.urdf',
+    'z1': 'z1_description/urdf/z1.urdf',
+}
+
+ROBOTS = tuple(_FILES)
+"""Every robot by the name that `robot_urdf` takes."""
+
+ARMS = ('kinova', 'panda', 'so100', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xarm7', 'z1')
+"""Single arms, six to eight actuated joints each."""
+
+TREES = ('baxter', 'pr2', 'talos_full_v2', 'tiago', 'tiago_dual', 'tiago_pro')
+"""Robots with several branches: two arms, heads, hands, wheels."""
+
+CONTINUOUS = ('kinova', 'pr2', 'tiago', 'tiago_dual', 'tiago_no_hand', 'tiago_pro')
+"""Robots with continuous joints."""
+
+PRISMATIC = (
+    'baxter', 'panda', 'pr2', 'tiago', 'tiago_dual', 'tiago_no_hand', 'tiago_pro')
+"""Robots with prismatic joints."""
+
+MIMIC = ('baxter', 'panda', 'pr2', 'talos_full_v2', 'tiago_pro')
+"""Robots with mimic joints."""
+
+
+def must_have_everything() -> bool:
+    """Return whether a missing optional package is a failure here, not a reason to skip."""
+    return bool(os.environ.get('CI')) and (
+        sys.platform == 'linux' and platform.machine() == 'x86_64')
+
+
+def missing(reason: str) -> NoReturn:
+    """Skip the test for this reason, or fail it where everything must be there."""
+    if must_have_everything():
+        pytest.fail(f'{reason}; with CI set this is a failure')
+    pytest.skip(reason)
+
+
+def robot_path(name: str) -> Path:
+    """Return where the URDF of one of `ROBOTS` is; skip the test where it is not installed."""
+    for directory in _robot_directories():
+        path = directory / _FILES[name]
+        if path.is_file():
+            return path
+    missing(f'{PACKAGE} is not installed: no description of {name}')
+
+
+def robot_urdf(name: str) -> str:
+    """Return the text of the URDF of one of `ROBOTS`; skip the test where it is missing."""
+    return robot_path(name).read_text(encoding='utf-8')
+
+
+def _robot_directories() -> list[Path]:
+    """Return where the robots may be: in the wheel, or in a ROS installation."""
+    share = Path('share', PACKAGE, 'robots')
+    prefixes = [Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
+    try:
+        distribution = metadata.distribution(PACKAGE)
+    except metadata.PackageNotFoundError:
+        pass
+    else:
+        prefixes.insert(0, Path(str(distribution.locate_file('cmeel.prefix'))))
+    return [prefix / share for prefix in prefixes]

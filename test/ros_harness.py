@@ -1,0 +1,399 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Real nodes for the tests: processes that run them, and a client that speaks to them over DDS.
+
+Nothing is simulated here but the arm. Every wait is for an event and bounded by `TIMEOUT`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+import itertools
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from types import TracebackType
+from typing import Any
+
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+import yaml
+
+TIMEOUT = 20.0
+"""[s] that any one event may take; a slow machine must not fail a test."""
+RESEND_PERIOD = 0.5
+"""[s] after which something said to a best-effort subscription is said again."""
+
+DYNAMICS = 'robot_dynamics.ros.dynamics_node'
+SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+KEEP_MANY = QoSProfile(depth=10000)
+
+READY = re.compile(r"Model '|Waiting for a URDF")
+"""What the nodes of this package log when they are up."""
+
+
+class NodeProcess:
+    """
+    A node in a process of its own, for use in a `with` statement.
+
+    `parameters` go through a file, so that a URDF or an array arrives as it is. At the end of the
+    statement the process gets SIGINT and must leave with status 0 and without a traceback;
+    where the test failed already, its log is printed instead.
+    """
+
+    def __init__(
+        self, module: str, parameters: Mapping[str, Any] | None = None, *,
+        remaps: Mapping[str, str] | None = None, namespace: str = '', node_name: str = '',
+        arguments: Sequence[str] = (), environment: Mapping[str, str] | None = None,
+        ready: re.Pattern[str] | None = READY,
+    ) -> None:
+        """`ready` is a pattern of the log to wait for at the start; None does not wait."""
+        self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
+        command = [sys.executable, '-m', module, *arguments, '--ros-args']
+        if parameters:
+            file = Path(self._directory.name, 'parameters.yaml')
+            file.write_text(
+                yaml.safe_dump({'/**': {'ros__parameters': dict(parameters)}}), encoding='utf-8')
+            command += ['--params-file', str(file)]
+        rules = dict(remaps or {})
+        rules.update({'__ns': namespace} if namespace else {})
+        rules.update({'__node': node_name} if node_name else {})
+        for name, other in rules.items():
+            command += ['-r', f'{name}:={other}']
+        self._command = command
+        self._environment = {**os.environ, 'PYTHONUNBUFFERED': '1', **(environment or {})}
+        self._ready = ready
+        self._log: list[str] = []
+        self._news = threading.Condition()
+        self._ended = False
+
+    # ------------------------------------------------------------------ start and end
+
+    def start(self) -> 'NodeProcess':
+        """Start the process and wait until it is ready; fail with its log where it is not."""
+        self._process = subprocess.Popen(
+            self._command, env=self._environment, text=True, errors='replace',
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self._reader = threading.Thread(target=self._read_log, daemon=True)
+        self._reader.start()
+        if self._ready is not None:
+            try:
+                self.wait_for_log(self._ready)
+            except BaseException:
+                self.kill()
+                raise
+        return self
+
+    def wait(self, timeout: float = TIMEOUT) -> int:
+        """Wait until the process ends by itself; return its exit status."""
+        try:
+            status = self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f'still running after {timeout:g} s:\n{self.log}') from None
+        self._reader.join(TIMEOUT)
+        self._directory.cleanup()
+        return status
+
+    def stop(self) -> None:
+        """Interrupt the process as Ctrl-C does; it must leave in order."""
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+        status = self.wait()
+        assert status == 0, f'exit status {status}:\n{self.log}'
+        assert 'Traceback' not in self.log, self.log
+
+    def kill(self) -> None:
+        """End the process whatever it does."""
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        self._reader.join(TIMEOUT)
+        self._directory.cleanup()
+
+    def __enter__(self) -> 'NodeProcess':
+        return self.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.stop()
+            return
+        self.kill()
+        print(f'--- log of {" ".join(self._command[2:])}\n{self.log}')
+
+    # ------------------------------------------------------------------ the log
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def log(self) -> str:
+        """All that the process has written so far."""
+        with self._news:
+            return ''.join(self._log)
+
+    def wait_for_log(self, pattern: re.Pattern[str] | str, timeout: float = TIMEOUT) -> str:
+        """Wait until a line has this pattern; return the line."""
+        found: list[str] = []
+
+        def look() -> bool:
+            found[:] = [line for line in self._log if re.search(pattern, line)]
+            return bool(found) or self._ended
+
+        with self._news:
+            in_time = self._news.wait_for(look, timeout)
+        assert found, (
+            f'{"ended" if in_time else f"{timeout:g} s passed"} without {pattern!r}:\n{self.log}')
+        return found[0]
+
+    def _read_log(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            with self._news:
+                self._log.append(line)
+                self._news.notify_all()
+        self._process.stdout.close()
+        with self._news:
+            self._ended = True
+            self._news.notify_all()
+
+
+def run_to_its_end(
+    module: str, parameters: Mapping[str, Any] | None = None, **options: Any,
+) -> tuple[int, str]:
+    """Run a node that is to end by itself; return its exit status and its log."""
+    node = NodeProcess(module, parameters, ready=None, **options).start()
+    return node.wait(), node.log
+
+
+class Collector:
+    """Keeps the messages of a topic; close it, or use it in a `with` statement."""
+
+    def __init__(self, node: Node, message_type: type, topic: str, qos: Any) -> None:
+        self._node = node
+        self._messages: list[Any] = []
+        self._news = threading.Condition()
+        self._topic = topic
+        self._subscription = node.create_subscription(message_type, topic, self._keep, qos)
+
+    def _keep(self, message: Any) -> None:
+        with self._news:
+            self._messages.append(message)
+            self._news.notify_all()
+
+    @property
+    def messages(self) -> list[Any]:
+        """Return all messages so far, oldest first."""
+        with self._news:
+            return list(self._messages)
+
+    def clear(self) -> None:
+        """Forget what has arrived."""
+        with self._news:
+            self._messages.clear()
+
+    def wait_matched(self, count: int = 1, timeout: float = TIMEOUT) -> None:
+        """Wait until so many publishers have been found."""
+        wait_until(
+            lambda: self._node.count_publishers(self._subscription.topic_name) >= count,
+            f'{count} publishers of {self._topic}', timeout)
+
+    def find(self, predicate: Callable[[Any], bool], timeout: float = TIMEOUT) -> Any | None:
+        """Return the first message, past or to come, that fulfils this; None where none does."""
+        seen = itertools.count()
+        looked, found = 0, None
+
+        def look() -> bool:
+            nonlocal looked, found
+            while found is None and looked < len(self._messages):
+                if predicate(self._messages[looked]):
+                    found = self._messages[looked]
+                looked = next(seen) + 1
+            return found is not None
+
+        with self._news:
+            self._news.wait_for(look, timeout)
+        return found
+
+    def wait_for(
+        self, predicate: Callable[[Any], bool] = lambda _: True, timeout: float = TIMEOUT,
+    ) -> Any:
+        """Return the first message that fulfils this; fail where none does in time."""
+        found = self.find(predicate, timeout)
+        assert found is not None, (
+            f'no such message on {self._topic} in {timeout:g} s; {len(self.messages)} others, '
+            f'the last: {self.messages[-1:]}')
+        return found
+
+    def wait_count(self, count: int, timeout: float = TIMEOUT) -> list[Any]:
+        """Wait until there are so many messages; return all."""
+        with self._news:
+            enough = self._news.wait_for(lambda: len(self._messages) >= count, timeout)
+            got = list(self._messages)
+        assert enough, f'{len(got)} of {count} messages on {self._topic} in {timeout:g} s'
+        return got
+
+    def close(self) -> None:
+        self._node.destroy_subscription(self._subscription)
+
+    def __enter__(self) -> 'Collector':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class RosClient:
+    """A node of the tests, spinning in a thread; for use in a `with` statement."""
+
+    def __init__(self, name: str = 'test_client') -> None:
+        self._context = Context()
+        rclpy.init(context=self._context)
+        self.node = rclpy.create_node(
+            name, context=self._context, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._clients: dict[str, Any] = {}
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while self._context.ok() and not getattr(self, '_closing', False):
+            self._executor.spin_once(timeout_sec=0.2)
+
+    def close(self) -> None:
+        """End the thread and the node."""
+        self._closing = True
+        self._executor.wake()
+        self._thread.join(TIMEOUT)
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def __enter__(self) -> 'RosClient':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ services
+
+    def call(
+        self, service_type: Any, name: str, request: Any = None, timeout: float = TIMEOUT,
+    ) -> Any:
+        """Return the response of a service; an empty request where none is given."""
+        service = self._clients.get(name)
+        if service is None:
+            service = self._clients[name] = self.node.create_client(service_type, name)
+        assert service.wait_for_service(timeout), f'no service {name} in {timeout:g} s'
+        done = threading.Event()
+        future = service.call_async(service_type.Request() if request is None else request)
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(timeout), f'no answer of {name} in {timeout:g} s'
+        return future.result()
+
+    def forget(self, prefix: str) -> None:
+        """Drop the clients of services whose names begin so, as their server has gone."""
+        for name in [name for name in self._clients if name.startswith(prefix)]:
+            self.node.destroy_client(self._clients.pop(name))
+
+    def set_parameters(self, node: str, values: Mapping[str, Any]) -> list[Any]:
+        """Set parameters of a node, one by one; return the results."""
+        parameters = [
+            value if isinstance(value, Parameter) else Parameter(name, value=value)
+            for name, value in values.items()]
+        return list(self.call(
+            SetParameters, f'{node}/set_parameters', SetParameters.Request(
+                parameters=[p.to_parameter_msg() for p in parameters])).results)
+
+    def get_parameter(self, node: str, name: str) -> Any:
+        """Return the value of a node's parameter, None where it is unset."""
+        value, = self.call(
+            GetParameters, f'{node}/get_parameters', GetParameters.Request(names=[name])).values
+        return parameter_value_to_python(value)
+
+    def describe_parameters(self, node: str, names: Sequence[str]) -> dict[str, Any]:
+        """Return the descriptors of a node's parameters by name."""
+        descriptors = self.call(
+            DescribeParameters, f'{node}/describe_parameters',
+            DescribeParameters.Request(names=list(names))).descriptors
+        return {descriptor.name: descriptor for descriptor in descriptors}
+
+    # ------------------------------------------------------------------ topics
+
+    def collect(self, message_type: type, topic: str, qos: Any = KEEP_MANY) -> Collector:
+        """Keep the messages of a topic from now on."""
+        return Collector(self.node, message_type, topic, qos)
+
+    def wait_for(
+        self, message_type: type, topic: str,
+        predicate: Callable[[Any], bool] = lambda _: True,
+        timeout: float = TIMEOUT, qos: Any = KEEP_MANY,
+    ) -> Any:
+        """Return the first message of a topic that fulfils this; fail where none does in time."""
+        with self.collect(message_type, topic, qos) as collector:
+            return collector.wait_for(predicate, timeout)
+
+    def publisher(
+        self, message_type: type, topic: str, qos: Any = 10, subscribers: int = 1,
+        timeout: float = TIMEOUT,
+    ) -> Any:
+        """Return a publisher that so many subscribers have found."""
+        publisher = self.node.create_publisher(message_type, topic, qos)
+        wait_until(
+            lambda: publisher.get_subscription_count() >= subscribers,
+            f'{subscribers} subscribers of {topic}', timeout)
+        return publisher
+
+    def ask(
+        self, publisher: Any, message: Any, answers: Collector,
+        predicate: Callable[[Any], bool], timeout: float = TIMEOUT,
+    ) -> Any:
+        """Publish until an answer fulfils the predicate; return that answer."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            publisher.publish(message)
+            found = answers.find(predicate, RESEND_PERIOD)
+            if found is not None:
+                return found
+        raise AssertionError(f'no answer in {timeout:g} s to {message}')
+
+
+def wait_until(
+    condition: Callable[[], bool], what: str, timeout: float = TIMEOUT,
+) -> None:
+    """Look every 10 ms, where nothing notifies, until a condition holds; fail in the end."""
+    deadline = time.monotonic() + timeout
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < deadline, f'{timeout:g} s passed without {what}'
+        pause.wait(0.01)

@@ -1,0 +1,261 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An arm as others see it: joints by name, limits, friction, links, and what it refuses."""
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import numpy.testing as npt
+import pinocchio as pin
+import pytest
+from robot_dynamics.arm_model import load_arm, MimicJoint
+from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.rigid_body import RigidBody
+from robots import MIMIC, robot_urdf, ROBOTS
+
+INERTIAL = (
+    '<inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>'
+    '<inertia ixx="0.2" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>')
+
+
+def arm_urdf():
+    """
+    Return a chain with joints of each kind.
+
+    `roll` and `slide` are free, `far` cannot be at 0, `echo` follows `roll` through `mirror`, and
+    `shadow` follows `far`.
+    """
+    links = ''.join(f'<link name="l{i}">{INERTIAL}</link>' for i in range(8))
+    joints = (
+        ('slide', 'prismatic', '<limit lower="-0.2" upper="0.4" effort="80" velocity="0.5"/>'
+                               '<dynamics damping="5" friction="2"/>'),
+        ('roll', 'continuous', '<limit effort="30" velocity="3"/>'
+                               '<dynamics damping="0.5" friction="0.25"/>'),
+        ('far', 'revolute', '<limit lower="0.5" upper="2" effort="0" velocity="0"/>'),
+        ('plate', 'fixed', ''),
+        ('mirror', 'revolute', '<limit lower="-3" upper="3"/><dynamics damping="1" friction="1"/>'
+                               '<mimic joint="roll" multiplier="-2" offset="0.1"/>'),
+        ('echo', 'revolute', '<limit lower="-3" upper="3"/><dynamics damping="1" friction="1"/>'
+                             '<mimic joint="mirror" multiplier="3" offset="-0.2"/>'),
+        ('shadow', 'revolute', '<limit lower="-3" upper="3"/>'
+                               '<mimic joint="far" multiplier="0.5" offset="0.25"/>'),
+    )
+    text = ''.join(
+        f'<joint name="{name}" type="{kind}"><origin xyz="0.1 0.2 0.3" rpy="0.1 {i} 0"/>'
+        f'<parent link="l{i}"/><child link="l{i + 1}"/><axis xyz="0 1 1"/>{rest}</joint>'
+        for i, (name, kind, rest) in enumerate(joints))
+    return f'<robot name="kinds">{links}{text}</robot>'
+
+
+# --- joints by name ------------------------------------------------------------------------------
+
+def test_joints_are_in_the_order_of_the_document():
+    arm = load_arm(arm_urdf())
+    assert arm.name == 'kinds'
+    assert arm.joint_names == ('slide', 'roll', 'far')
+    assert arm.joint_kinds == ('prismatic', 'continuous', 'revolute')
+    assert arm.joint_count == 3
+    assert arm.link_names == tuple(f'l{i}' for i in range(8))
+    assert arm.locked_joints == {}
+    assert arm.payloads == ()
+
+
+def test_joints_are_in_the_order_that_is_asked_for():
+    arm = load_arm(arm_urdf(), ['far', 'slide', 'roll'])
+    assert arm.joint_names == ('far', 'slide', 'roll')
+    assert arm.joint_kinds == ('revolute', 'prismatic', 'continuous')
+
+
+def test_limits_by_joint():
+    limits = load_arm(arm_urdf()).limits
+    inf = np.inf
+    npt.assert_array_equal(limits.lower, [-0.2, -inf, 0.5])
+    npt.assert_array_equal(limits.upper, [0.4, inf, 2.0])
+    # A velocity or effort of 0 is what exporters write for "not known".
+    npt.assert_array_equal(limits.velocity, [0.5, 3.0, inf])
+    npt.assert_array_equal(limits.effort, [80.0, 30.0, inf])
+
+
+def test_joints_left_out_are_locked_as_near_to_zero_as_they_may_be():
+    assert load_arm(arm_urdf(), ['roll']).locked_joints == {'slide': 0.0, 'far': 0.5}
+    below = arm_urdf().replace('lower="0.5" upper="2"', 'lower="-2" upper="-0.5"')
+    assert load_arm(below, ['roll']).locked_joints == {'slide': 0.0, 'far': -0.5}
+
+
+def test_mimics_of_mimics_follow_the_head_of_the_chain():
+    mirror, echo, shadow = load_arm(arm_urdf()).mimic_joints
+    assert mirror == MimicJoint('mirror', 'roll', -2.0, 0.1)
+    # 3 (−2 q + 0.1) − 0.2
+    assert (echo.name, echo.leader, echo.multiplier) == ('echo', 'roll', -6.0)
+    assert echo.offset == pytest.approx(0.1)
+    assert shadow == MimicJoint('shadow', 'far', 0.5, 0.25)
+
+
+def test_a_mimic_of_a_locked_joint_is_locked_with_it():
+    arm = load_arm(arm_urdf(), ['slide', 'roll'])
+    assert [mimic.name for mimic in arm.mimic_joints] == ['mirror', 'echo']
+    tree = arm.coordinates.position(np.array([0.0, 1.0]))
+    positions = {name: tree[arm.engine.joints[arm.engine.getJointId(name)].idx_q]
+                 for name in ('slide', 'roll', 'far', 'mirror', 'echo', 'shadow')}
+    assert positions == pytest.approx({
+        'slide': 0.0, 'roll': 1.0, 'far': 0.5, 'mirror': -1.9, 'echo': -5.9, 'shadow': 0.5})
+
+
+def test_the_engine_has_one_coordinate_for_each_joint_that_moves():
+    arm = load_arm(arm_urdf())
+    assert arm.engine.nq == arm.engine.nv == 6
+    rows = [arm.engine.joints[arm.engine.getJointId(name)].idx_v
+            for name in ('slide', 'roll', 'far', 'mirror', 'echo', 'shadow')]
+    npt.assert_allclose(arm.coordinates.G[rows], [
+        [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -2, 0], [0, -6, 0], [0, 0, 0.5]])
+    npt.assert_allclose(arm.coordinates.q0[rows], [0, 0, 0, 0.1, 0.1, 0.25])
+
+
+# --- friction ------------------------------------------------------------------------------------
+
+def test_friction_of_mimic_joints_is_felt_at_their_leader():
+    arm = load_arm(arm_urdf())
+    # By power: damping by the square of the speed, Coulomb friction by its magnitude.
+    npt.assert_allclose(arm.friction.viscous, [5.0, 0.5 + 4.0 * 1.0 + 36.0 * 1.0, 0.0])
+    npt.assert_allclose(arm.friction.coulomb, [2.0, 0.25 + 2.0 * 1.0 + 6.0 * 1.0, 0.0])
+
+
+def test_friction_takes_the_power_that_it_takes_at_every_joint_of_the_tree():
+    arm = load_arm(arm_urdf())
+    damping = {'slide': 5.0, 'roll': 0.5, 'mirror': 1.0, 'echo': 1.0}
+    coulomb = {'slide': 2.0, 'roll': 0.25, 'mirror': 1.0, 'echo': 1.0}
+    for v in np.random.default_rng(0).normal(0, 1, (5, 3)):
+        speed = {'slide': v[0], 'roll': v[1], 'mirror': -2 * v[1], 'echo': -6 * v[1]}
+        power = sum(
+            damping[name] * speed[name]**2 + coulomb[name] * abs(speed[name]) for name in speed)
+        assert arm.friction.effort(v) @ v == pytest.approx(power)
+
+
+def test_there_is_no_friction_at_rest():
+    npt.assert_array_equal(load_arm(arm_urdf()).friction.effort(np.zeros(3)), np.zeros(3))
+
+
+# --- gravity, links, immutability ----------------------------------------------------------------
+
+def test_gravity_is_that_of_the_earth_unless_said_otherwise():
+    npt.assert_array_equal(load_arm(arm_urdf()).engine.gravity.linear, [0, 0, -9.81])
+    moon = load_arm(arm_urdf(), gravity=(0.1, 0.2, -1.6))
+    npt.assert_array_equal(moon.engine.gravity.linear, [0.1, 0.2, -1.6])
+    npt.assert_array_equal(moon.with_payloads([]).engine.gravity.linear, [0.1, 0.2, -1.6])
+
+
+def test_every_link_has_a_frame():
+    arm = load_arm(arm_urdf())
+    for name in arm.link_names:
+        frame = arm.link_frame(name)
+        assert frame.name == name
+        assert frame.type == pin.FrameType.BODY
+    # A fixed link belongs to the joint that moves it.
+    assert arm.link_frame('l4').parentJoint == arm.link_frame('l3').parentJoint
+    assert arm.link_frame('l0').parentJoint == 0
+
+
+def test_links_and_joints_may_have_the_same_names():
+    urdf = arm_urdf()
+    for i, name in enumerate(('universe', 'slide', 'roll', 'plate')):
+        urdf = urdf.replace(f'"l{i}"', f'"{name}"')
+    arm, expected = load_arm(urdf), load_arm(arm_urdf())
+    q, v, a = np.random.default_rng(0).normal(0, 1, (3, 3))
+    npt.assert_array_equal(
+        RigidBody(arm).inverse_dynamics(q, v, a), RigidBody(expected).inverse_dynamics(q, v, a))
+    assert arm.link_frame('slide').parentJoint == expected.link_frame('l1').parentJoint
+
+
+def test_an_arm_does_not_change():
+    arm = load_arm(arm_urdf())
+    with pytest.raises(FrozenInstanceError):
+        arm.name = 'other'
+
+
+# --- whole robots --------------------------------------------------------------------------------
+
+def test_the_default_arm():
+    arm = load_arm(default_arm_urdf())
+    assert arm.joint_names == ('joint1', 'joint2')
+    npt.assert_array_equal(arm.limits.effort, [150.0, 60.0])
+    q, v, a = np.array([[np.pi / 4, np.pi / 6], [0.5, 0.3], [0.1, 0.2]])
+    body = RigidBody(arm)
+    # The worked example of the two-link arm, in closed form.
+    M = [[6.95846097, 1.56923048], [1.56923048, 0.53]]
+    npt.assert_allclose(body.mass_matrix(q), M, atol=5e-9)
+    npt.assert_allclose(body.gravity(q), [-49.52282521, -11.37087883], atol=5e-9)
+    npt.assert_allclose(body.nonlinear(q, v) - body.gravity(q), [-0.234, 0.15], atol=5e-9)
+    npt.assert_allclose(
+        body.inverse_dynamics(q, v, a), [-48.74713301, -10.95795578], atol=5e-9)
+    assert body.kinetic_energy(q, v) == pytest.approx(1.12904219, abs=5e-9)
+    assert body.potential_energy(q) == pytest.approx(41.19876418, abs=5e-9)
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_real_robots_have_the_joints_and_the_mass_that_the_engine_reads(robot):
+    urdf = robot_urdf(robot)
+    arm = load_arm(urdf)
+    plain = pin.buildModelFromXML(urdf)
+    n = arm.joint_count
+    assert n + len(arm.mimic_joints) + len(arm.locked_joints) == plain.nv
+    assert bool(arm.mimic_joints) == (robot in MIMIC)
+    assert sum(inertia.mass for inertia in arm.engine.inertias) == pytest.approx(
+        sum(inertia.mass for inertia in plain.inertias), rel=1e-12)
+    mimics = [mimic.name for mimic in arm.mimic_joints]
+    assert set(arm.joint_names) | set(mimics) == set(plain.names) - {'universe'}
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('more', 'message'), [
+    ({'joints': ['roll', 'wrist']},
+     "joints has 'wrist', expected joints out of ['slide', 'roll', 'far']"),
+    ({'joints': ['mirror']},
+     "joints has 'mirror', expected joints out of ['slide', 'roll', 'far']"),
+    ({'joints': ['plate']}, "joints has 'plate', expected joints out of ['slide', 'roll', 'far']"),
+    ({'joints': ['roll', 'roll']}, "joints has 'roll' twice, expected each name once"),
+    ({'gravity': (0, -9.81)},
+     "gravity has 2 values, expected 3, one for each of ['x', 'y', 'z']"),
+    ({'gravity': (0, 0, np.nan)}, 'gravity[2] (z) is nan, expected a finite number'),
+])
+def test_message_on_arguments(more, message):
+    with pytest.raises(InvalidInputError) as caught:
+        load_arm(arm_urdf(), **more)
+    assert str(caught.value) == message
+
+
+def test_message_on_an_unknown_link():
+    with pytest.raises(InvalidInputError) as caught:
+        load_arm(arm_urdf()).link_frame('hand', 'external_wrenches[0].header.frame_id')
+    assert str(caught.value) == (
+        "external_wrenches[0].header.frame_id is 'hand', expected one of the links "
+        "['l0', 'l1', 'l2', 'l3', 'l4', 'l5', 'l6', 'l7']")
+
+
+@pytest.mark.parametrize('joint', [
+    '', '<joint name="weld" type="fixed"><parent link="a"/><child link="b"/></joint>'])
+def test_what_cannot_move_is_no_arm(joint):
+    links = '<link name="a"/>' + ('<link name="b"/>' if joint else '')
+    with pytest.raises(ModelError) as caught:
+        load_arm(f'<robot name="statue">{links}{joint}</robot>')
+    assert str(caught.value) == (
+        "robot_description: robot 'statue' has no joint that moves, expected at least one "
+        'revolute, continuous or prismatic joint')
+
+
+def test_a_broken_description_is_refused():
+    with pytest.raises(ModelError, match='expected a URDF'):
+        load_arm('arm.urdf')

@@ -1,0 +1,256 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From the order of a request to the arm's order and back."""
+
+from itertools import permutations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joint_order import JointOrder, MIMIC_TOLERANCE
+
+laws = settings(deadline=None, derandomize=True, max_examples=60)
+
+
+def joint(name, parent, child, mimic=''):
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<axis xyz="0 0 1"/><limit lower="-3" upper="3"/>{mimic}</joint>')
+
+
+def arm_urdf():
+    links = ''.join(f'<link name="l{i}"/>' for i in range(7))
+    return (
+        f'<robot name="arm">{links}' + joint('hip', 'l0', 'l1') + joint('knee', 'l1', 'l2')
+        + joint('ankle', 'l2', 'l3') + joint('brake', 'l3', 'l4')
+        + joint('double', 'l4', 'l5', '<mimic joint="knee" multiplier="-2" offset="0.5"/>')
+        + joint('braked', 'l5', 'l6', '<mimic joint="brake" offset="0.1"/>') + '</robot>')
+
+
+ARM = load_arm(arm_urdf(), ['hip', 'knee', 'ankle'])
+JOINTS = ('hip', 'knee', 'ankle')
+Q = {'hip': 0.1, 'knee': 0.2, 'ankle': 0.3, 'double': 0.1}
+V = {'hip': 1.0, 'knee': 2.0, 'ankle': 3.0, 'double': -4.0}
+TAU = {'hip': 10.0, 'knee': 20.0, 'ankle': 30.0, 'double': 7.0}
+
+orders = st.one_of(
+    st.permutations(JOINTS), st.permutations((*JOINTS, 'double'))).map(tuple)
+
+
+def values(table, names):
+    return [table[name] for name in names]
+
+
+def refusal(call):
+    with pytest.raises(InvalidInputError) as caught:
+        call()
+    return str(caught.value)
+
+
+# --- into the arm's order ------------------------------------------------------------------------
+
+@laws
+@given(names=orders)
+def test_any_order_is_sorted_into_that_of_the_arm(names):
+    order = JointOrder(ARM, names)
+    npt.assert_array_equal(order.position(values(Q, names)), values(Q, JOINTS))
+    npt.assert_array_equal(order.rate(values(V, names), 'velocity'), values(V, JOINTS))
+    assert order.names == tuple(name for name in names if name != 'double')
+
+
+@laws
+@given(names=orders)
+def test_an_effort_at_a_mimic_joint_counts_at_its_leader(names):
+    given_effort = np.array(values(TAU, names))
+    kept = given_effort.copy()
+    ours = JointOrder(ARM, names).effort(given_effort)
+    # The leader moves the mimic joint by −2: power is the same on both sides.
+    felt = 20.0 - 2 * 7.0 if 'double' in names else 20.0
+    npt.assert_array_equal(ours, [10.0, felt, 30.0])
+    npt.assert_array_equal(given_effort, kept)
+
+
+def test_no_names_mean_the_order_of_the_arm():
+    order = JointOrder(ARM)
+    assert order.names == JOINTS
+    npt.assert_array_equal(order.position([1, 2, 3]), [1.0, 2.0, 3.0])
+    npt.assert_array_equal(order.effort([1, 2, 3]), [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize('names', list(permutations(JOINTS)))
+def test_samples_are_sorted_like_single_ones(names):
+    order = JointOrder(ARM, names)
+    rows = np.arange(12.0).reshape(4, 3)
+    expected = [order.position(row) for row in rows]
+    npt.assert_array_equal(order.positions(rows), expected)
+    npt.assert_array_equal(order.positions(rows.ravel()), expected)
+    npt.assert_array_equal(order.rates(rows.ravel(), 4, 'velocity'), expected)
+
+
+def test_samples_with_a_mimic_joint():
+    order = JointOrder(ARM, ('double', 'ankle', 'knee', 'hip'))
+    knee = np.array([0.0, 0.3, -0.4])
+    rows = np.column_stack([0.5 - 2 * knee, [7, 8, 9], knee, [4, 5, 6]])
+    npt.assert_array_equal(order.positions(rows), np.column_stack([[4, 5, 6], knee, [7, 8, 9]]))
+
+
+@pytest.mark.parametrize('nothing', [[], (), np.zeros(0)])
+def test_no_rates_mean_rest(nothing):
+    for names in ((), ('ankle', 'hip', 'knee'), (*JOINTS, 'double')):
+        order = JointOrder(ARM, names)
+        npt.assert_array_equal(order.rate(nothing, 'velocity'), np.zeros(3))
+        npt.assert_array_equal(order.rates(nothing, 4, 'velocity'), np.zeros((4, 3)))
+
+
+def test_no_samples():
+    order = JointOrder(ARM, (*JOINTS, 'double'))
+    assert order.positions([]).shape == (0, 3)
+    assert order.rates([], 0, 'velocity').shape == (0, 3)
+
+
+# --- back ----------------------------------------------------------------------------------------
+
+@laws
+@given(names=orders)
+def test_an_answer_is_in_the_order_of_its_names(names):
+    order = JointOrder(ARM, names)
+    by_name = dict(zip(order.names, order.answer(np.array([10.0, 20.0, 30.0]))))
+    assert by_name == {'hip': 10.0, 'knee': 20.0, 'ankle': 30.0}
+    rows = np.arange(6.0).reshape(2, 3)
+    npt.assert_array_equal(order.answer(rows), [order.answer(row) for row in rows])
+
+
+@laws
+@given(names=orders)
+def test_forms_have_every_axis_in_the_order_of_the_names(names):
+    order = JointOrder(ARM, names)
+    M, c = np.arange(9.0).reshape(3, 3), np.arange(27.0).reshape(3, 3, 3)
+    index = [JOINTS.index(name) for name in order.names]
+    ours_M, ours_c = order.answer_form(M), order.answer_form(c)
+    for i, arm_i in enumerate(index):
+        for j, arm_j in enumerate(index):
+            assert ours_M[i, j] == M[arm_i, arm_j]
+            for k, arm_k in enumerate(index):
+                assert ours_c[i, j, k] == c[arm_i, arm_j, arm_k]
+
+
+@laws
+@given(names=st.permutations(JOINTS), seed=st.integers(0, 99))
+def test_there_and_back_is_where_it_began(names, seed):
+    order = JointOrder(ARM, names)
+    x = np.random.default_rng(seed).normal(size=3)
+    npt.assert_array_equal(order.answer(order.position(x)), x)
+    npt.assert_array_equal(order.answer(order.effort(x)), x)
+
+
+# --- mimic joints --------------------------------------------------------------------------------
+
+def test_a_mimic_joint_may_be_off_by_its_tolerance_and_no_more():
+    order = JointOrder(ARM, (*JOINTS, 'double'))
+    for sign in (-1, 1):
+        near, far = sign * 0.99 * MIMIC_TOLERANCE, sign * 1.01 * MIMIC_TOLERANCE
+        npt.assert_array_equal(order.position([0.1, 0.2, 0.3, 0.1 + near]), [0.1, 0.2, 0.3])
+        npt.assert_array_equal(order.rate([1, 2, 3, -4 + near], 'velocity'), [1, 2, 3])
+        with pytest.raises(InvalidInputError):
+            order.position([0.1, 0.2, 0.3, 0.1 + far])
+        with pytest.raises(InvalidInputError):
+            order.rate([1, 2, 3, -4 + far], 'velocity')
+
+
+def test_message_on_the_position_of_a_mimic_joint():
+    order = JointOrder(ARM, (*JOINTS, 'double'))
+    assert refusal(lambda: order.position([0.1, 0.2, 0.3, 0.4])) == (
+        "position of mimic joint 'double' is 0.4, but it follows 'knee' "
+        '(-2 × knee + 0.5 = 0.1), expected that value, or the joint left out')
+
+
+def test_message_on_the_rate_of_a_mimic_joint_knows_no_offset():
+    order = JointOrder(ARM, (*JOINTS, 'double'))
+    assert refusal(lambda: order.rate([1, 2, 3, 4], 'acceleration')) == (
+        "acceleration of mimic joint 'double' is 4, but it follows 'knee' "
+        '(-2 × knee = -4), expected that value, or the joint left out')
+
+
+def test_message_on_samples_gives_the_worst_of_them():
+    order = JointOrder(ARM, (*JOINTS, 'double'))
+    rows = [[0, 0, 0, 0.5], [0, 0.5, 0, 0.75], [0, 1, 0, -1.4]]
+    assert "'double' is 0.75, but it follows 'knee' (-2 × knee + 0.5 = -0.5)" in refusal(
+        lambda: order.positions(rows))
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('names', 'message'), [
+    (('hip', 'ankle'), "joint_names leaves out ['knee'], expected every joint of "
+                       "['hip', 'knee', 'ankle'] in any order, or no names at all for this order"),
+    (('double',), "joint_names leaves out ['hip', 'knee', 'ankle'], expected every joint of "
+                  "['hip', 'knee', 'ankle'] in any order, or no names at all for this order"),
+    (('hip', 'knee', 'toe'), "joint_names has 'toe', expected ['hip', 'knee', 'ankle'] and, "
+                             "if wanted, the mimic joints ['double']"),
+    (('hip', 'knee', 'hip'), "joint_names has 'hip' twice, expected each name once"),
+    ((*JOINTS, 'double', 'double'), "joint_names has 'double' twice, expected each name once"),
+    ((*JOINTS, 'brake'), "joint_names has 'brake', which is locked at 0 (parameter joints), "
+                         "expected ['hip', 'knee', 'ankle']"),
+    ((*JOINTS, ''), "joint_names has '', expected ['hip', 'knee', 'ankle'] and, if wanted, "
+                    "the mimic joints ['double']"),
+])
+def test_message_on_names(names, message):
+    assert refusal(lambda: JointOrder(ARM, names)) == message
+
+
+def test_a_mimic_of_a_locked_joint_cannot_be_named():
+    assert "joint_names has 'braked', expected ['hip', 'knee', 'ankle']" in refusal(
+        lambda: JointOrder(ARM, (*JOINTS, 'braked')))
+
+
+def test_an_arm_without_mimic_joints_offers_none():
+    arm = load_arm(arm_urdf().replace('<mimic', '<ignored'))
+    assert refusal(lambda: JointOrder(arm, ['toe'])) == (
+        f"joint_names has 'toe', expected {list(arm.joint_names)}")
+
+
+@pytest.mark.parametrize(('call', 'message'), [
+    (lambda order: order.position([1, 2]),
+     "position has 2 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
+    (lambda order: order.position([]),
+     "position has 0 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
+    (lambda order: order.position([1, np.nan, 3], 'start'),
+     'start[1] (hip) is nan, expected a finite number'),
+    (lambda order: order.rate([1], 'velocity'),
+     "velocity has 1 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
+    (lambda order: order.rate(0.0, 'velocity'),
+     'velocity has an array of shape (), expected 3, '
+     "one for each of ['ankle', 'hip', 'knee']"),
+    (lambda order: order.effort([1, 2, np.inf]),
+     'effort[2] (knee) is inf, expected a finite number'),
+    (lambda order: order.effort([]),
+     "effort has 0 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
+    (lambda order: order.positions([1, 2, 3, 4]),
+     "position has 4 values, expected samples × 3 joints (['ankle', 'hip', 'knee']), row by row"),
+    (lambda order: order.positions([1, 2, 3, 4, np.nan, 6]),
+     'position[1][1] (hip) is nan, expected a finite number'),
+    (lambda order: order.rates([1, 2, 3], 2, 'acceleration'),
+     'acceleration has 1 samples, expected 2 as position has, or none'),
+    (lambda order: order.rates(1.0, 2, 'velocity'),
+     'velocity has an array of shape (), expected samples × 3 joints '
+     "(['ankle', 'hip', 'knee']), row by row"),
+])
+def test_message_on_values(call, message):
+    order = JointOrder(ARM, ('ankle', 'hip', 'knee'))
+    assert refusal(lambda: call(order)) == message

@@ -1,0 +1,263 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Loads on links: what is accepted as one, and what it does to an arm."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.rigid_body import RigidBody
+from robots import robot_urdf
+
+laws = settings(deadline=None, derandomize=True, max_examples=30)
+seeds = st.integers(0, 2**32 - 1)
+
+ROD = '<inertia ixx="0.02" iyy="0.02" izz="0.001" ixy="0" ixz="0" iyz="0"/>'
+GRIPPER_ARM = f"""
+<robot name="gripper_arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0 0.01 0.2" rpy="0.1 0 0"/><mass value="2"/>{ROD}
+    </inertial></link>
+  <link name="lower"><inertial><origin xyz="0 0 0.15"/><mass value="1.3"/>{ROD}</inertial></link>
+  <link name="hand"/>
+  <link name="left"><inertial><mass value="0.1"/>{ROD}</inertial></link>
+  <link name="right"><inertial><mass value="0.1"/>{ROD}</inertial></link>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/></joint>
+  <joint name="elbow" type="revolute"><origin xyz="0 0 0.4" rpy="0 0 0.3"/><parent link="upper"/>
+    <child link="lower"/><axis xyz="1 0 1"/><limit lower="-2" upper="2"/></joint>
+  <joint name="wrist" type="fixed"><origin xyz="0.1 0 0.3" rpy="0.4 -0.2 1"/>
+    <parent link="lower"/><child link="hand"/></joint>
+  <joint name="finger" type="prismatic"><parent link="hand"/><child link="left"/>
+    <axis xyz="0 1 0"/><limit lower="0" upper="0.1"/></joint>
+  <joint name="other_finger" type="prismatic"><parent link="hand"/><child link="right"/>
+    <axis xyz="0 -1 0"/><limit lower="0" upper="0.1"/><mimic joint="finger"/></joint>
+</robot>
+"""
+
+
+def random_inertia(rng, mass):
+    """Return the inertia of a solid box, turned anyhow."""
+    a, b, c = rng.uniform(0.01, 0.5, 3)
+    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return Q @ np.diag(mass / 12 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])) @ Q.T
+
+
+def random_payload(rng, link):
+    mass = rng.uniform(0.01, 20.0)
+    return make_payload(link, mass, rng.normal(0, 0.2, 3), random_inertia(rng, mass))
+
+
+def with_fixed_link(urdf, payload, name='load'):
+    """Return the URDF with the load as a link of its own."""
+    xx, xy, xz, _, yy, yz, _, _, zz = payload.inertia.ravel().tolist()
+    x, y, z = payload.com.tolist()
+    before, end = urdf.rsplit('</robot>', 1)
+    return (
+        f'{before}<link name="{name}"><inertial><origin xyz="{x!r} {y!r} {z!r}"/>'
+        f'<mass value="{payload.mass!r}"/><inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}" '
+        f'iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/></inertial></link>'
+        f'<joint name="{name}_mount" type="fixed"><parent link="{payload.link}"/>'
+        f'<child link="{name}"/></joint></robot>{end}')
+
+
+def everything(arm, seed):
+    """Return what an arm does at one random state: efforts, matrix, energies, acceleration."""
+    q, v, a = np.random.default_rng(seed).normal(0, 1, (3, arm.joint_count))
+    body = RigidBody(arm)
+    tau = body.inverse_dynamics(q, v, a)
+    return (
+        tau, body.gravity(q), body.mass_matrix(q).ravel(), body.forward_dynamics(q, v, 0 * tau),
+        [body.kinetic_energy(q, v)])
+
+
+def assert_same(ours, expected):
+    for value, wanted in zip(ours, expected):
+        scale = max(1.0, np.abs(wanted).max())
+        npt.assert_allclose(value, wanted, rtol=0, atol=1e-9 * scale)
+
+
+# --- on an arm -----------------------------------------------------------------------------------
+
+@laws
+@given(seed=seeds, link=st.sampled_from(['base', 'upper', 'lower', 'hand', 'left', 'right']))
+def test_a_payload_is_one_more_fixed_link(seed, link):
+    payload = random_payload(np.random.default_rng(seed), link)
+    arm = load_arm(GRIPPER_ARM)
+    loaded = arm.with_payloads([payload])
+    assert loaded.payloads == (payload,)
+    assert_same(
+        everything(loaded, seed),
+        everything(load_arm(with_fixed_link(GRIPPER_ARM, payload)), seed))
+
+
+@pytest.mark.parametrize(('robot', 'link'), [
+    ('ur10', 'tool0'), ('panda', 'panda_hand'), ('kinova', 'j2s6s200_end_effector'),
+    ('pr2', 'r_gripper_palm_link'),
+])
+def test_a_payload_of_a_real_robot_is_one_more_fixed_link(robot, link):
+    urdf = robot_urdf(robot)
+    payload = random_payload(np.random.default_rng(2), link)
+    bare = load_arm(urdf)
+    loaded, expected = bare.with_payloads([payload]), load_arm(with_fixed_link(urdf, payload))
+    assert_same(everything(loaded, 4), everything(expected, 4))
+    assert np.abs(everything(loaded, 4)[1] - everything(bare, 4)[1]).max() > 0.1
+
+
+@laws
+@given(seed=seeds)
+def test_loads_add_up(seed):
+    rng = np.random.default_rng(seed)
+    first, second, third = (random_payload(rng, link) for link in ('hand', 'hand', 'upper'))
+    urdf = GRIPPER_ARM
+    for i, payload in enumerate((first, second, third)):
+        urdf = with_fixed_link(urdf, payload, f'load{i}')
+    loaded = load_arm(GRIPPER_ARM).with_payloads([first, second, third])
+    assert loaded.payloads == (first, second, third)
+    assert_same(everything(loaded, seed), everything(load_arm(urdf), seed))
+
+
+@laws
+@given(seed=seeds)
+def test_a_cleared_payload_leaves_no_trace(seed):
+    rng = np.random.default_rng(seed)
+    arm = load_arm(GRIPPER_ARM)
+    before = everything(arm, seed)
+    loaded = arm.with_payloads([random_payload(rng, 'hand'), random_payload(rng, 'lower')])
+    cleared = loaded.with_payloads([])
+    assert cleared.payloads == ()
+    for value, wanted in zip(everything(cleared, seed), before):
+        npt.assert_array_equal(value, wanted)
+
+
+@laws
+@given(seed=seeds)
+def test_a_load_without_mass_is_none(seed):
+    rng = np.random.default_rng(seed)
+    arm = load_arm(GRIPPER_ARM)
+    weightless = arm.with_payloads([make_payload('upper', 0.0, rng.normal(0, 1, 3))])
+    assert weightless.payloads == ()
+    assert_same(everything(weightless, seed), everything(arm, seed))
+
+
+@laws
+@given(seed=seeds)
+def test_new_loads_take_the_place_of_old_ones(seed):
+    rng = np.random.default_rng(seed)
+    old, new = random_payload(rng, 'hand'), random_payload(rng, 'lower')
+    arm = load_arm(GRIPPER_ARM)
+    untouched = everything(arm, seed)
+    expected = everything(arm.with_payloads([new]), seed)
+    ours = everything(arm.with_payloads([old]).with_payloads([new]), seed)
+    for value, wanted in zip(ours, expected):
+        npt.assert_array_equal(value, wanted)
+    for value, wanted in zip(everything(arm, seed), untouched):
+        npt.assert_array_equal(value, wanted)
+
+
+def test_a_payload_at_the_base_is_not_felt():
+    arm = load_arm(GRIPPER_ARM)
+    loaded = arm.with_payloads([make_payload('base', 50.0, (1, 2, 3))])
+    for value, wanted in zip(everything(loaded, 0), everything(arm, 0)):
+        npt.assert_array_equal(value, wanted)
+
+
+def test_a_point_mass_pulls_with_its_weight():
+    # The arm stands upright; a mass m off its axis by x has the moment m g x about joint 1.
+    arm = load_arm(GRIPPER_ARM)
+    loaded = arm.with_payloads([make_payload('upper', 2.0, (0.3, 0.0, 0.7))])
+    q = np.zeros(arm.joint_count)
+    more = RigidBody(loaded).gravity(q) - RigidBody(arm).gravity(q)
+    npt.assert_allclose(more, [-2.0 * 9.81 * 0.3, 0.0, 0.0], rtol=0, atol=1e-12)
+
+
+def test_a_payload_at_an_unknown_link_is_refused():
+    arm = load_arm(GRIPPER_ARM)
+    with pytest.raises(InvalidInputError) as caught:
+        arm.with_payloads([make_payload('tool0', 1.0)])
+    assert str(caught.value) == (
+        "payload.header.frame_id is 'tool0', expected one of the links "
+        "['base', 'upper', 'lower', 'hand', 'left', 'right']")
+
+
+# --- by itself -----------------------------------------------------------------------------------
+
+def test_a_payload_keeps_what_it_was_made_of():
+    com, inertia = np.array([0.1, 0.2, 0.3]), np.diag([0.3, 0.2, 0.2])
+    payload = make_payload('hand', 2, com, inertia)
+    assert isinstance(payload, Payload)
+    assert (payload.link, payload.mass) == ('hand', 2.0)
+    com[:], inertia[:] = 9.0, 9.0
+    npt.assert_array_equal(payload.com, [0.1, 0.2, 0.3])
+    npt.assert_array_equal(payload.inertia, np.diag([0.3, 0.2, 0.2]))
+
+
+def test_a_payload_is_a_point_at_the_origin_where_nothing_else_is_said():
+    payload = make_payload('hand', 2.0)
+    npt.assert_array_equal(payload.com, np.zeros(3))
+    npt.assert_array_equal(payload.inertia, np.zeros((3, 3)))
+
+
+@laws
+@given(seed=seeds)
+def test_every_body_is_accepted_and_none_that_breaks_the_triangle(seed):
+    rng = np.random.default_rng(seed)
+    tensor = random_inertia(rng, 3.0)
+    npt.assert_allclose(make_payload('hand', 3.0, inertia=tensor).inertia, tensor, atol=1e-15)
+    a, b = rng.uniform(0.1, 1.0, 2)
+    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    impossible = Q @ np.diag([a, b, 1.01 * (a + b)]) @ Q.T
+    with pytest.raises(InvalidInputError, match='triangle inequality'):
+        make_payload('hand', 3.0, inertia=impossible)
+
+
+def test_a_flat_plate_is_a_body_though_it_has_no_slack():
+    make_payload('hand', 1.0, inertia=np.diag([0.1, 0.2, 0.3]))
+    make_payload('hand', 1.0, inertia=np.diag([0.1, 0.2, 0.1 + 0.2 + 1e-8]))
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    ({'mass': -0.5}, 'payload.inertia.m is -0.5, expected a number >= 0'),
+    ({'mass': np.nan}, 'payload.inertia.m is nan, expected a number >= 0'),
+    ({'mass': 1, 'com': (0, np.inf, 0)},
+     'payload.inertia.com[1] (y) is inf, expected a finite number'),
+    ({'mass': 1, 'com': (0, 0)},
+     "payload.inertia.com has 2 values, expected 3, one for each of ['x', 'y', 'z']"),
+    ({'mass': 1, 'inertia': np.eye(2)},
+     'payload.inertia is [[1.0, 0.0], [0.0, 1.0]], expected a finite 3 × 3 tensor'),
+    ({'mass': 1, 'inertia': np.diag([1.0, np.nan, 1.0])},
+     'payload.inertia is [[1.0, 0.0, 0.0], [0.0, nan, 0.0], [0.0, 0.0, 1.0]], '
+     'expected a finite 3 × 3 tensor'),
+    ({'mass': 1, 'inertia': 'heavy'}, "payload.inertia is 'heavy', expected numbers"),
+    ({'mass': 1, 'inertia': [[1, 0, 0], [0.1, 1, 0], [0, 0, 1]]},
+     'payload.inertia is [[1.0, 0.0, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], '
+     'expected a symmetric tensor'),
+    ({'mass': 1, 'inertia': np.diag([1.0, 1.0, -0.5])},
+     'payload.inertia has the principal moments [-0.5, 1.0, 1.0] kg·m², expected none below 0'),
+    ({'mass': 1, 'inertia': np.diag([1.0, 2.0, 4.0])},
+     'payload.inertia has the principal moments [1.0, 2.0, 4.0] kg·m², '
+     'expected each to be at most the sum of the other two (triangle inequality)'),
+    ({'mass': 0, 'inertia': np.eye(3)},
+     'payload.inertia.m is 0 with a moment of inertia, expected a mass > 0, '
+     'or all zeros to clear the payload'),
+])
+def test_message_on_what_is_no_body(arguments, message):
+    with pytest.raises(InvalidInputError) as caught:
+        make_payload('hand', **arguments)
+    assert str(caught.value) == message

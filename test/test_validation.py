@@ -1,0 +1,211 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the checks of input accept, and what they say when they refuse."""
+
+import array
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.validation import (
+    check_choice,
+    check_samples,
+    check_scalar,
+    check_tensor,
+    check_unique,
+    check_vector,
+    is_empty,
+)
+
+JOINTS = ('shoulder', 'elbow')
+
+laws = settings(deadline=None, derandomize=True, max_examples=100)
+reals = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def refusal(check, *arguments, **more):
+    """Return what a check says when it refuses; it has to refuse."""
+    with pytest.raises(InvalidInputError) as caught:
+        check(*arguments, **more)
+    assert isinstance(caught.value, ValueError)
+    assert isinstance(caught.value, RobotDynamicsError)
+    return str(caught.value)
+
+
+# --- vectors -------------------------------------------------------------------------------------
+
+@laws
+@given(values=st.lists(reals, max_size=6))
+def test_every_finite_vector_is_returned_as_it_is(values):
+    for form in (values, tuple(values), np.array(values), array.array('d', values)):
+        checked = check_vector('position', form, len(values))
+        assert checked.dtype == np.float64
+        assert checked.tolist() == values
+
+
+@laws
+@given(values=st.lists(st.floats(), min_size=1, max_size=6), wanted=st.integers(0, 8))
+def test_a_vector_is_refused_exactly_where_length_or_a_value_is_wrong(values, wanted):
+    if len(values) == wanted and np.isfinite(values).all():
+        check_vector('position', values, wanted)
+    else:
+        refusal(check_vector, 'position', values, wanted)
+
+
+def test_integers_become_float64():
+    checked = check_vector('position', np.array([1, 2], dtype=np.int32), 2)
+    assert checked.dtype == np.float64
+    npt.assert_array_equal(checked, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(('value', 'message'), [
+    ([1.0], "position has 1 values, expected 2, one for each of ['shoulder', 'elbow']"),
+    ([], "position has 0 values, expected 2, one for each of ['shoulder', 'elbow']"),
+    ([[1.0, 2.0]], "position has an array of shape (1, 2), expected 2, one for each of "
+                   "['shoulder', 'elbow']"),
+    (3.0, "position has an array of shape (), expected 2, one for each of ['shoulder', 'elbow']"),
+    ([0.0, np.nan], 'position[1] (elbow) is nan, expected a finite number'),
+    ([-np.inf, np.nan], 'position[0] (shoulder) is -inf, expected a finite number'),
+    ([0.0, None], 'position[1] (elbow) is nan, expected a finite number'),
+    (['a', 'b'], "position is ['a', 'b'], expected numbers"),
+    ([[1.0], [2.0, 3.0]], 'position is [[1.0], [2.0, 3.0]], expected numbers'),
+    ({'shoulder': 1.0}, "position is {'shoulder': 1.0}, expected numbers"),
+])
+def test_message_on_a_vector(value, message):
+    assert refusal(check_vector, 'position', value, 2, JOINTS) == message
+
+
+def test_message_on_a_vector_without_names():
+    assert refusal(check_vector, 'gravity', [1, 2], 3) == 'gravity has 2 values, expected 3'
+    assert refusal(check_vector, 'gravity', [1, np.inf, 2], 3) == (
+        'gravity[1] is inf, expected a finite number')
+
+
+def test_an_integer_beyond_all_floats_is_no_number():
+    assert refusal(check_vector, 'position', [10**400], 1).endswith(', expected numbers')
+
+
+# --- samples -------------------------------------------------------------------------------------
+
+@laws
+@given(rows=st.integers(0, 5), columns=st.integers(1, 4), seed=st.integers(0, 99))
+def test_flat_samples_are_read_row_by_row(rows, columns, seed):
+    matrix = np.random.default_rng(seed).normal(size=(rows, columns))
+    npt.assert_array_equal(check_samples('position', matrix, columns), matrix)
+    npt.assert_array_equal(check_samples('position', matrix.ravel().tolist(), columns), matrix)
+
+
+@pytest.mark.parametrize(('value', 'message'), [
+    ([1.0, 2.0, 3.0],
+     "position has 3 values, expected samples × 2 joints (['shoulder', 'elbow']), row by row"),
+    ([[1.0, 2.0, 3.0]], 'position has an array of shape (1, 3), expected samples × 2 joints '
+                        "(['shoulder', 'elbow']), row by row"),
+    (np.zeros((1, 2, 2)), 'position has an array of shape (1, 2, 2), expected samples × 2 joints '
+                          "(['shoulder', 'elbow']), row by row"),
+    (1.0, 'position has an array of shape (), expected samples × 2 joints '
+          "(['shoulder', 'elbow']), row by row"),
+    ([0.0, 1.0, 2.0, np.nan], 'position[1][1] (elbow) is nan, expected a finite number'),
+    ([[0.0, 1.0], [np.inf, 2.0]], 'position[1][0] (shoulder) is inf, expected a finite number'),
+    (['x', 'y'], "position is ['x', 'y'], expected numbers"),
+])
+def test_message_on_samples(value, message):
+    assert refusal(check_samples, 'position', value, 2, JOINTS) == message
+
+
+def test_no_columns_hold_no_values():
+    assert check_samples('position', [], 0).shape == (0, 0)
+    assert refusal(check_samples, 'position', [1.0], 0) == (
+        'position has 1 values, expected samples × 0 joints, row by row')
+
+
+# --- tensors -------------------------------------------------------------------------------------
+
+def test_a_finite_tensor_is_returned():
+    rows = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    npt.assert_array_equal(check_tensor('inertia', rows), rows)
+
+
+@pytest.mark.parametrize(('value', 'message'), [
+    (np.eye(2), 'inertia is [[1.0, 0.0], [0.0, 1.0]], expected a finite 3 × 3 tensor'),
+    (4.0, 'inertia is 4.0, expected a finite 3 × 3 tensor'),
+    (np.diag([1.0, 2.0, np.inf]),
+     'inertia is [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, inf]], '
+     'expected a finite 3 × 3 tensor'),
+    ('round', "inertia is 'round', expected numbers"),
+    ([[1.0], [2.0, 3.0]], 'inertia is [[1.0], [2.0, 3.0]], expected numbers'),
+])
+def test_message_on_a_tensor(value, message):
+    assert refusal(check_tensor, 'inertia', value) == message
+
+
+# --- scalars -------------------------------------------------------------------------------------
+
+@laws
+@given(value=st.floats(), low=st.floats(-5, 0), width=st.floats(0, 5), exclusive=st.booleans())
+def test_a_scalar_is_refused_exactly_outside_its_range(value, low, width, exclusive):
+    high = low + width
+    if (low < value or (value == low and not exclusive)) and value <= high:
+        assert check_scalar('rate', value, low, high, exclusive) == value
+    else:
+        refusal(check_scalar, 'rate', value, low, high, exclusive)
+
+
+@pytest.mark.parametrize(('value', 'more', 'message'), [
+    (-1, {'minimum': 0.0}, 'rate is -1, expected a number >= 0'),
+    (0, {'minimum': 0.0, 'exclusive_minimum': True}, 'rate is 0, expected a number > 0'),
+    (2, {'minimum': 0.0, 'maximum': 1.0}, 'rate is 2, expected a number in [0, 1]'),
+    (0, {'minimum': 0.0, 'maximum': 1.0, 'exclusive_minimum': True},
+     'rate is 0, expected a number in (0, 1]'),
+    (2, {'maximum': 1.0}, 'rate is 2, expected a number <= 1'),
+    (np.nan, {}, 'rate is nan, expected a finite number'),
+    (np.inf, {}, 'rate is inf, expected a finite number'),
+    (np.nan, {'minimum': 0.0}, 'rate is nan, expected a number >= 0'),
+    ('fast', {}, "rate is 'fast', expected numbers"),
+    ([1.0], {}, 'rate is [1.0], expected one number'),
+])
+def test_message_on_a_scalar(value, more, message):
+    assert refusal(check_scalar, 'rate', value, **more) == message
+
+
+def test_a_scalar_is_a_plain_float():
+    assert type(check_scalar('rate', np.float32(0.5))) is float
+    assert check_scalar('rate', np.array(3)) == 3.0
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+def test_choices():
+    assert check_choice('command', 'none', ('none', 'all')) == 'none'
+    assert refusal(check_choice, 'command', 'some', ('none', 'all')) == (
+        "command is 'some', expected one of ['none', 'all']")
+
+
+def test_unique_names():
+    check_unique('joints', ())
+    check_unique('joints', ('a', 'b'))
+    assert refusal(check_unique, 'joints', ('a', 'b', 'c', 'b')) == (
+        "joints has 'b' twice, expected each name once")
+
+
+@pytest.mark.parametrize(('value', 'expected'), [
+    ([], True), ((), True), (np.zeros(0), True), (np.zeros((0, 3)), True),
+    (array.array('d'), True), ([0.0], False), (np.zeros(1), False), (np.array(1.0), False),
+    (0.0, False), (None, False),
+])
+def test_empty_is_a_sequence_without_entries(value, expected):
+    assert is_empty(value) is expected
