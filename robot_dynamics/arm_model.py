@@ -89,11 +89,12 @@ class ArmModel:
         Each is added to its link's own inertia. Raises InvalidInputError for an unknown link.
         """
         engine = self.bare_engine.copy()
-        for payload in payloads:
+        loads = tuple(payload for payload in payloads if payload.mass > 0.0)
+        for payload in loads:
             frame = self.link_frame(payload.link, 'payload.header.frame_id')
             load = pin.Inertia(payload.mass, payload.com, payload.inertia)
             engine.inertias[frame.parentJoint] += frame.placement.act(load)
-        return replace(self, engine=engine, payloads=tuple(p for p in payloads if p.mass > 0.0))
+        return replace(self, engine=engine, payloads=loads)
 
 
 def load_arm(

@@ -337,9 +337,9 @@ class RosClient:
 
     def get_parameter(self, node: str, name: str) -> Any:
         """Return the value of a node's parameter, None where it is unset."""
-        value, = self.call(
+        values = self.call(
             GetParameters, f'{node}/get_parameters', GetParameters.Request(names=[name])).values
-        return parameter_value_to_python(value)
+        return parameter_value_to_python(values[0]) if values else None
 
     def describe_parameters(self, node: str, names: Sequence[str]) -> dict[str, Any]:
         """Return the descriptors of a node's parameters by name."""

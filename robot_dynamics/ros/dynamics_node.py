@@ -68,10 +68,10 @@ SPECS = (
         'Damping ratio of the tracking error, one for all joints or one a joint: K_d is twice '
         'this times the natural frequency.', minimum=0.0, maximum=1e4),
     ParameterSpec(
-        'gains.kp', Type.DOUBLE_ARRAY, None,
+        'gains.kp', Type.DOUBLE_ARRAY, [],
         'K_p [1/s^2] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
-        'gains.kd', Type.DOUBLE_ARRAY, None,
+        'gains.kd', Type.DOUBLE_ARRAY, [],
         'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
         'effort_scale', Type.DOUBLE, 1.0,
@@ -123,13 +123,15 @@ class DynamicsNode(Node):
         if xml is not None:
             self._use_model(xml)
             return
-        if not values['joints']:
+        try:
             self._use_model(embedded_description())
             self.get_logger().info(
                 'No robot_description given: serving the embedded planar two-link arm until '
                 'one arrives on the topic robot_description.')
-        else:
-            self.get_logger().info('Waiting for a URDF on the topic robot_description.')
+        except InvalidInputError:  # joints of another arm, whose description is yet to come
+            self.get_logger().info(
+                f'Waiting for a URDF with the joints {list(values["joints"])} on the topic '
+                'robot_description.')
         self.create_subscription(String, 'robot_description', self._on_description, LATCHED)
 
     def _on_description(self, message: String) -> None:

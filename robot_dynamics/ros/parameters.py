@@ -43,7 +43,7 @@ Values = Mapping[str, Any]
 @dataclass(frozen=True)
 class ParameterSpec:
     """
-    One parameter. `default` None leaves it unset, which `Values` shows as an empty tuple.
+    One parameter; the default of an array may be empty.
 
     `minimum` and `maximum` hold for a number, or for each number of an array.
     """
@@ -114,20 +114,27 @@ class DeclaredParameters:
 
     @property
     def values(self) -> Values:
-        """All values by name; an unset parameter is an empty tuple."""
+        """All values by name; arrays as tuples."""
         return self._values
 
     def _declare(self, spec: ParameterSpec) -> Any:
-        default = spec.kind if spec.default is None else spec.default
+        descriptor, empty = spec.descriptor(), spec.default == []
         try:
-            parameter = self._node.declare_parameter(spec.name, default, spec.descriptor())
+            if empty:  # rclpy takes an empty list for a list of bytes, unless it is set later
+                descriptor.read_only = False
+            parameter = self._node.declare_parameter(
+                spec.name, spec.kind if empty else spec.default, descriptor)
         except ParameterException as error:
             raise InvalidInputError(
                 f'parameter {spec.name}: {error} '
                 f'(expected {_type_in_words(spec)}: {spec.description})') from None
+        if empty:
+            if parameter.type_ is Type.NOT_SET:
+                parameter = Parameter(spec.name, spec.kind, [])
+                self._node.set_parameters([parameter])
+            self._node.set_descriptor(spec.name, spec.descriptor())
         value = _plain(parameter)
-        if value != ():
-            spec.check(value)
+        spec.check(value)
         return value
 
     def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -155,17 +162,14 @@ class DeclaredParameters:
             if spec is None:  # use_sim_time and the like, which belong to rclpy
                 continue
             value = _plain(parameter)
-            if value == () and spec.default is not None:
-                raise InvalidInputError(f'{spec.name} cannot be unset')
-            if value != ():
-                spec.check(value)
+            spec.check(value)
             values[spec.name] = value
         return values
 
 
 def _plain(parameter: Parameter) -> Any:
     if parameter.type_ is Type.NOT_SET:
-        return ()
+        raise InvalidInputError(f'{parameter.name} cannot be unset')
     value = parameter.value
     return value if isinstance(value, (bool, int, float, str)) else tuple(value)
 

@@ -29,8 +29,8 @@ DESCRIPTION_SPECS = (
         'The URDF as a file: a path, or package://PACKAGE/PATH; .xacro files are expanded where '
         'xacro is installed.', read_only=True),
     ParameterSpec(
-        'joints', Type.STRING_ARRAY, None,
-        'The actuated joints, in the order of all arrays. Unset: all that move and do not mimic, '
+        'joints', Type.STRING_ARRAY, [],
+        'The actuated joints, in the order of all arrays. Empty: all that move and do not mimic, '
         'in the order of the URDF. Moving joints left out are locked.', read_only=True),
     ParameterSpec(
         'gravity', Type.DOUBLE_ARRAY, [0.0, 0.0, -9.81],

@@ -50,12 +50,12 @@ SPECS = (
         'publish_clock', Type.BOOL, False,
         'Count time from 0 and publish it on /clock; lock_step does so always.', read_only=True),
     ParameterSpec(
-        'initial_position', Type.DOUBLE_ARRAY, None,
-        'Position at the start [rad] or [m], one a joint. Unset: 0, or the limit nearest to it.',
+        'initial_position', Type.DOUBLE_ARRAY, [],
+        'Position at the start [rad] or [m], one a joint. Empty: 0, or the limit nearest to it.',
         read_only=True, minimum=-1e6, maximum=1e6),
     ParameterSpec(
-        'initial_velocity', Type.DOUBLE_ARRAY, None,
-        'Velocity at the start [rad/s] or [m/s], one a joint. Unset: 0.',
+        'initial_velocity', Type.DOUBLE_ARRAY, [],
+        'Velocity at the start [rad/s] or [m/s], one a joint. Empty: 0.',
         read_only=True, minimum=-1e6, maximum=1e6),
     ParameterSpec(
         'brakes', Type.BOOL, True,
