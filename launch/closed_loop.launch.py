@@ -15,11 +15,12 @@
 """
 The closed loop without hardware: `simulated_arm`, `dynamics_node` and `robot_state_publisher`.
 
-ros2 launch robot_dynamics closed_loop.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
+ros2 launch robot_dynamics closed_loop.launch.py [robot:=FILE.urdf] [params:=FILE.yaml] [tf:=false]
 """
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from robot_dynamics.ros.robot_description import embedded_description, read_description_file
@@ -35,7 +36,7 @@ def _nodes(context, *_):
         Node(package='robot_dynamics', executable='simulated_arm', parameters=parameters),
         Node(package='robot_dynamics', executable='dynamics_node', parameters=parameters),
         Node(package='robot_state_publisher', executable='robot_state_publisher',
-             parameters=[description]),
+             parameters=[description], condition=IfCondition(LaunchConfiguration('tf'))),
     ]
 
 
@@ -46,5 +47,8 @@ def generate_launch_description():
             description='The URDF: a path or package://PACKAGE/PATH; empty for the two-link arm.'),
         DeclareLaunchArgument(
             'params', default_value='', description='A parameter file for both nodes.'),
+        DeclareLaunchArgument(
+            'tf', default_value='true',
+            description='Whether robot_state_publisher runs too, for RViz.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.payload import Payload
@@ -119,12 +120,22 @@ class ArmSimulation:
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
         h = duration / steps
         for _ in range(steps):
+            q, at_rest = self.q, self.v == 0.0
             self._runge_kutta(tau, h, wrenches)
             if self._dynamics.friction.coulomb.any():
-                self.v = coulomb_friction_step(
-                    self._dynamics.rigid_body.mass_matrix(self.q), self.v,
-                    h * self._dynamics.friction.coulomb)
+                self._rub(h, q, at_rest)
         return self.state
+
+    def _rub(self, h: float, q_before: FloatArray, at_rest: npt.NDArray[np.bool_]) -> None:
+        """Let Coulomb friction act over a step; a joint that stays at rest stays where it is."""
+        frictionless = self.v
+        self.v = coulomb_friction_step(
+            self._dynamics.rigid_body.mass_matrix(self.q), frictionless,
+            h * self._dynamics.friction.coulomb)
+        # what a velocity that changes evenly over the step adds to the way
+        self.q = self.q + 0.5 * h * (self.v - frictionless)
+        held = at_rest & (self.v == 0.0)
+        self.q[held] = q_before[held]
 
     def _runge_kutta(
         self, tau: FloatArray, h: float, wrenches: Sequence[ExternalWrench],

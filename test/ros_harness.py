@@ -19,7 +19,6 @@ Nothing is simulated here but the arm. Every wait is for an event and bounded by
 """
 
 from collections.abc import Callable, Mapping, Sequence
-import itertools
 import os
 from pathlib import Path
 import re
@@ -229,7 +228,6 @@ class Collector:
 
     def find(self, predicate: Callable[[Any], bool], timeout: float = TIMEOUT) -> Any | None:
         """Return the first message, past or to come, that fulfils this; None where none does."""
-        seen = itertools.count()
         looked, found = 0, None
 
         def look() -> bool:
@@ -237,7 +235,7 @@ class Collector:
             while found is None and looked < len(self._messages):
                 if predicate(self._messages[looked]):
                     found = self._messages[looked]
-                looked = next(seen) + 1
+                looked += 1
             return found is not None
 
         with self._news:
@@ -283,11 +281,12 @@ class RosClient:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._clients: dict[str, Any] = {}
+        self._closing = False
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
-        while self._context.ok() and not getattr(self, '_closing', False):
+        while self._context.ok() and not self._closing:
             self._executor.spin_once(timeout_sec=0.2)
 
     def close(self) -> None:

@@ -15,6 +15,7 @@
 """The `main` of a node: start, spin, and leave in order."""
 
 from collections.abc import Callable, Sequence
+import signal
 import sys
 
 import rclpy
@@ -42,6 +43,8 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
+        # Ctrl-C under `ros2 launch` arrives twice; the second must not cut this short.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()

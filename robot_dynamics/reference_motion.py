@@ -1,0 +1,199 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A motion to show on any arm: smooth, within all limits, and never the same for two joints.
+
+The arm leaves a start pose, swings every joint about it, each with a pattern of its own, and comes
+back to rest at the start. How far it swings follows from the limits of position, velocity and
+effort, and from the time that it has. Collisions are not looked at.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.trajectory import (
+    ActiveTrajectory,
+    JointTrajectory,
+    quintic_via_points,
+    Reference,
+)
+from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+
+SHARE_OF_LIMITS = 0.6
+"""Of the limits of velocity, and of effort where gravity alone takes less than that."""
+POSITION_MARGIN = 0.05
+"""Share of a joint's range that is kept free at either end."""
+LARGEST_SWING = 0.8
+"""[rad] about the start pose, for joints with much room."""
+LARGEST_PRISMATIC_SWING = 0.3
+"""[m] likewise."""
+LARGEST_ACCELERATION = 6.0
+"""[rad/s²] or [m/s²]"""
+SHORTEST_DURATION = 0.5
+"""[s]"""
+
+_SECONDS_PER_SWING = 1.6
+_SAMPLES = 400
+_SMALLEST_SCALE = 1e-3
+# Where in its range a joint starts: alternately, from the middle, in halves of that range.
+_START_PATTERN = (0.25, 1.0 / 6.0)
+_START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
+# Via-points of the swing; neighbouring joints begin at different entries, with different signs.
+_SWINGS = np.array((1.0, -0.7, 0.5, -1.0, 0.8, -0.5))
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMotion:
+    """
+    A motion from rest at `start` (n,) back to it, and what it takes.
+
+    `peak_velocity` (n,) [rad/s or m/s], `peak_effort` (n,) [N·m or N]; `effort_ratio` is the
+    largest share of an effort limit, `worst_joint` has it.
+    """
+
+    start: FloatArray
+    trajectory: JointTrajectory
+    peak_velocity: FloatArray
+    peak_effort: FloatArray
+    effort_ratio: float
+    worst_joint: str
+
+
+def make_reference_motion(
+    arm: ArmModel, duration: float, start: FloatArray | None = None,
+) -> ReferenceMotion:
+    """
+    Return a motion of `duration` [s] for this arm, from `start` (n,) or a pose that it chooses.
+
+    Positions keep POSITION_MARGIN off their limits; velocities stay below SHARE_OF_LIMITS of
+    theirs, and efforts too, unless gravity at the start pose takes more already: then they stay
+    below the middle between that and the limit. Raises InvalidInputError on a duration below
+    SHORTEST_DURATION, a start outside the limits, or an arm that cannot hold itself up.
+    """
+    T = check_scalar('duration', duration, SHORTEST_DURATION)
+    dynamics = ArmDynamics(arm)
+    q0 = start_pose(dynamics) if start is None else _checked_start(arm, start)
+    gravity = _effort_ratio(arm, dynamics.rigid_body.gravity(q0))
+    if gravity >= 1.0:
+        raise InvalidInputError(
+            f'arm {arm.name!r} needs {gravity:.2f} times its effort limit to hold itself at '
+            f'{q0.tolist()}, expected less than once')
+    allowed = max(SHARE_OF_LIMITS, 0.5 * (gravity + 1.0) if gravity > SHARE_OF_LIMITS else 0.0)
+    pattern = _pattern(arm.joint_count, T)
+    swing, scale = _swing_within_limits(arm, q0, pattern, T), 1.0
+    while True:
+        trajectory = _trajectory(arm, q0, pattern, scale * swing, T)
+        q, v, a = _sample(trajectory)
+        efforts = dynamics.inverse_dynamics_batch(q, v, a)
+        ratio = _effort_ratio(arm, efforts)
+        if ratio <= allowed or scale < _SMALLEST_SCALE:
+            break
+        scale *= 0.85
+    peaks = np.abs(efforts).max(axis=0)
+    worst = int(np.argmax(peaks / arm.limits.effort)) if ratio > 0.0 else 0
+    return ReferenceMotion(
+        q0, trajectory, np.abs(v).max(axis=0), peaks, ratio, arm.joint_names[worst])
+
+
+def start_pose(dynamics: ArmDynamics) -> FloatArray:
+    """
+    Return a pose (n,) well within the limits, at which gravity matters and can be borne.
+
+    Of a few poses about the middle of all ranges: the first one that takes at most half of any
+    effort limit to hold, or, where none does, the one that takes the least.
+    """
+    arm = dynamics.arm
+    middle, half_range = _ranges(arm)
+    pattern = np.resize(_START_PATTERN, arm.joint_count)
+    poses = [middle + scale * pattern * half_range for scale in _START_SCALES]
+    ratios = [_effort_ratio(arm, dynamics.rigid_body.gravity(q)) for q in poses]
+    for q, ratio in zip(poses, ratios):
+        if ratio <= 0.5:
+            return q
+    return poses[int(np.argmin(ratios))]
+
+
+def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Reference:
+    """Return position, velocity and acceleration, each (samples, n), at `times` [s] from 0."""
+    first = trajectory.points[0].position
+    rest = Reference(first, np.zeros_like(first), np.zeros_like(first))
+    active = ActiveTrajectory(trajectory, 0, 0, rest)
+    samples = [active.sample(round(1e9 * t)) for t in times.tolist()]
+    return Reference(*(np.array(rows) for rows in zip(*samples)))
+
+
+def _ranges(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
+    """Return the middle of each joint's range and half of it; half a turn where it has no end."""
+    lower, upper = arm.limits.lower, arm.limits.upper
+    reach = np.where([kind == 'prismatic' for kind in arm.joint_kinds], 1.0, np.pi)
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper, 0.0) - reach)
+    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower, 0.0) + reach)
+    return 0.5 * (low + high), np.minimum(0.5 * (high - low), reach)
+
+
+def _checked_start(arm: ArmModel, start: FloatArray) -> FloatArray:
+    q0 = check_vector('start', start, arm.joint_count, arm.joint_names)
+    for name, value, low, high in zip(
+            arm.joint_names, q0, arm.limits.lower, arm.limits.upper):
+        if not low <= value <= high:
+            raise InvalidInputError(
+                f'start of {name!r} is {value:g}, expected a position in [{low:g}, {high:g}]')
+    return q0
+
+
+def _effort_ratio(arm: ArmModel, efforts: FloatArray) -> float:
+    return float(np.max(np.abs(efforts) / arm.limits.effort, initial=0.0))
+
+
+def _pattern(n: int, duration: float) -> FloatArray:
+    """Return the via-points in units of the swing, (points, n), 0 at both ends."""
+    swings = max(1, min(len(_SWINGS), round(duration / _SECONDS_PER_SWING) - 1))
+    pattern = np.zeros((swings + 2, n))
+    for j in range(n):
+        sign = -1.0 if j % 2 else 1.0
+        pattern[1:-1, j] = sign * np.roll(_SWINGS, -(j // 2))[:swings]
+    return pattern
+
+
+def _trajectory(
+    arm: ArmModel, q0: FloatArray, pattern: FloatArray, swing: FloatArray, T: float,
+) -> JointTrajectory:
+    times = np.linspace(0.0, T, len(pattern))
+    return quintic_via_points(arm.joint_names, times.tolist(), q0 + pattern * swing)
+
+
+def _sample(trajectory: JointTrajectory) -> Reference:
+    return sample_trajectory(trajectory, np.linspace(0.0, trajectory.duration, _SAMPLES))
+
+
+def _swing_within_limits(
+    arm: ArmModel, q0: FloatArray, pattern: FloatArray, T: float,
+) -> FloatArray:
+    """Return how far each joint may swing (n,): all of the motion is linear in it."""
+    n, limits = arm.joint_count, arm.limits
+    x, v, a = _sample(_trajectory(arm, np.zeros(n), pattern, np.ones(n), T))
+    prismatic = np.array([kind == 'prismatic' for kind in arm.joint_kinds])
+    swing = np.where(prismatic, LARGEST_PRISMATIC_SWING, LARGEST_SWING)
+    span = limits.upper - limits.lower
+    margin = POSITION_MARGIN * np.where(np.isfinite(span), span, 0.0)
+    free_above = np.maximum(limits.upper - margin - q0, 0.0)
+    free_below = np.maximum(q0 - limits.lower - margin, 0.0)
+    for room, used in ((free_above, x.max(axis=0)), (free_below, -x.min(axis=0))):
+        swing = np.minimum(swing, np.where(used > 0.0, room / np.maximum(used, 1e-12), np.inf))
+    swing = np.minimum(swing, SHARE_OF_LIMITS * limits.velocity / np.abs(v).max(axis=0))
+    return np.asarray(np.minimum(swing, LARGEST_ACCELERATION / np.abs(a).max(axis=0)))

@@ -1,0 +1,111 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Play recorded joint states to a node, one by one, each when the one before has its answer."""
+
+from collections.abc import Callable
+import time
+from typing import NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recording import JointSeries
+from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics.ros.recorder import Recorder
+
+RESEND_PERIOD = 0.5
+"""[s] after which a state is said again: subscriptions to joint states are best effort."""
+TIMEOUT = 10.0
+"""[s] for which an answer is waited for."""
+
+
+class PlaybackResult(NamedTuple):
+    """How many states were played, how often one had to be said again, and how long it took."""
+
+    played: int
+    resent: int
+    seconds: float
+
+
+class Playback:
+    """Plays the samples of a series as a robot would publish them, with their own stamps."""
+
+    def __init__(
+        self, node: Node, recorder: Recorder, topic: str, answer_topic: str,
+        series: JointSeries,
+    ) -> None:
+        """`recorder` records `answer_topic`, whose stamps tell which state was answered."""
+        self._recorder, self._answers = recorder, answer_topic
+        self._series = series
+        self._publisher = node.create_publisher(JointState, topic, QoSProfile(depth=1))
+
+    @property
+    def found(self) -> bool:
+        """Whether somebody listens, beside the recorder."""
+        return bool(self._publisher.get_subscription_count() >= 2)
+
+    def play(
+        self, rate: float | None, on_progress: Callable[[int], None],
+        check: Callable[[], None],
+    ) -> PlaybackResult:
+        """
+        Play all samples, at most `rate` a second [Hz] (None: as fast as they are answered).
+
+        `on_progress` hears how many are done; `check` is called while an answer is waited for,
+        and may raise. Raises RecordingError where a state gets no answer.
+        """
+        start, resent = time.monotonic(), 0
+        for i in range(len(self._series.stamps_ns)):
+            if rate is not None:
+                self._record_until(start + i / rate)
+            resent += self._ask(i, check)
+            on_progress(i + 1)
+        return PlaybackResult(len(self._series.stamps_ns), resent, time.monotonic() - start)
+
+    def _record_until(self, deadline: float) -> None:
+        while (remaining := deadline - time.monotonic()) > 0.0:
+            self._recorder.wait(self._answers, remaining)
+            self._recorder.drain()
+
+    def _ask(self, i: int, check: Callable[[], None]) -> int:
+        """Publish a state until it is answered; return how often it was said again."""
+        stamp = int(self._series.stamps_ns[i])
+        state, count = self._message(i), self._recorder.counts[self._answers]
+        give_up = time.monotonic() + TIMEOUT
+        said = 0
+        while time.monotonic() < give_up:
+            self._publisher.publish(state)
+            said += 1
+            again = time.monotonic() + RESEND_PERIOD
+            while (remaining := again - time.monotonic()) > 0.0:
+                self._recorder.wait(self._answers, remaining)
+                self._recorder.drain()
+                if count.stamp_ns == stamp:
+                    return said - 1
+            check()
+        raise RecordingError(
+            f'the state of stamp {stamp} ns got no answer on {self._answers} in {TIMEOUT:g} s')
+
+    def _message(self, i: int) -> JointState:
+        series = self._series
+        message = JointState(name=list(series.joint_names))
+        message.header.stamp = stamp_to_ros(int(series.stamps_ns[i]))
+        for field in ('position', 'velocity', 'effort'):
+            values = getattr(series, field)
+            if values is not None:
+                setattr(message, field, floats_to_ros(values[i]))
+        return message

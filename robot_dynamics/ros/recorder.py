@@ -1,0 +1,180 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Record topics as the bytes that come over the wire, without decoding them.
+
+The recorder has no thread and no executor: its owner drains it often enough, or waits on it for
+one topic. A drain takes all that has arrived, which costs far less than to be woken for each
+message.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+import struct
+from typing import Any
+
+from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recording import NANOSECONDS_PER_SECOND, RecordingWriter, TopicQos
+from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+
+RECEIVE_DEPTH = 2000
+"""Messages of one topic that may wait to be drained: seconds, at the rate of a control loop."""
+
+
+@dataclass(frozen=True)
+class TopicSpec:
+    """
+    A topic to record, with what its publisher offers.
+
+    `stamped` says that its header carries the stamp of the joint state that it belongs to.
+    """
+
+    name: str
+    message_type: type
+    stamped: bool = False
+    qos: TopicQos = TopicQos()  # noqa: RUF009 (a NamedTuple does not change)
+
+    @property
+    def type_name(self) -> str:
+        """The type as 'sensor_msgs/msg/JointState'."""
+        package, kind, *_ = self.message_type.__module__.split('.')
+        return f'{package}/{kind}/{self.message_type.__name__}'
+
+
+@dataclass
+class TopicCount:
+    """What arrived of a topic: messages, those lost on the way, the newest stamp [ns]."""
+
+    received: int = 0
+    lost: int = 0
+    stamp_ns: int = 0
+
+
+class _Source:
+    """One subscription, and how far its publisher has counted."""
+
+    def __init__(self, node: Node, spec: TopicSpec) -> None:
+        self.spec = spec
+        self.sequence: int | None = None
+        qos = QoSProfile(
+            depth=RECEIVE_DEPTH,
+            reliability=(ReliabilityPolicy.RELIABLE if spec.qos.reliable
+                         else ReliabilityPolicy.BEST_EFFORT),
+            durability=(DurabilityPolicy.TRANSIENT_LOCAL if spec.qos.transient_local
+                        else DurabilityPolicy.VOLATILE))
+        self.subscription = node.create_subscription(
+            spec.message_type, spec.name, lambda _: None, qos, raw=True,
+            callback_group=LEFT_TO_THE_LOOP)
+
+    def take(self) -> tuple[bytes, Any] | None:
+        taken: tuple[bytes, Any] | None = self.subscription.handle.take_message(
+            self.spec.message_type, True)
+        return taken
+
+
+class Recorder:
+    """Writes what arrives on some topics to a recording; for one thread."""
+
+    def __init__(
+        self, node: Node, writer: RecordingWriter, topics: Sequence[TopicSpec],
+        time_ns: Callable[[], int] | None = None,
+    ) -> None:
+        """
+        Subscribe to `topics`; the writer stays the caller's to close.
+
+        Messages are recorded under the time of their arrival. With `time_ns`, which says how
+        far a playback is, under that time instead, stamped ones under their stamp. Raises
+        RecordingError where the definition of a type is not known to the writer.
+        """
+        self._node, self._writer, self._time_ns = node, writer, time_ns
+        self._sources = [_Source(node, spec) for spec in topics]
+        self.counts = {spec.name: TopicCount() for spec in topics}
+        for spec in topics:
+            writer.add_topic(spec.name, spec.type_name, spec.qos)
+
+    def drain(self) -> int:
+        """Record all that has arrived; return how many messages that was."""
+        return sum(self._drain(source) for source in self._sources)
+
+    def wait(self, topic: str, seconds: float) -> bool:
+        """Wait until a message of this topic can be drained; return whether one can."""
+        source = next(source for source in self._sources if source.spec.name == topic)
+        wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, self._node.context.handle)
+        wait_set.clear_entities()
+        wait_set.add_subscription(source.subscription.handle)
+        wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        return bool(wait_set.get_ready_entities('subscription'))
+
+    def close(self) -> None:
+        """Record what is left, and end the subscriptions."""
+        self.drain()
+        for source in self._sources:
+            self._node.destroy_subscription(source.subscription)
+        self._sources.clear()
+
+    def _drain(self, source: _Source) -> int:
+        count, name = self.counts[source.spec.name], source.spec.name
+        before = count.received
+        while (taken := source.take()) is not None:
+            data, info = taken
+            stamp = _first_stamp_ns(data) if source.spec.stamped else 0
+            count.received += 1
+            count.stamp_ns = stamp or count.stamp_ns
+            count.lost += _lost_before(source, info)
+            self._writer.write(name, self._recorded_at(info, stamp), data)
+        return count.received - before
+
+    def _recorded_at(self, info: Any, stamp_ns: int) -> int:
+        if self._time_ns is None:
+            return int(info['received_timestamp'])
+        return stamp_ns or self._time_ns()
+
+
+def interface_definitions(package: str, names: Sequence[str]) -> dict[str, str]:
+    """
+    Return the texts of a package's message types by name, for `RecordingWriter`.
+
+    Raises RecordingError where the package is not installed.
+    """
+    try:
+        directory = Path(get_package_share_directory(package), 'msg')
+        return {f'{package}/msg/{name}': (directory / f'{name}.msg').read_text(encoding='utf-8')
+                for name in names}
+    except (PackageNotFoundError, ValueError, OSError) as error:
+        raise RecordingError(
+            f'the message definitions {list(names)} of the package {package!r} cannot be read, '
+            f'expected them in its share directory: {error}') from None
+
+
+def _first_stamp_ns(data: bytes) -> int:
+    """Return the stamp [ns] of a serialized message that begins with a header."""
+    order = '<' if data[1] & 1 else '>'  # the second byte of CDR tells the order of bytes
+    sec, nanosec = struct.unpack_from(f'{order}iI', data, 4)
+    return int(sec) * NANOSECONDS_PER_SECOND + int(nanosec)
+
+
+def _lost_before(source: _Source, info: Any) -> int:
+    """Return how many messages of its only publisher were skipped before this one."""
+    sequence = info['publication_sequence_number']
+    if sequence is None:  # middlewares need not count
+        return 0
+    last, source.sequence = source.sequence, sequence
+    return 0 if last is None or sequence <= last else sequence - last - 1

@@ -1,0 +1,125 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The closed loop: a simulated arm and `dynamics` as processes, a trajectory, a recording."""
+
+from dataclasses import dataclass
+from pathlib import Path
+import time
+
+from rclpy.qos import QoSProfile
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.reference_motion import make_reference_motion, ReferenceMotion
+from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, SIMULATED_ARM
+from robot_dynamics.tools.demo_progress import Progress
+from robot_dynamics.tools.demo_session import (
+    COMPUTED_TORQUE,
+    DESCRIPTION,
+    DRAIN_PERIOD,
+    EFFORT_COMMAND,
+    JOINT_STATES,
+    recording_session,
+    Session,
+    START_TIMEOUT,
+    TRAJECTORY,
+)
+
+LEAD_TIME = 0.3
+"""[s] from the newest state to the start of the motion."""
+HOLD_TIME = 0.3
+"""[s] that is recorded after the motion."""
+
+
+@dataclass
+class LoopRun:
+    """What was done; `start_ns` is the stamp at which the motion starts, 0 before it is sent."""
+
+    motion: ReferenceMotion
+    rate: float
+    start_ns: int = 0
+    lost: int = 0
+    interrupted: bool = False
+
+    @property
+    def end_ns(self) -> int:
+        return self.start_ns + round(1e9 * self.motion.trajectory.duration)
+
+
+def run_closed_loop(
+    arm: ArmModel, urdf: str, duration: float, rate: float, directory: Path,
+) -> LoopRun:
+    """
+    Let the arm follow a motion of `duration` [s] at `rate` [Hz], and record it in `directory`.
+
+    An interrupt ends it early, with what there is. Raises DemoError where the loop does not
+    close, RobotDynamicsError where there is no motion for the arm.
+    """
+    run = LoopRun(make_reference_motion(arm, duration), rate)
+    print(f'Starting dynamics_node and simulated_arm ({arm.name}, {arm.joint_count} joints, '
+          f'{rate:g} Hz) ...', flush=True)
+    description = str((directory / DESCRIPTION).resolve())
+    try:
+        with recording_session(directory, urdf) as session:
+            session.nodes.start(
+                'dynamics', DYNAMICS, {'robot_description_file': description})
+            session.nodes.start('simulated_arm', SIMULATED_ARM, {
+                'robot_description_file': description, 'rate': rate,
+                'initial_position': run.motion.start.tolist()})
+            try:
+                _close_the_loop(session, run)
+                _follow(session, run)
+            finally:
+                run.lost = sum(count.lost for count in session.recorder.counts.values())
+    except KeyboardInterrupt:
+        run.interrupted = True
+    return run
+
+
+def _close_the_loop(session: Session, run: LoopRun) -> None:
+    counts = session.recorder.counts
+    publisher = session.node.create_publisher(
+        JointTrajectoryMsg, TRAJECTORY, QoSProfile(depth=1))
+    session.wait_for(
+        lambda: counts[EFFORT_COMMAND].received > 0, 'an effort on effort_command')
+    session.wait_for(
+        lambda: bool(publisher.get_subscription_count() >= 2),  # dynamics, and the recorder
+        f'a subscriber of {TRAJECTORY}')
+    message = trajectory_to_ros(run.motion.trajectory)
+    session.recorder.drain()
+    run.start_ns = counts[JOINT_STATES].stamp_ns + round(1e9 * LEAD_TIME)
+    message.header.stamp = stamp_to_ros(run.start_ns)
+    publisher.publish(message)
+    session.wait_for(
+        lambda: counts[COMPUTED_TORQUE].received > 0, f'an effort on {COMPUTED_TORQUE}')
+
+
+def _follow(session: Session, run: LoopRun) -> None:
+    """Record until the motion is over and held for a moment."""
+    duration = run.motion.trajectory.duration
+    print(f'Following a quintic trajectory of {duration:g} s ...', flush=True)
+    counts = session.recorder.counts
+    efforts, newest = 0, time.monotonic()
+    with Progress(duration, 's') as progress:
+        while counts[JOINT_STATES].stamp_ns < run.end_ns + round(1e9 * HOLD_TIME):
+            session.record(DRAIN_PERIOD)
+            progress.update(1e-9 * (counts[JOINT_STATES].stamp_ns - run.start_ns))
+            if counts[EFFORT_COMMAND].received > efforts:
+                efforts, newest = counts[EFFORT_COMMAND].received, time.monotonic()
+            elif time.monotonic() - newest > START_TIMEOUT:
+                raise DemoError(
+                    f'{START_TIMEOUT:g} s passed without an effort on effort_command.\n'
+                    f'{session.nodes.logs()}')

@@ -1,0 +1,69 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How far a job is: one line that moves on a terminal, a line every 10 % elsewhere."""
+
+import sys
+import time
+from typing import TextIO
+
+WIDTH = 40
+REDRAW_PERIOD = 0.1
+"""[s]"""
+
+
+class Progress:
+    """Shows `done` of `total`, in `unit`, on a stream; close it, or use it in `with`."""
+
+    def __init__(self, total: float, unit: str, stream: TextIO | None = None) -> None:
+        self._total, self._unit = total, unit
+        self._stream = sys.stderr if stream is None else stream
+        self._live = self._stream.isatty()
+        self._shown = -1
+        self._drawn = 0.0
+
+    def update(self, done: float) -> None:
+        """Show that so much is done; what is beyond the total counts as the total."""
+        share = min(max(done / self._total, 0.0), 1.0) if self._total > 0.0 else 1.0
+        if not self._live:
+            tenth = int(10 * share + 1e-9)
+            if tenth > self._shown:
+                self._shown = tenth
+                print(f'  {10 * tenth:3d} %  {self._figures(share)}', file=self._stream,
+                      flush=True)
+            return
+        now = time.monotonic()
+        if now - self._drawn >= REDRAW_PERIOD or share == 1.0:
+            self._drawn = now
+            filled = round(WIDTH * share)
+            bar = '#' * filled + '.' * (WIDTH - filled)
+            self._stream.write(f'\r  [{bar}] {round(100 * share):3d} %  {self._figures(share)} ')
+            self._stream.flush()
+
+    def close(self) -> None:
+        """Leave the line."""
+        if self._live and self._drawn:
+            self._stream.write('\n')
+            self._stream.flush()
+            self._drawn = 0.0
+
+    def __enter__(self) -> 'Progress':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _figures(self, share: float) -> str:
+        digits = 0 if float(self._total).is_integer() and self._total >= 100 else 1
+        return f'{share * self._total:.{digits}f} / {self._total:.{digits}f} {self._unit}'

@@ -1,0 +1,126 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What both kinds of demo share: the directory, the arm, a node that records, an end in order."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import InertiaStamped
+import rclpy
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory
+
+from robot_dynamics.recording import RecordingWriter, TopicQos
+from robot_dynamics.ros.recorder import interface_definitions, Recorder, TopicSpec
+from robot_dynamics.tools.demo_nodes import DemoError, Nodes
+
+RECORDING = 'recording'
+DESCRIPTION = 'robot.urdf'
+PICTURE = 'demo.png'
+
+JOINT_STATES = '/joint_states'
+EFFORT_COMMAND = '/effort_command'
+GRAVITY = '/dynamics/gravity_compensation'
+COMPUTED_TORQUE = '/dynamics/computed_torque'
+TERMS = '/dynamics/terms'
+TRAJECTORY = '/dynamics/joint_trajectory'
+ROBOT_DESCRIPTION = '/robot_description'
+
+TOPICS = (
+    TopicSpec(JOINT_STATES, JointState, stamped=True),
+    TopicSpec(EFFORT_COMMAND, JointState, stamped=True),
+    TopicSpec(GRAVITY, JointState, stamped=True),
+    TopicSpec(COMPUTED_TORQUE, JointState, stamped=True),
+    TopicSpec('/dynamics/commands', Float64MultiArray),
+    TopicSpec(TERMS, DynamicsTerms, stamped=True),
+    TopicSpec('/dynamics/payload', InertiaStamped, qos=TopicQos(transient_local=True)),
+    TopicSpec(TRAJECTORY, JointTrajectory),
+    TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)),
+)
+"""Every topic of both nodes but /clock, which they have only in lock-step."""
+
+START_TIMEOUT = 10.0
+"""[s] within which the nodes have to be up, and from one effort to the next."""
+DRAIN_PERIOD = 0.01
+"""[s]"""
+
+
+@dataclass
+class Session:
+    """A node of the demo in its own context, with the recorder of all topics."""
+
+    node: Node
+    recorder: Recorder
+    nodes: Nodes
+    directory: Path
+
+    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
+        """Record until `condition` holds; raise DemoError after START_TIMEOUT or a node's end."""
+        deadline = time.monotonic() + START_TIMEOUT
+        while not condition():
+            self.record(DRAIN_PERIOD)
+            if time.monotonic() > deadline:
+                raise DemoError(
+                    f'{START_TIMEOUT:g} s passed without {what}.\n{self.nodes.logs()}')
+
+    def record(self, seconds: float) -> None:
+        """Record what has arrived, then let so much time pass; raise DemoError as above."""
+        self.nodes.check()
+        self.recorder.drain()
+        time.sleep(seconds)
+
+
+@contextmanager
+def recording_session(
+    directory: Path, urdf: str, topics: Sequence[TopicSpec] = TOPICS,
+    time_ns: Callable[[], int] | None = None,
+) -> Iterator[Session]:
+    """
+    Yield a session that records to `directory`/recording; the nodes stop before it is closed.
+
+    The recording begins with the URDF, as any viewer and `--replay` expect it.
+    """
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    definitions = interface_definitions('robot_dynamics_interfaces', ['DynamicsTerms'])
+    node = rclpy.create_node('demo', start_parameter_services=False, enable_rosout=False)
+    try:
+        with RecordingWriter(directory / RECORDING, definitions) as writer:
+            recorder = Recorder(node, writer, topics, time_ns)
+            writer.add_topic(
+                ROBOT_DESCRIPTION, 'std_msgs/msg/String', TopicQos(transient_local=True))
+            now = time.time_ns() if time_ns is None else time_ns()
+            writer.write(ROBOT_DESCRIPTION, now, _serialized(String(data=urdf)))
+            try:
+                with Nodes(directory) as nodes:
+                    yield Session(node, recorder, nodes, directory)
+            finally:
+                recorder.close()
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _serialized(message: Any) -> bytes:
+    return bytes(serialize_message(message))

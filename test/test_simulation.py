@@ -1,0 +1,308 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The simulated arm: energy, convergence, friction that sticks, brakes, loads."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.simulation import ArmSimulation, coulomb_friction_step
+from robots import robot_urdf
+from scipy.integrate import solve_ivp
+
+laws = settings(deadline=None, derandomize=True, max_examples=25)
+
+# One link that turns about a vertical axis, so to say: without gravity.
+MASS, LENGTH, COM, INERTIA = 2.0, 1.0, 0.5, 0.1
+ABOUT_JOINT = INERTIA + MASS * COM**2
+
+
+def two_link() -> ArmModel:
+    return load_arm(default_arm_urdf())
+
+
+def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
+    return load_arm(
+        planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [coulomb]),
+        gravity=(0.0, 0.0, 0.0))
+
+
+def released(arm: ArmModel, position: object = None, velocity: object = None,
+             max_step: float = 1e-3) -> ArmSimulation:
+    simulation = ArmSimulation(arm, position, velocity, max_step)
+    simulation.release()
+    return simulation
+
+
+def exact_motion(
+    arm: ArmModel, q: np.ndarray, v: np.ndarray, duration: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state after a free motion, from another integrator at a tight tolerance."""
+    dynamics, n = ArmDynamics(arm), arm.joint_count
+
+    def slope(_: float, x: np.ndarray) -> np.ndarray:
+        return np.concatenate((x[n:], dynamics.forward_dynamics(x[:n], x[n:], np.zeros(n))))
+
+    solution = solve_ivp(
+        slope, (0.0, duration), np.concatenate((q, v)), method='DOP853', rtol=1e-12, atol=1e-13)
+    return solution.y[:n, -1], solution.y[n:, -1]
+
+
+# --- free motion ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('q0', 'v0'), [
+    ((np.pi / 2, 0.0), (0.0, 0.0)),  # let go stretched out, level
+    ((0.3, 0.5), (0.0, 0.0)),  # near upright: falls and turns over
+    ((np.pi - 0.5, 1.0), (6.0, -4.0)),  # thrown
+])
+def test_a_free_arm_keeps_its_energy(
+    q0: tuple[float, float], v0: tuple[float, float],
+) -> None:
+    """The relative drift over 60 s at 1 ms is below 1e-6, from the lowest pose and in itself."""
+    arm = two_link()
+    simulation = released(arm, q0, v0)
+    at_start = sum(simulation.energy())
+    lowest = released(arm, (np.pi, 0.0)).energy()[1]
+    worst = 0.0
+    for _ in range(600):
+        simulation.step(np.zeros(2), 0.1)
+        worst = max(worst, abs(sum(simulation.energy()) - at_start))
+    assert worst < 1e-6 * (at_start - lowest)
+    if abs(at_start) > 1.0:
+        assert worst < 1e-6 * abs(at_start)
+
+
+@pytest.mark.parametrize(('q0', 'v0', 'tolerance'), [
+    ((np.pi - 0.5, 1.0), (3.0, -2.0), 1e-7),
+    ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # turns over, where neighbouring motions part quickly
+])
+def test_a_free_arm_moves_as_another_integrator_has_it(
+    q0: tuple[float, float], v0: tuple[float, float], tolerance: float,
+) -> None:
+    arm = two_link()
+    simulation = released(arm, q0, v0)
+    q, v = simulation.step(np.zeros(2), 5.0)
+    q_exact, v_exact = exact_motion(arm, np.array(q0), np.array(v0), 5.0)
+    assert q == pytest.approx(q_exact, abs=tolerance)
+    assert v == pytest.approx(v_exact, abs=10.0 * tolerance)
+
+
+def test_the_integration_is_of_fifth_order() -> None:
+    arm, q0, v0 = two_link(), np.array([1.0, 0.5]), np.array([0.5, -1.0])
+    exact = np.concatenate(exact_motion(arm, q0, v0, 1.0))
+    errors = []
+    for step in (0.02, 0.01, 0.005):
+        simulation = released(arm, q0, v0, max_step=step)
+        simulation.step(np.zeros(2), 1.0)
+        errors.append(np.abs(np.concatenate(simulation.state) - exact).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders >= 4.5).all(), orders
+
+
+def test_how_a_motion_is_cut_into_calls_does_not_matter() -> None:
+    arm, tau = two_link(), np.array([3.0, -1.0])
+    whole, parts = released(arm, (1.0, 0.5)), released(arm, (1.0, 0.5))
+    whole.step(tau, 0.4)
+    for _ in range(8):
+        parts.step(tau, 0.05)
+    assert parts.q == pytest.approx(whole.q, abs=1e-12)
+
+
+def test_a_real_arm_keeps_its_energy() -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    assert not arm.friction.coulomb.any()
+    assert not arm.friction.viscous.any()
+    simulation = released(arm, [0.2, -1.0, 0.8, 0.3, -0.4, 0.1])
+    at_start = sum(simulation.energy())
+    simulation.step(np.zeros(6), 2.0)
+    kinetic, potential = simulation.energy()
+    assert kinetic > 10.0  # it fell
+    assert kinetic + potential == pytest.approx(at_start, abs=1e-5 * kinetic)
+
+
+# --- friction ------------------------------------------------------------------------------------
+
+def test_viscous_friction_slows_down_exponentially() -> None:
+    b, v0, t = 0.8, 3.0, 1.5
+    simulation = released(one_link(viscous=b), (0.0,), (v0,))
+    q, v = simulation.step(np.zeros(1), t)
+    decay = np.exp(-b * t / ABOUT_JOINT)
+    assert v[0] == pytest.approx(v0 * decay, rel=1e-10)
+    assert q[0] == pytest.approx(v0 * ABOUT_JOINT / b * (1.0 - decay), rel=1e-10)
+
+
+def test_coulomb_friction_slows_down_linearly_and_stops_for_good() -> None:
+    friction, v0 = 0.6, 1.2
+    slowing = friction / ABOUT_JOINT
+    stop = v0 / slowing
+    simulation = released(one_link(coulomb=friction), (0.0,), (v0,))
+    half, = simulation.step(np.zeros(1), stop / 2).velocity
+    assert half == pytest.approx(v0 / 2, rel=1e-9)
+    at_stop, v = simulation.step(np.zeros(1), stop / 2 + 2e-3)
+    assert v.tolist() == [0.0]
+    assert at_stop[0] == pytest.approx(v0 * stop / 2, abs=1e-6)
+    for _ in range(10):
+        assert simulation.step(np.zeros(1), 0.1).velocity.tolist() == [0.0]
+    assert simulation.q.tolist() == at_stop.tolist()
+
+
+@pytest.mark.parametrize('share', [0.0, 0.5, 0.999, -0.999])
+def test_a_joint_at_rest_stays_below_its_friction(share: float) -> None:
+    simulation = released(one_link(coulomb=0.6), (0.4,))
+    simulation.step(np.array([share * 0.6]), 1.0)
+    assert simulation.v.tolist() == [0.0]
+    assert simulation.q.tolist() == [0.4]
+
+
+def test_a_joint_moves_above_its_friction() -> None:
+    simulation = released(one_link(coulomb=0.6), (0.4,))
+    _, v = simulation.step(np.array([0.9]), 1.0)
+    assert v[0] == pytest.approx(0.3 / ABOUT_JOINT, rel=1e-9)
+
+
+def test_friction_holds_one_joint_while_another_one_moves() -> None:
+    arm = load_arm(planar_arm_urdf(
+        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], coulomb_friction=[500.0, 0.0]))
+    simulation = released(arm, (1.0, 0.5))
+    for _ in range(20):
+        _, v = simulation.step(np.zeros(2), 0.05)
+        assert v[0] == 0.0
+    assert abs(v[1]) > 0.1
+    assert simulation.q[0] == 1.0
+
+
+@laws
+@given(
+    st.lists(st.floats(0.0, 5.0), min_size=4, max_size=4),
+    st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4))
+def test_friction_never_adds_energy(friction: list[float], state: list[float]) -> None:
+    arm = load_arm(planar_arm_urdf(
+        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05],
+        viscous_friction=friction[:2], coulomb_friction=friction[2:]))
+    simulation = released(arm, state[:2], state[2:])
+    energy = sum(simulation.energy())
+    scale = 1.0 + abs(energy) + simulation.energy()[0]
+    for _ in range(20):
+        simulation.step(np.zeros(2), 0.01)
+        after = sum(simulation.energy())
+        assert after <= energy + 1e-9 * scale
+        energy = after
+
+
+@laws
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_friction_impulses_meet_the_conditions_of_their_minimum(seed: int, n: int) -> None:
+    """At rest within the cone, or sliding against the full impulse: nothing in between."""
+    random = np.random.default_rng(seed)
+    A = random.standard_normal((n, n))
+    M = A @ A.T + 0.3 * np.eye(n)
+    v, limit = random.standard_normal(n), random.uniform(0.0, 1.0, n)
+    u = coulomb_friction_step(M, v, limit)
+    p = M @ (u - v)
+    # the sweeps end after a fixed number, so the impulses are right to a tolerance
+    assert (np.abs(p) <= limit + 1e-4).all()
+    for i in range(n):
+        if u[i] != 0.0:
+            assert p[i] == pytest.approx(-limit[i] * np.sign(u[i]), abs=1e-4)
+    assert 0.5 * u @ M @ u <= 0.5 * v @ M @ v + 1e-12
+
+
+# --- brakes, reset, load, wrench -----------------------------------------------------------------
+
+def test_brakes_hold_until_they_are_released() -> None:
+    simulation = ArmSimulation(two_link(), (1.0, 0.5))
+    q, v = simulation.step(np.array([100.0, 50.0]), 1.0)
+    assert q.tolist() == [1.0, 0.5]
+    assert v.tolist() == [0.0, 0.0]
+    simulation.release()
+    assert simulation.step(np.zeros(2), 0.1).velocity[0] != 0.0
+
+
+def test_reset_goes_back_and_brakes() -> None:
+    simulation = released(two_link(), (1.0, 0.5), (0.1, 0.2))
+    simulation.step(np.zeros(2), 0.5)
+    assert simulation.q.tolist() != [1.0, 0.5]
+    simulation.reset()
+    assert simulation.braked
+    assert simulation.q.tolist() == [1.0, 0.5]
+    assert simulation.v.tolist() == [0.1, 0.2]
+
+
+def test_a_state_is_a_copy() -> None:
+    simulation = released(two_link(), (1.0, 0.5))
+    state = simulation.state
+    state.position[:] = 9.0
+    simulation.step(np.zeros(2), 0.1)
+    simulation.reset()
+    assert simulation.q.tolist() == [1.0, 0.5]
+
+
+def test_the_home_pose_is_within_the_limits() -> None:
+    arm = load_arm(robot_urdf('panda'))
+    q, v = ArmSimulation(arm).state
+    assert not v.any()
+    assert (q >= arm.limits.lower).all()
+    assert (q <= arm.limits.upper).all()
+    outside = (arm.limits.lower > 0.0) | (arm.limits.upper < 0.0)
+    assert outside.any()  # this arm cannot stand at 0
+    assert not q[~outside].any()
+
+
+def test_an_arm_holds_under_the_effort_for_its_load() -> None:
+    arm, q0 = two_link(), np.array([1.0, 0.5])
+    payload = make_payload('tool0', 2.0, (0.1, 0.0, 0.05))
+    loaded = arm.with_payloads([payload])
+    tau = ArmDynamics(loaded).rigid_body.gravity(q0)
+    simulation = released(arm, q0)
+    simulation.set_payload(payload)
+    assert simulation.step(tau, 0.2).position == pytest.approx(q0, abs=1e-9)
+    simulation.set_payload(None)
+    assert simulation.arm.payloads == ()
+    simulation.step(tau, 0.2)
+    assert np.abs(simulation.q - q0).max() > 0.05
+
+
+def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:
+    arm, q0 = two_link(), np.array([1.0, 0.5])
+    wrench = ExternalWrench('tool0', np.array([5.0, 0.0, -8.0]), np.array([0.0, 3.0, 0.0]))
+    tau = ArmDynamics(arm).inverse_dynamics(q0, np.zeros(2), np.zeros(2), [wrench])
+    simulation = released(arm, q0)
+    assert simulation.step(tau, 0.2, [wrench]).position == pytest.approx(q0, abs=1e-9)
+    simulation.step(tau, 0.2)
+    assert np.abs(simulation.q - q0).max() > 0.01
+
+
+# --- what is refused -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    ({'position': (1.0,)}, 'initial_position has 1 values, expected 2'),
+    ({'velocity': (1.0, float('nan'))}, r'initial_velocity\[1\] \(joint2\) is nan'),
+    ({'max_step': 0.0}, 'max_step is 0, expected a number > 0'),
+])
+def test_bad_arguments_are_refused_by_name(arguments: dict[str, object], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        ArmSimulation(two_link(), **arguments)  # type: ignore[arg-type]
+
+
+def test_an_arm_flung_to_infinity_says_so() -> None:
+    simulation = released(two_link(), (1.0, 0.5))
+    with np.errstate(all='ignore'), pytest.raises(InvalidInputError, match='no finite solution'):
+        simulation.step(np.array([1e200, -1e200]), 1.0)
