@@ -53,7 +53,7 @@ _SMALLEST_SCALE = 1e-3
 # Where in its range a joint starts: alternately, from the middle, in halves of that range.
 _START_PATTERN = (0.25, 1.0 / 6.0)
 _START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
-# Via-points of the swing; neighbouring joints begin at different entries, with different signs.
+# Via-points of the swing; each joint begins at an entry of its own.
 _SWINGS = np.array((1.0, -0.7, 0.5, -1.0, 0.8, -0.5))
 
 
@@ -166,7 +166,7 @@ def _pattern(n: int, duration: float) -> FloatArray:
     pattern = np.zeros((swings + 2, n))
     for j in range(n):
         sign = -1.0 if j % 2 else 1.0
-        pattern[1:-1, j] = sign * np.roll(_SWINGS, -(j // 2))[:swings]
+        pattern[1:-1, j] = sign * np.roll(_SWINGS, -j)[:swings]
     return pattern
 
 

@@ -15,13 +15,14 @@
 """
 What all tests share: a domain of their own for everything that speaks ROS, and fixtures for it.
 
-Modules that use `ros_harness` are skipped, with the reason in words, where there is no ROS.
+Modules that import anything of ROS are skipped, with the reason in words, where there is none.
 """
 
 from collections.abc import Iterator
 from importlib.util import find_spec
 import os
 from pathlib import Path
+import re
 from typing import TYPE_CHECKING
 
 import pytest
@@ -39,6 +40,9 @@ os.environ.setdefault(
     'FASTRTPS_DEFAULT_PROFILES_FILE', str(Path(__file__).with_name('fast_discovery.xml')))
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
+IMPORTS_ROS = re.compile(
+    r'^(from|import) (ros_harness|rclpy|robot_dynamics_interfaces|robot_dynamics\.ros|'
+    r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 
 class ModuleWithoutRos(pytest.Module):
@@ -57,7 +61,7 @@ def pytest_pycollect_makemodule(
 ) -> pytest.Module | None:
     if all(find_spec(name) is not None for name in NEEDED_FOR_ROS):
         return None
-    if 'ros_harness' not in module_path.read_text(encoding='utf-8'):
+    if not IMPORTS_ROS.search(module_path.read_text(encoding='utf-8')):
         return None
     module: ModuleWithoutRos = ModuleWithoutRos.from_parent(parent, path=module_path)
     return module

@@ -1,0 +1,170 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Pictures of motions and efforts, in one style: a row for each joint, a unit on every axis.
+
+Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people with any kind of
+colour vision tell apart; the style of the lines tells them apart in black and white.
+Matplotlib is imported when the first picture is drawn, and draws to files alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.validation import FloatArray
+
+BLACK, ORANGE, SKY, GREEN = '#000000', '#E69F00', '#56B4E9', '#009E73'
+BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#7F7F7F'
+
+
+class LineStyle(NamedTuple):
+    """How a line looks, in colour and in print."""
+
+    colour: str
+    dash: str | tuple[int, tuple[int, ...]] = '-'
+    width: float = 1.4
+
+
+LINES: Mapping[str, LineStyle] = {
+    'reference': LineStyle(ORANGE, '-', 3.2),
+    'measured': LineStyle(BLUE, '-', 1.1),
+    'error': LineStyle(VERMILION, '-', 1.0),
+    'model': LineStyle(VERMILION, '-', 1.1),
+    'residual': LineStyle(GREY, '-', 0.9),
+    'effort': LineStyle(BLACK, '-', 1.6),
+    'gravity': LineStyle(GREEN, (0, (6, 2)), 1.5),
+    'inertial': LineStyle(BLUE, (0, (3, 1)), 1.3),
+    'coriolis': LineStyle(PURPLE, (0, (1, 1)), 1.6),
+    'friction': LineStyle(ORANGE, (0, (4, 1, 1, 1)), 1.4),
+    'external': LineStyle(SKY, '-', 1.2),
+}
+"""The style of every quantity that a picture may show."""
+
+STYLE = {
+    'font.size': 9.0, 'axes.titlesize': 9.0, 'axes.labelsize': 9.0, 'legend.fontsize': 8.0,
+    'axes.grid': True, 'grid.color': '#DDDDDD', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
+    'axes.spines.top': False, 'axes.spines.right': False, 'figure.dpi': 110,
+}
+COLUMN_WIDTH, ROW_HEIGHT = 5.0, 2.1
+"""[inch]"""
+MAX_POINTS = 2000
+"""Points of a line; a picture shows no more."""
+
+
+class Panel(NamedTuple):
+    """
+    The picture of one quantity at each joint: lines by name, each (m, n), over `times` (m,) [s].
+
+    `units` are those of the vertical axis, for revolute and for prismatic joints; `scale` turns
+    the values into them.
+    """
+
+    title: str
+    quantity: str
+    times: FloatArray
+    lines: Mapping[str, FloatArray]
+    units: tuple[str, str]
+    scale: float = 1.0
+
+
+def position_panel(times: FloatArray, reference: FloatArray, measured: FloatArray) -> Panel:
+    """Return the panel of a reference and what became of it, both (m, n) [rad] or [m]."""
+    return Panel(
+        'Position', 'position', times, {'reference': reference, 'measured': measured},
+        ('rad', 'm'))
+
+
+def error_panel(times: FloatArray, error: FloatArray) -> Panel:
+    """Return the panel of a tracking error, (m, n) [rad] or [m]."""
+    return Panel(
+        'Tracking error', 'error', times, {'error': error}, ('mrad', 'mm'), 1e3)
+
+
+def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray]) -> Panel:
+    """Return the panel of efforts, each (m, n) [N·m] or [N]; names as in LINES."""
+    return Panel(title, 'effort', times, lines, ('N·m', 'N'))
+
+
+def joint_figure(
+    title: str, joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
+) -> Any:
+    """
+    Return a matplotlib figure with a row for each joint and a column for each panel.
+
+    Raises MissingDependencyError without matplotlib.
+    """
+    matplotlib, figure_type = _matplotlib()
+    n = len(joint_names)
+    with matplotlib.rc_context(STYLE):
+        figure = figure_type(
+            figsize=(COLUMN_WIDTH * len(panels), ROW_HEIGHT * n + 1.0), layout='constrained')
+        figure.suptitle(title, fontsize=11)
+        axes = figure.subplots(n, len(panels), sharex='col', squeeze=False)
+        for row, name in enumerate(joint_names):
+            prismatic = joint_kinds[row] == 'prismatic'
+            for column, panel in enumerate(panels):
+                _draw(axes[row, column], panel, row, prismatic)
+            axes[row, 0].set_title(name, loc='left', fontweight='bold')
+        for column, panel in enumerate(panels):
+            axes[-1, column].set_xlabel('time [s]')
+            axes[0, column].set_title(panel.title)
+            if len(panel.lines) > 1:
+                axes[0, column].legend(
+                    ncols=3, loc='lower left', frameon=True, framealpha=0.8, edgecolor='none',
+                    borderaxespad=0.2, handlelength=2.2, columnspacing=1.0)
+    return figure
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """Write a figure to a file, whose suffix tells the format; raise OSError."""
+    figure.savefig(path)
+
+
+def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
+    step = max(1, len(panel.times) // MAX_POINTS)
+    times = panel.times[::step]
+    for name, values in panel.lines.items():
+        style = LINES[name]
+        axes.plot(
+            times, panel.scale * values[::step, row], label=name, color=style.colour,
+            linestyle=style.dash, linewidth=style.width)
+    axes.set_ylabel(f'{panel.quantity} [{panel.units[prismatic]}]')
+    axes.margins(x=0.01)
+    low, high = axes.get_ylim()
+    if row == 0 and len(panel.lines) > 1:
+        axes.set_ylim(low - 0.28 * (high - low), high)  # room for the legend
+    if max(abs(low), abs(high)) < 1e-9 or not np.isfinite(low + high):
+        axes.set_ylim(-1.0, 1.0)  # nothing but zeros, and rounding
+
+
+def _matplotlib() -> tuple[Any, Any]:
+    try:
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise MissingDependencyError(
+            'pictures need the library matplotlib (apt install python3-matplotlib, or '
+            'pip install matplotlib)') from None
+
+    def make_figure(**options: Any) -> Any:
+        figure = Figure(**options)
+        FigureCanvasAgg(figure)
+        return figure
+
+    return matplotlib, make_figure

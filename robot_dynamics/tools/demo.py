@@ -1,0 +1,235 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Show the package at work: `demo` closes the loop on an arm, `demo --replay` compares with a robot.
+
+Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a mistake
+in the arguments, or a file that cannot be used; 130 interrupted.
+"""
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime
+import math
+import os
+from pathlib import Path
+import signal
+import sys
+from typing import NoReturn
+
+from robot_dynamics.exceptions import RobotDynamicsError
+
+DEFAULT_DURATION = 10.0
+DEFAULT_RATE = 500.0
+LONGEST_DURATION = 3600.0
+
+DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        print(f'demo: {message} (demo --help lists the options)', file=sys.stderr)
+        raise SystemExit(MISTAKE)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demo; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    # Whatever ends the demo ends its nodes too, and keeps what was recorded.
+    for name in ('SIGTERM', 'SIGHUP'):
+        signal.signal(getattr(signal, name), _interrupt)
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:
+        print('demo: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog='demo', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='A simulated arm follows a trajectory under computed torque, both nodes as '
+                    'processes of\ntheir own; or, with --replay, the model is compared with the '
+                    'efforts of a recording.',
+        epilog='exit status: 0 done and tracked, 1 not tracked or a node failed, 2 a mistake in '
+               'the arguments,\n130 interrupted')
+    parser.add_argument(
+        '--robot', metavar='URDF',
+        help='a path, or package://PACKAGE/PATH; .xacro too (default: the planar two-link arm, '
+             'or with --replay the description in the recording)')
+    parser.add_argument(
+        '--duration', type=_number(1.0, LONGEST_DURATION), metavar='S',
+        help=f'of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play only the '
+             'first S seconds')
+    parser.add_argument(
+        '--rate', type=_number(1.0, 10000.0), metavar='HZ',
+        help=f'joint states a second (default: {DEFAULT_RATE:g}); with --replay: at most so many '
+             '(default: as fast as they are answered)')
+    parser.add_argument(
+        '--replay', type=Path, metavar='BAG',
+        help='play the joint states of this recording to the node instead: a directory of '
+             'rosbag2, a file .mcap or .db3')
+    parser.add_argument(
+        '--topic', metavar='NAME',
+        help='of sensor_msgs/msg/JointState in the recording (default: /joint_states, or the '
+             'only one)')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR',
+        help='where picture, recording and logs go (default: out/demo-<time>)')
+    parser.add_argument('--no-plot', action='store_true', help='make no picture')
+    return parser
+
+
+def _number(low: float, high: float) -> 'type[float]':
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(
+                f'{text!r}, expected a number in [{low:g}, {high:g}]')
+        return value
+
+    return number  # type: ignore[return-value]
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.topic is not None and arguments.replay is None:
+        return _mistake('--topic is given without --replay, whose recording has the topic')
+    try:
+        directory = _make_directory(arguments.out)
+    except OSError as error:
+        return _mistake(f'--out: {error.filename!r} cannot be used: {error.strerror}')
+    print(f'Writing to {directory}', flush=True)
+    from robot_dynamics.tools.demo_nodes import choose_domain
+    os.environ.update(choose_domain(os.environ))
+    if arguments.replay is not None:
+        return _replay(arguments, directory)
+    return _closed_loop(arguments, directory)
+
+
+def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
+    from robot_dynamics.arm_model import load_arm
+    from robot_dynamics.tools.demo_loop import run_closed_loop
+    from robot_dynamics.tools.demo_nodes import DemoError
+    from robot_dynamics.tools.demo_report import loop_report, print_report, save_picture
+    from robot_dynamics.tools.demo_session import PICTURE, RECORDING
+    try:
+        urdf = _description(arguments.robot, directory)
+        arm = load_arm(urdf)
+        run = run_closed_loop(
+            arm, urdf, arguments.duration or DEFAULT_DURATION, arguments.rate or DEFAULT_RATE,
+            directory)
+    except DemoError as error:
+        return _failure(str(error))
+    except RobotDynamicsError as error:
+        return _mistake(str(error))
+    try:
+        report = loop_report(directory / RECORDING, arm, run)
+        print_report(report, run)
+        print(f'Recording        {directory / RECORDING}')
+        if not arguments.no_plot:
+            save_picture(report, arm, directory / PICTURE)
+            print(f'Picture          {directory / PICTURE}')
+    except (RobotDynamicsError, OSError) as error:
+        if not run.interrupted:
+            return _failure(str(error))
+    if run.interrupted:
+        print(f'demo: interrupted; what there is, is in {directory}', file=sys.stderr)
+        return INTERRUPTED
+    if report.missed:
+        return _failure(f'did not track: RMS error too large at {", ".join(report.missed)}')
+    print('All joints tracked.')
+    return DONE
+
+
+def _replay(arguments: argparse.Namespace, directory: Path) -> int:
+    from robot_dynamics.tools.demo_nodes import DemoError
+    from robot_dynamics.tools.demo_replay import (
+        compare,
+        play_recording,
+        print_comparison,
+        read_recording,
+        save_comparison,
+    )
+    from robot_dynamics.tools.demo_session import PICTURE, RECORDING
+    try:
+        recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
+        urdf = _description(arguments.robot, directory, recorded.urdf)
+        replay = play_recording(recorded, urdf, arguments.rate, directory)
+        comparison = compare(recorded, replay)
+    except DemoError as error:
+        return _failure(str(error))
+    except RobotDynamicsError as error:
+        return _mistake(str(error))
+    print_comparison(comparison, recorded, replay)
+    print(f'Recording        {directory / RECORDING}')
+    if not arguments.no_plot:
+        try:
+            save_comparison(comparison, directory / PICTURE)
+        except (RobotDynamicsError, OSError) as error:
+            return _failure(str(error))
+        print(f'Picture          {directory / PICTURE}')
+    return DONE
+
+
+def _description(robot: str | None, directory: Path, recorded: str | None = None) -> str:
+    """Return the URDF, which `directory` gets too."""
+    from robot_dynamics.ros.robot_description import embedded_description, read_description_file
+    from robot_dynamics.tools.demo_session import DESCRIPTION
+    if robot is not None:
+        urdf = read_description_file(robot)
+    else:
+        urdf = embedded_description() if recorded is None else recorded
+    (directory / DESCRIPTION).write_text(urdf, encoding='utf-8')
+    return urdf
+
+
+def _make_directory(wanted: Path | None) -> Path:
+    if wanted is not None:
+        wanted.mkdir(parents=True, exist_ok=True)
+        if any(wanted.iterdir()):
+            raise OSError(0, 'it is not empty', str(wanted))
+        return wanted
+    parent = Path('out')
+    parent.mkdir(exist_ok=True)
+    name = f'demo-{datetime.now():%Y%m%d-%H%M%S}'
+    for number in range(1, 100):
+        directory = parent / (name if number == 1 else f'{name}-{number}')
+        try:
+            directory.mkdir()
+        except FileExistsError:
+            continue
+        return directory
+    raise OSError(0, 'a hundred demos in one second', str(parent / name))
+
+
+def _mistake(message: str) -> int:
+    print(f'demo: {" ".join(message.split())}', file=sys.stderr)
+    return MISTAKE
+
+
+def _failure(message: str) -> int:
+    print(f'demo: {message}', file=sys.stderr)
+    return FAILED
+
+
+if __name__ == '__main__':
+    sys.exit(main())

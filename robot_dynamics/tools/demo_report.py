@@ -1,0 +1,145 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a recording of the closed loop says about it: errors, rates, and a picture."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.control import wrap_to_pi
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.plotting import (
+    effort_panel,
+    error_panel,
+    joint_figure,
+    position_panel,
+    save_figure,
+)
+from robot_dynamics.recording import Recording, stack
+from robot_dynamics.reference_motion import sample_trajectory
+from robot_dynamics.tools.demo_loop import LoopRun
+from robot_dynamics.tools.demo_session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics.validation import FloatArray
+
+LARGEST_RMS = 0.01
+"""[rad] or [m]: what counts as tracked, at the default gains."""
+TERM_NAMES = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
+
+
+@dataclass(frozen=True, eq=False)
+class LoopReport:
+    """
+    How the motion went, at the stamps of the measured states in it.
+
+    `times` (m,) [s] from its start; `reference` and `measured` (m, n) [rad or m], and `error`,
+    their difference, the short way round at continuous joints. `term_times` and `terms` are the
+    command by term [N·m or N]. `missing_states` were due between the first state and the last
+    but are not in the recording.
+    """
+
+    joint_names: tuple[str, ...]
+    joint_kinds: tuple[str, ...]
+    times: FloatArray
+    reference: FloatArray
+    measured: FloatArray
+    error: FloatArray
+    term_times: FloatArray
+    terms: dict[str, FloatArray]
+    answered: float
+    efforts_per_second: float
+    missing_states: int
+
+    @property
+    def rms(self) -> FloatArray:
+        """RMS of the error, (n,)."""
+        return np.asarray(np.sqrt(np.mean(self.error**2, axis=0)))
+
+    @property
+    def largest(self) -> FloatArray:
+        """Largest size of the error, (n,)."""
+        return np.asarray(np.abs(self.error).max(axis=0))
+
+    @property
+    def missed(self) -> list[str]:
+        """The joints that did not track."""
+        return [name for name, rms in zip(self.joint_names, self.rms) if not rms < LARGEST_RMS]
+
+
+def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport:
+    """Read a recording of `run`; raise RecordingError where it has no state of the motion."""
+    with Recording(recording_path) as recording:
+        states = recording.joint_series(JOINT_STATES, arm.joint_names)
+        commands = recording.joint_series(EFFORT_COMMAND, arm.joint_names)
+        term_stamps, terms = stack(recording.messages(TERMS), TERM_NAMES)
+    during = (states.stamps_ns >= run.start_ns) & (states.stamps_ns <= run.end_ns)
+    stamps = states.stamps_ns[during]
+    if states.position is None or len(stamps) < 2 or run.start_ns == 0:
+        raise RecordingError('no state of the motion was recorded')
+    times = (stamps - run.start_ns) * 1e-9
+    measured = states.position[during]
+    reference = sample_trajectory(run.motion.trajectory, times).position
+    error = reference - measured
+    turning = np.array([kind == 'continuous' for kind in arm.joint_kinds])
+    error[:, turning] = wrap_to_pi(error[:, turning])
+    commanded = np.isin(stamps, commands.stamps_ns)
+    steps = np.rint(np.diff(stamps) * 1e-9 * run.rate).astype(int)
+    term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
+    return LoopReport(
+        arm.joint_names, arm.joint_kinds, times, reference, measured, error,
+        (term_stamps[term_during] - run.start_ns) * 1e-9,
+        {name: values[term_during] for name, values in terms.items()},
+        float(commanded.mean()), float(commanded.sum() / (times[-1] - times[0])),
+        int(np.sum(steps - 1)))
+
+
+def print_report(report: LoopReport, run: LoopRun) -> None:
+    """Print errors per joint, and rates."""
+    motion = run.motion
+    rows = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
+    for name, kind, rms, largest in zip(
+            report.joint_names, report.joint_kinds, report.rms, report.largest):
+        unit = 'm' if kind == 'prismatic' else 'rad'
+        rows.append((
+            name, f'{rms:.6f} {unit}', f'{largest:.6f} {unit}', f'{LARGEST_RMS:g} {unit}'))
+    print()
+    print_table(rows)
+    print()
+    print(f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
+          f'{100.0 * report.answered:.2f} % of the states were answered')
+    print(f'Losses           {report.missing_states} states missing, {run.lost} messages lost on the way to the recording')
+    print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit, planned, '
+          f'at {motion.worst_joint}')
+
+
+def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
+    """Write the picture: positions, errors, and the effort by term; raise OSError."""
+    title = f'{arm.name}: reference and measured position, and the commanded effort by term'
+    lines = {name: values for name, values in report.terms.items()
+             if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}
+    figure = joint_figure(title, report.joint_names, report.joint_kinds, (
+        position_panel(report.times, report.reference, report.measured),
+        error_panel(report.times, report.error),
+        effort_panel('Effort by term', report.term_times, lines)))
+    save_figure(figure, path)
+
+
+def print_table(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows with the first column to the left and the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:])]
+        print('  '.join([row[0].ljust(widths[0]), *cells]))

@@ -1,0 +1,359 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From a measured state to efforts, without ROS: modes, limits, references, loads."""
+
+from collections.abc import Sequence
+import threading
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point
+
+NAMES = ('joint1', 'joint2')
+SECOND = 1_000_000_000
+NOW = 1_790_000_000 * SECOND
+Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.zeros(2)
+LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
+
+
+def options(arm: ArmModel, **changes: object) -> ControllerOptions:
+    return ControllerOptions(make_gains(arm.joint_names), **changes)  # type: ignore[arg-type]
+
+
+def make_controller(urdf: str | None = None, **changes: object) -> Controller:
+    arm = load_arm(urdf or default_arm_urdf())
+    return Controller(arm, options(arm, **changes))
+
+
+def set_point(
+    q: Sequence[float], v: Sequence[float] | None = None, a: Sequence[float] | None = None,
+) -> JointTrajectory:
+    return make_trajectory(
+        NAMES, [0.0], [q], [v] if v is not None else (), [a] if a is not None else (), NAMES)
+
+
+def command(output: ControlOutput) -> np.ndarray:
+    assert output.command is not None
+    return output.command
+
+
+# --- what is commanded ---------------------------------------------------------------------------
+
+def test_without_a_reference_the_command_is_gravity_compensation() -> None:
+    controller = make_controller()
+    output = controller.update(NOW, Q, V)
+    expected = ArmDynamics(controller.arm).rigid_body.gravity(Q)
+    assert output.gravity_compensation.tolist() == expected.tolist()
+    assert command(output).tolist() == expected.tolist()
+    assert output.computed_torque is None
+    assert output.reference is None
+
+
+def test_with_a_reference_the_command_is_computed_torque() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, V)
+    controller.follow(set_point([1.0, 0.2], [0.1, -0.1], [0.3, 0.4]), 0)
+    output = controller.update(NOW, Q, V)
+    omega = 20.0
+    a = np.array([0.3, 0.4]) + 2 * omega * (np.array([0.1, -0.1]) - V) + (
+        omega**2 * (np.array([1.0, 0.2]) - Q))
+    expected = ArmDynamics(controller.arm).inverse_dynamics(Q, V, a)
+    assert output.computed_torque == pytest.approx(expected)
+    assert command(output) == pytest.approx(np.clip(expected, [-150, -60], [150, 60]))
+
+
+def test_the_anchor_of_the_planar_arm() -> None:
+    """Without an error the computed torque is inverse dynamics of the reference."""
+    controller = make_controller()
+    q = np.array([np.pi / 4, np.pi / 6])
+    controller.update(NOW, q, V)
+    controller.follow(set_point(q.tolist(), V.tolist(), [0.1, 0.2]), 0)
+    output = controller.update(NOW, q, V, with_terms=True)
+    assert output.computed_torque == pytest.approx([-48.74713301, -10.95795578], abs=5e-9)
+    assert output.gravity_compensation == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
+    assert output.terms is not None
+    assert output.terms.coriolis == pytest.approx([-0.234, 0.15], abs=5e-9)
+    assert output.terms.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
+    assert output.terms.potential_energy == pytest.approx(41.19876418, abs=5e-9)
+
+
+@pytest.mark.parametrize('mode', ['computed_torque', 'gravity_compensation', 'none'])
+def test_the_mode_chooses_the_command_alone(mode: str) -> None:
+    controller = make_controller(command=mode)
+    controller.update(NOW, Q, V)
+    controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
+    output = controller.update(NOW, Q, V)
+    assert output.computed_torque is not None
+    assert not output.clamped.any()
+    if mode == 'none':
+        assert output.command is None
+    else:
+        assert output.command == pytest.approx(getattr(output, mode))
+
+
+def test_changed_options_act_at_once_and_keep_the_reference() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, ZERO)
+    controller.follow(set_point([0.9, 0.5]), 0)
+    before = controller.update(NOW, Q, ZERO).computed_torque
+    controller.set_options(ControllerOptions(make_gains(NAMES, [40.0])))
+    after = controller.update(NOW, Q, ZERO).computed_torque
+    gravity = controller.update(NOW, Q, ZERO).gravity_compensation
+    assert before is not None
+    assert after is not None
+    assert after - gravity == pytest.approx(4.0 * (before - gravity))
+
+
+# --- missing velocity, bad states ----------------------------------------------------------------
+
+def test_without_a_velocity_there_is_gravity_compensation_alone() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, V)
+    controller.follow(set_point([1.0, 0.2]), 0)
+    output = controller.update(NOW, Q, None)
+    assert output.computed_torque is None
+    assert command(output).tolist() == output.gravity_compensation.tolist()
+    assert controller.update(NOW, Q, V).computed_torque is not None
+
+
+def test_a_trajectory_waits_for_a_state_with_a_velocity() -> None:
+    controller = make_controller()
+    controller.follow(quintic_point_to_point(NAMES, [0.8, 0.5], [1.2, 0.1], 2.0), 0)
+    assert controller.update(NOW, Q, None).reference is None
+    reference = controller.update(NOW + SECOND, Q, ZERO).reference
+    assert reference is not None
+    assert reference.position == pytest.approx([0.8, 0.5])  # it starts now
+    halfway = controller.update(NOW + 2 * SECOND, Q, ZERO).reference
+    assert halfway is not None
+    assert halfway.position == pytest.approx([1.0, 0.3])
+
+
+def test_efforts_that_are_not_finite_are_refused() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, V)
+    controller.follow(set_point([1.0, 0.2]), 0)
+    with np.errstate(all='ignore'), pytest.raises(InvalidInputError, match='not finite'):
+        controller.update(NOW, Q, np.array([1e200, 1e200]))
+    assert np.isfinite(command(controller.update(NOW, Q, V))).all()
+
+
+# --- limits --------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
+def test_the_command_is_clamped_to_a_share_of_the_limits(scale: float) -> None:
+    controller = make_controller(effort_scale=scale)
+    controller.update(NOW, Q, ZERO)
+    controller.follow(set_point([3.0, -2.0]), 0)
+    output = controller.update(NOW, Q, ZERO)
+    assert output.clamped.tolist() == [True, True]
+    assert output.computed_torque is not None
+    assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # as computed, for who asks
+    assert command(output).tolist() == (
+        scale * np.array([150.0, 60.0]) * np.sign(output.computed_torque)).tolist()
+
+
+def test_within_the_limits_nothing_is_clamped() -> None:
+    assert make_controller().update(NOW, Q, ZERO).clamped.tolist() == [False, False]
+
+
+@pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
+def test_a_joint_without_a_limit_is_never_clamped(scale: float) -> None:
+    urdf = planar_arm_urdf([5.0], [1.0], [0.5], [0.1]).replace('effort="1000.0"', 'effort="0"')
+    controller = make_controller(urdf, effort_scale=scale)
+    q = np.array([1.0])
+    output = controller.update(NOW, q, np.zeros(1))
+    assert not output.clamped.any()
+    assert command(output).tolist() == output.gravity_compensation.tolist()
+    assert output.gravity_compensation[0] < -20.0
+
+
+# --- the reference -------------------------------------------------------------------------------
+
+def test_a_trajectory_starts_at_its_stamp() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, ZERO)
+    controller.follow(
+        quintic_point_to_point(NAMES, [0.8, 0.5], [1.2, 0.1], 2.0), NOW + SECOND)
+    for seconds, expected in ((0, Q), (1, Q), (2, [1.0, 0.3]), (3, [1.2, 0.1]), (9, [1.2, 0.1])):
+        reference = controller.update(NOW + seconds * SECOND, Q, ZERO).reference
+        assert reference is not None
+        assert reference.position == pytest.approx(expected)
+
+
+def test_a_trajectory_that_is_over_is_refused_and_the_one_in_force_goes_on() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, ZERO)
+    controller.follow(set_point([1.0, 0.2]), 0)
+    with pytest.raises(TrajectoryError, match='expected an end in the future'):
+        controller.follow(
+            quintic_point_to_point(NAMES, Q, [1.2, 0.1], 1.0), NOW - 5 * SECOND)
+    reference = controller.update(NOW, Q, ZERO).reference
+    assert reference is not None
+    assert reference.position.tolist() == [1.0, 0.2]
+
+
+def test_a_replacement_goes_on_from_the_reference_in_force() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, ZERO)
+    controller.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    t = NOW + SECOND
+    before = controller.update(t, Q, ZERO).reference
+    controller.follow(make_trajectory(
+        NAMES, [1.0], [[0.0, 0.0]], [ZERO], [ZERO], NAMES), 0)
+    after = controller.update(t, Q, ZERO).reference
+    assert before is not None
+    assert after is not None
+    for old, new in zip(before, after):
+        assert new == pytest.approx(old, abs=1e-9)
+    assert np.abs(before.velocity).max() > 0.1
+
+
+def test_stamps_that_go_backwards_hold_the_start() -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, ZERO)
+    controller.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    controller.update(NOW + SECOND, Q, ZERO)
+    reference = controller.update(NOW - 100 * SECOND, Q, ZERO).reference
+    assert reference is not None
+    assert reference.position == pytest.approx(Q)
+
+
+def test_a_continuous_joint_takes_the_short_way() -> None:
+    controller = make_controller()
+    q = np.array([3.1, 0.0])
+    controller.update(NOW, q, ZERO)
+    controller.follow(set_point([-3.1, 0.0]), 0)
+    output = controller.update(NOW, q, ZERO)
+    assert output.computed_torque is not None
+    pull = output.computed_torque - output.gravity_compensation
+    M = ArmDynamics(controller.arm).rigid_body.mass_matrix(q)
+    assert np.linalg.solve(M, pull) == pytest.approx([400.0 * (2 * np.pi - 6.2), 0.0])
+
+
+# --- terms ---------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('follows', [True, False])
+def test_terms_add_up_to_what_is_commanded(follows: bool) -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, V)
+    if follows:
+        controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
+    output = controller.update(NOW, Q, V, with_terms=True)
+    terms = output.terms
+    assert terms is not None
+    assert terms.effort == pytest.approx(command(output))
+    assert terms.effort == pytest.approx(
+        terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
+    assert terms.kinetic_energy == pytest.approx(
+        ArmDynamics(controller.arm).rigid_body.kinetic_energy(Q, V))
+    assert controller.update(NOW, Q, V).terms is None
+
+
+# --- loads ---------------------------------------------------------------------------------------
+
+def gravity_with(loads: list[Payload]) -> np.ndarray:
+    arm = load_arm(default_arm_urdf())
+    return ArmDynamics(arm.with_payloads(loads)).rigid_body.gravity(Q)
+
+
+def test_a_load_acts_at_once_without_a_transition() -> None:
+    controller = make_controller()
+    done: list[Payload | None] = []
+    controller.set_payload(LOAD, 0.0, done.append)
+    assert done == [LOAD]
+    assert controller.update(NOW, Q, ZERO).gravity_compensation == (
+        pytest.approx(gravity_with([LOAD])))
+    controller.set_payload(None, 0.0, done.append)
+    assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
+    assert done == [LOAD, None]
+
+
+def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
+    controller = make_controller()
+    done: list[Payload | None] = []
+    controller.set_payload(LOAD, 2.0, done.append)
+    bare, loaded = gravity_with([]), gravity_with([LOAD])
+    for quarter in range(5):
+        assert not done
+        effort = command(controller.update(NOW + quarter * SECOND // 2, Q, ZERO))
+        assert effort == pytest.approx(bare + quarter / 4 * (loaded - bare), abs=1e-9)
+    assert done == [LOAD]
+    later = command(controller.update(NOW + 9 * SECOND, Q, ZERO))
+    assert later.tolist() == loaded.tolist()
+    assert done == [LOAD]
+
+
+def test_a_transition_that_is_replaced_goes_on_from_where_it_was() -> None:
+    controller = make_controller()
+    done: list[Payload | None] = []
+    controller.set_payload(LOAD, 2.0, done.append)
+    controller.update(NOW, Q, ZERO)
+    midway = command(controller.update(NOW + SECOND, Q, ZERO))
+    controller.set_payload(None, 1.0, done.append)
+    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(midway, abs=1e-9)
+    assert command(controller.update(NOW + 3 * SECOND // 2, Q, ZERO)) == pytest.approx(
+        0.5 * (midway + gravity_with([])), abs=1e-9)
+    assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
+        gravity_with([]).tolist())
+    assert done == [None]  # the first load was never wholly in force
+
+
+def test_a_load_at_once_ends_a_transition() -> None:
+    controller = make_controller()
+    controller.set_payload(LOAD, 2.0, lambda _: None)
+    controller.update(NOW, Q, ZERO)
+    controller.set_payload(None, 0.0, lambda _: None)
+    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(gravity_with([]))
+
+
+def test_a_load_on_no_link_changes_nothing() -> None:
+    controller = make_controller()
+    with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):
+        controller.set_payload(make_payload('hand', 1.0), 0.0, lambda _: None)
+    assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
+
+
+# --- threads -------------------------------------------------------------------------------------
+
+def test_changes_from_another_thread_never_mix() -> None:
+    """While one thread swaps loads and modes, each effort belongs to one of the two loads."""
+    controller = make_controller()
+    allowed = [gravity_with([]), gravity_with([LOAD])]
+    stop = threading.Event()
+
+    def change() -> None:
+        while not stop.is_set():
+            controller.set_payload(LOAD, 0.0, lambda _: None)
+            controller.set_options(options(controller.arm, command='gravity_compensation'))
+            controller.set_payload(None, 0.0, lambda _: None)
+            controller.set_options(options(controller.arm))
+
+    thread = threading.Thread(target=change)
+    thread.start()
+    try:
+        efforts = [command(controller.update(NOW + i, Q, ZERO)) for i in range(3000)]
+    finally:
+        stop.set()
+        thread.join()
+    seen = {min((0, 1), key=lambda k: np.abs(effort - allowed[k]).max()) for effort in efforts}
+    assert all(min(np.abs(effort - one).max() for one in allowed) < 1e-9 for effort in efforts)
+    assert seen == {0, 1}

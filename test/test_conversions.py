@@ -1,0 +1,273 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages to arrays and back: round trips, and what is refused."""
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.joint_order import JointOrder
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import (
+    floats_to_ros,
+    payload_from_ros,
+    payload_to_ros,
+    stamp_from_ros,
+    stamp_to_ros,
+    terms_to_ros,
+    trajectory_from_ros,
+    trajectory_to_ros,
+    with_efforts,
+    wrenches_from_ros,
+)
+from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.trajectory import make_trajectory
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+
+laws = settings(deadline=None, derandomize=True)
+numbers = st.floats(-1e6, 1e6)
+
+
+def over_the_wire(message: object) -> object:
+    """Return the message as a subscriber has it."""
+    return deserialize_message(serialize_message(message), type(message))
+
+
+# --- arrays and stamps ---------------------------------------------------------------------------
+
+@laws
+@given(st.lists(numbers, min_size=1, max_size=12))
+def test_arrays_travel_to_the_last_bit(values: list[float]) -> None:
+    message = over_the_wire(Float64MultiArray(data=floats_to_ros(np.array(values))))
+    assert np.frombuffer(message.data, dtype=np.float64).tolist() == values  # type: ignore
+
+
+def test_matrices_travel_row_by_row_whatever_their_layout() -> None:
+    A = np.array([[1.0, 2.0], [3.0, 4.0]])
+    assert list(floats_to_ros(A)) == [1.0, 2.0, 3.0, 4.0]
+    assert list(floats_to_ros(A.T)) == [1.0, 3.0, 2.0, 4.0]
+    assert list(floats_to_ros(np.zeros(0))) == []
+
+
+@laws
+@given(st.integers(0, (2**31 - 1) * 10**9 + 999_999_999))
+def test_stamps_keep_every_nanosecond(stamp_ns: int) -> None:
+    assert stamp_from_ros(over_the_wire(stamp_to_ros(stamp_ns))) == stamp_ns
+
+
+def test_a_stamp_before_the_epoch_comes_back() -> None:
+    assert stamp_from_ros(stamp_to_ros(-1)) == -1
+    assert stamp_to_ros(-1) == Time(sec=-1, nanosec=999_999_999)
+
+
+# --- payload -------------------------------------------------------------------------------------
+
+@laws
+@given(
+    st.floats(1e-3, 100.0), st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
+    st.integers(0, 2**32 - 1))
+def test_payloads_come_back(mass: float, com: list[float], seed: int) -> None:
+    # the second moments of a body give an inertia that exists
+    A = np.random.default_rng(seed).standard_normal((3, 3))
+    S = A @ A.T
+    payload = make_payload('tool0', mass, com, np.trace(S) * np.eye(3) - S)
+    back = payload_from_ros(ARM, over_the_wire(payload_to_ros(payload)))
+    assert back is not None
+    assert (back.link, back.mass, back.com.tolist()) == ('tool0', mass, com)
+    assert back.inertia.tolist() == payload.inertia.tolist()
+
+
+def test_no_payload_is_a_mass_of_zero() -> None:
+    assert payload_from_ros(ARM, payload_to_ros(None)) is None
+    # whatever link it names: there is nothing to put there
+    message = InertiaStamped()
+    message.header.frame_id = 'no such link'
+    assert payload_from_ros(ARM, message) is None
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'m': -1.0}, r'payload\.inertia\.m is -1'),
+    ({'m': float('nan')}, r'payload\.inertia\.m is nan'),
+    ({'ixx': 1.0}, 'triangle inequality'),
+    ({'ixx': -1.0, 'iyy': -1.0, 'izz': -1.0}, 'expected none below 0'),
+    ({'ixy': float('inf')}, r'payload\.inertia is'),
+    ({'m': 0.0, 'ixx': 1.0, 'iyy': 1.0, 'izz': 1.0}, 'expected a mass > 0'),
+])
+def test_bad_payloads_are_refused_by_name(changes: dict[str, float], words: str) -> None:
+    message = InertiaStamped()
+    message.header.frame_id = 'tool0'
+    message.inertia.m = 1.0
+    for name, value in changes.items():
+        setattr(message.inertia, name, value)
+    with pytest.raises(InvalidInputError, match=words):
+        payload_from_ros(ARM, message)
+
+
+def test_a_payload_on_no_link_names_the_links() -> None:
+    message = payload_to_ros(make_payload('hand', 1.0))
+    with pytest.raises(InvalidInputError, match=r"header\.frame_id is 'hand'.*'tool0'"):
+        payload_from_ros(ARM, message)
+
+
+# --- wrenches ------------------------------------------------------------------------------------
+
+@laws
+@given(st.lists(st.lists(numbers, min_size=6, max_size=6), max_size=3))
+def test_wrenches_arrive(rows: list[list[float]]) -> None:
+    messages = []
+    for row in rows:
+        message = WrenchStamped()
+        message.header.frame_id = 'tool0'
+        force, torque = message.wrench.force, message.wrench.torque
+        force.x, force.y, force.z, torque.x, torque.y, torque.z = row
+        messages.append(message)
+    wrenches = wrenches_from_ros(ARM, messages)
+    assert [[*w.force, *w.torque] for w in wrenches] == rows
+    assert {w.link for w in wrenches} <= {'tool0'}
+
+
+def test_bad_wrenches_say_which_one() -> None:
+    good, nowhere, bad = WrenchStamped(), WrenchStamped(), WrenchStamped()
+    good.header.frame_id = bad.header.frame_id = 'tool0'
+    nowhere.header.frame_id = 'hand'
+    bad.wrench.torque.y = float('nan')
+    with pytest.raises(
+            InvalidInputError, match=r"external_wrenches\[1\]\.header\.frame_id is 'hand'"):
+        wrenches_from_ros(ARM, [good, nowhere])
+    with pytest.raises(
+            InvalidInputError, match=r'external_wrenches\[1\]\.wrench\.torque\[1\] \(y\) is nan'):
+        wrenches_from_ros(ARM, [good, bad])
+
+
+# --- trajectories --------------------------------------------------------------------------------
+
+@laws
+@given(
+    st.lists(st.integers(1, 10**10), min_size=1, max_size=5),
+    st.sampled_from(['positions', 'velocities', 'accelerations']),
+    st.integers(0, 2**32 - 1))
+def test_trajectories_come_back(gaps_ns: list[int], highest: str, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    times = [1e-9 * t for t in np.cumsum(gaps_ns).tolist()]
+    rows = random.uniform(-3.0, 3.0, (3, len(times), 2))
+    rows[1, -1] = 0.0  # the last point of several rests
+    given_fields = 1 + ['positions', 'velocities', 'accelerations'].index(highest)
+    q, v, a = (
+        rows[k].tolist() if k < given_fields else () for k in range(3))
+    trajectory = make_trajectory(NAMES, times, q, v, a, NAMES)
+    back = trajectory_from_ros(over_the_wire(trajectory_to_ros(trajectory)), NAMES)
+    assert back.joint_names == trajectory.joint_names
+    for point, original in zip(back.points, trajectory.points, strict=True):
+        assert round(1e9 * point.time_from_start) == round(1e9 * original.time_from_start)
+        for field in ('position', 'velocity', 'acceleration'):
+            here, there = getattr(point, field), getattr(original, field)
+            assert (here is None) == (there is None)
+            assert here is None or here.tolist() == there.tolist()
+
+
+def test_a_trajectory_is_sorted_by_name() -> None:
+    message = JointTrajectory(joint_names=['joint2', 'joint1'], points=[
+        JointTrajectoryPoint(positions=[2.0, 1.0])])
+    assert trajectory_from_ros(message, NAMES).points[0].position.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(('message', 'words'), [
+    (JointTrajectory(), 'joint_names is empty'),
+    (JointTrajectory(joint_names=['joint1', 'joint2']), 'points is empty'),
+    (JointTrajectory(joint_names=['joint1', 'elbow'], points=[
+        JointTrajectoryPoint(positions=[0.0, 0.0])]), "joint_names has 'elbow'"),
+    (JointTrajectory(joint_names=['joint1'], points=[
+        JointTrajectoryPoint(positions=[0.0])]), r"lacks \['joint2'\]"),
+    (JointTrajectory(joint_names=['joint1', 'joint2'], points=[
+        JointTrajectoryPoint(positions=[0.0])]), r'points\[0\]\.positions has 1 values'),
+    (JointTrajectory(joint_names=['joint1', 'joint2'], points=[
+        JointTrajectoryPoint(positions=[0.0, float('nan')])]), r'points\[0\]\.positions\[1\]'),
+])
+def test_bad_trajectories_are_refused_by_name(message: JointTrajectory, words: str) -> None:
+    with pytest.raises(TrajectoryError, match=words):
+        trajectory_from_ros(message, NAMES)
+
+
+def test_efforts_are_filled_in_at_the_points() -> None:
+    message = JointTrajectory(points=[JointTrajectoryPoint(), JointTrajectoryPoint()])
+    filled = with_efforts(message, np.array([[1.0, 2.0], [3.0, 4.0]]))
+    assert [list(point.effort) for point in filled.points] == [[1.0, 2.0], [3.0, 4.0]]
+
+
+# --- terms ---------------------------------------------------------------------------------------
+
+def test_terms_follow_the_order_asked_for() -> None:
+    q, v, a = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.array([0.1, 0.2])
+    terms = ArmDynamics(ARM).terms(q, v, a)
+    order = JointOrder(ARM, ('joint2', 'joint1'))
+    stamp = Time(sec=7, nanosec=8)
+    message = over_the_wire(terms_to_ros(terms, order.names, stamp, order))
+    assert isinstance(message, DynamicsTerms)
+    assert message.header.stamp == stamp
+    assert list(message.joint_names) == ['joint2', 'joint1']
+    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
+        assert list(getattr(message, name)) == getattr(terms, name)[::-1].tolist()
+    assert message.kinetic_energy == terms.kinetic_energy
+    assert message.potential_energy == terms.potential_energy
+
+
+# --- joint states --------------------------------------------------------------------------------
+
+@laws
+@given(st.permutations(['joint1', 'joint2', 'gripper', 'wheel']), st.integers(0, 2**32 - 1))
+def test_joint_states_are_read_by_name(names: list[str], seed: int) -> None:
+    random = np.random.default_rng(seed)
+    q, v, tau = random.standard_normal((3, 4)).tolist()
+    message = JointState(name=names, position=q, velocity=v, effort=tau)
+    reader = JointStateReader(NAMES)
+    for _ in range(2):  # the order is learnt once
+        position, velocity = reader.read(message)
+        assert position.tolist() == [q[names.index(name)] for name in NAMES]
+        assert velocity is not None
+        assert velocity.tolist() == [v[names.index(name)] for name in NAMES]
+        effort = reader.effort(message)
+        assert effort is not None
+        assert effort.tolist() == [tau[names.index(name)] for name in NAMES]
+
+
+def test_a_reader_follows_a_change_of_order() -> None:
+    reader = JointStateReader(NAMES)
+    for names in (['joint1', 'joint2'], ['joint2', 'joint1'], ['x', 'joint1', 'joint2']):
+        q = [float(i) for i in range(len(names))]
+        assert reader.read(JointState(name=names, position=q))[0].tolist() == [
+            q[names.index(name)] for name in NAMES]
+
+
+@given(st.lists(st.sampled_from(['joint1', 'joint2', 'x']), max_size=4))
+@laws
+def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names: list[str]) -> None:
+    assume(not all(names.count(joint) == 1 for joint in NAMES))
+    message = JointState(name=names, position=[0.0] * len(names))
+    with pytest.raises(InvalidInputError) as refusal:
+        JointStateReader(NAMES).read(message)
+    assert isinstance(refusal.value, OtherJointsError) == (not set(NAMES) & set(names))

@@ -1,0 +1,108 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A load that takes the place of another one: laws of the way in between."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.payload_transition import PayloadTransition, scaled
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.rigid_body import RigidBody
+
+SECOND = 1_000_000_000
+OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))
+NEW = make_payload('link2', 1.5, (0.0, 0.0, 0.3), np.diag((0.01, 0.01, 0.01)))
+
+laws = settings(deadline=None, derandomize=True)
+
+
+def transition(
+    old: list[Payload], target: Payload | None, seconds: float = 2.0,
+) -> PayloadTransition:
+    return PayloadTransition(old, target, seconds, lambda _: None)
+
+
+def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
+    way = transition([OLD], NEW)
+    old, new = way.payloads(5 * SECOND)
+    assert old.mass == OLD.mass
+    assert new.mass == 0.0
+    assert not way.done
+    assert way.payloads(7 * SECOND) == [NEW]
+    assert way.done
+
+
+def test_without_a_target_nothing_is_left() -> None:
+    way = transition([OLD], None)
+    way.payloads(0)
+    assert way.payloads(2 * SECOND) == []
+    assert way.done
+
+
+@laws
+@given(st.floats(0.0, 1.0))
+def test_mass_and_inertia_go_in_a_straight_line(share: float) -> None:
+    way = transition([OLD], NEW)
+    way.payloads(0)
+    loads = way.payloads(round(share * 2 * SECOND))
+    s = round(share * 2 * SECOND) / (2 * SECOND)
+    assert sum(load.mass for load in loads) == pytest.approx((1 - s) * OLD.mass + s * NEW.mass)
+    for load in loads:
+        whole = OLD if load.link == OLD.link else NEW
+        assert load.com.tolist() == whole.com.tolist()
+        # the same body, thinner: it has a density that exists
+        assert load.inertia == pytest.approx(whole.inertia * (load.mass / whole.mass))
+
+
+@laws
+@given(
+    st.floats(0.0, 1.0),
+    st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
+def test_efforts_go_in_a_straight_line(share: float, motion: list[float]) -> None:
+    arm = load_arm(default_arm_urdf())
+    q, v, a = np.array(motion).reshape(3, 2)
+
+    def effort(loads: list[Payload]) -> np.ndarray:
+        return RigidBody(arm.with_payloads(loads)).inverse_dynamics(q, v, a)
+
+    way = transition([OLD], NEW)
+    way.payloads(0)
+    s = round(share * 2 * SECOND) / (2 * SECOND)
+    on_the_way = effort(way.payloads(round(share * 2 * SECOND)))
+    assert on_the_way == pytest.approx((1 - s) * effort([OLD]) + s * effort([NEW]), abs=1e-9)
+
+
+def test_stamps_that_go_backwards_stay_at_the_start() -> None:
+    way = transition([OLD], NEW)
+    way.payloads(10 * SECOND)
+    old, new = way.payloads(1 * SECOND)
+    assert (old.mass, new.mass) == (OLD.mass, 0.0)
+    assert not way.done
+
+
+def test_stamps_of_today_keep_their_nanoseconds() -> None:
+    now = 1_790_000_000 * SECOND
+    way = transition([], NEW, 1e-6)
+    way.payloads(now)
+    assert way.payloads(now + 250)[0].mass == pytest.approx(0.25 * NEW.mass)
+
+
+def test_a_share_of_a_load_leaves_the_load() -> None:
+    half = scaled(OLD, 0.5)
+    assert (half.mass, OLD.mass) == (1.5, 3.0)
+    assert half.inertia == pytest.approx(0.5 * OLD.inertia)
