@@ -1,0 +1,43 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`scripts/bench [NAME …]`: run the benchmarks that are named, or all."""
+
+import argparse
+from collections.abc import Callable, Sequence
+import sys
+
+from benchmarks import control_path, library
+
+BENCHMARKS: dict[str, Callable[[], None]] = {
+    'library': library.main,
+    'control_path': control_path.main,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog='scripts/bench', description=__doc__)
+    parser.add_argument(
+        'names', nargs='*', metavar='NAME', help=f'one of {list(BENCHMARKS)}; all by default')
+    names = parser.parse_args(argv).names or list(BENCHMARKS)
+    unknown = [name for name in names if name not in BENCHMARKS]
+    if unknown:
+        parser.error(f'unknown benchmarks {unknown}, expected names out of {list(BENCHMARKS)}')
+    for name in names:
+        print(f'== {name}')
+        BENCHMARKS[name]()
+    return 0
+
+
+sys.exit(main())
