@@ -42,10 +42,10 @@ class LineStyle(NamedTuple):
 
 LINES: Mapping[str, LineStyle] = {
     'reference': LineStyle(ORANGE, '-', 3.2),
-    'measured': LineStyle(BLUE, '-', 1.1),
+    'measured': LineStyle(BLUE, '-', 1.4),
     'error': LineStyle(VERMILION, '-', 1.0),
-    'model': LineStyle(VERMILION, '-', 1.1),
-    'residual': LineStyle(GREY, '-', 0.9),
+    'model': LineStyle(VERMILION, (0, (6, 2)), 1.5),
+    'residual': LineStyle(GREY, (0, (1, 1)), 1.4),
     'effort': LineStyle(BLACK, '-', 1.6),
     'gravity': LineStyle(GREEN, (0, (6, 2)), 1.5),
     'inertial': LineStyle(BLUE, (0, (3, 1)), 1.3),
@@ -122,7 +122,7 @@ def joint_figure(
             axes[row, 0].set_title(name, loc='left', fontweight='bold')
         for column, panel in enumerate(panels):
             axes[-1, column].set_xlabel('time [s]')
-            axes[0, column].set_title(panel.title)
+            axes[0, column].set_title(panel.title, loc='right')
             if len(panel.lines) > 1:
                 axes[0, column].legend(
                     ncols=3, loc='lower left', frameon=True, framealpha=0.8, edgecolor='none',

@@ -21,7 +21,7 @@ knows: directories of rosbag2, and single files of MCAP or sqlite3.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -50,7 +50,7 @@ class RecordedTopic(NamedTuple):
 
     name: str
     message_type: str
-    count: int
+    message_count: int
     qos: TopicQos
 
 
@@ -79,11 +79,23 @@ class JointSeries:
 
     def first(self, seconds: float) -> 'JointSeries':
         """Return the samples of the first so many seconds."""
-        keep = slice(0, int(np.searchsorted(self.times, seconds, side='right')))
-        return JointSeries(
-            self.joint_names, self.stamps_ns[keep],
-            *(None if values is None else values[keep]
-              for values in (self.position, self.velocity, self.effort)), self.passed_over)
+        rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
+        return self._chosen(rows, np.arange(len(self.joint_names)))
+
+    def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
+        """Return the samples of these joints, in this order."""
+        columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)
+        return self._chosen(np.arange(len(self.stamps_ns)), columns)
+
+    def _chosen(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> (
+            'JointSeries'):
+        def chosen(values: FloatArray | None) -> FloatArray | None:
+            return None if values is None else np.asarray(values[np.ix_(rows, columns)])
+
+        return replace(
+            self, joint_names=tuple(self.joint_names[i] for i in columns),
+            stamps_ns=self.stamps_ns[rows], position=chosen(self.position),
+            velocity=chosen(self.velocity), effort=chosen(self.effort))
 
 
 class RecordingWriter:
@@ -220,7 +232,7 @@ class Recording:
 
         Raises RecordingError where there is none, or more than one to choose from.
         """
-        names = [t.name for t in self.topics if t.message_type == JOINT_STATE and t.count]
+        names = [t.name for t in self.topics if t.message_type == JOINT_STATE and t.message_count]
         if '/joint_states' in names:
             return '/joint_states'
         if len(names) != 1:
@@ -294,7 +306,7 @@ def _series(
         stamps = np.array([time_ns for time_ns, _, _ in rows], dtype=np.int64)
     newest = np.maximum.accumulate(stamps)
     keep = np.concatenate(([True], stamps[1:] > newest[:-1]))
-    fields = {}
+    fields: dict[str, FloatArray] = {}
     for field in ('position', 'velocity', 'effort'):
         values = np.array([
             np.asarray(given)[columns] if len(given := getattr(message, field)) == len(
@@ -306,11 +318,13 @@ def _series(
             keep &= known
     if not keep.any():
         raise RecordingError('no message of the joint states has all its fields finite')
+
+    def kept(field: str) -> FloatArray | None:
+        return fields[field][keep] if field in fields else None
+
     return JointSeries(
-        names, stamps[keep],
-        *(fields[field][keep] if field in fields else None
-          for field in ('position', 'velocity', 'effort')),
-        passed_over=message_count - int(keep.sum()))
+        names, stamps[keep], kept('position'), kept('velocity'), kept('effort'),
+        message_count - int(keep.sum()))
 
 
 def _rosbags(module: str) -> Any:

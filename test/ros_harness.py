@@ -386,6 +386,15 @@ class RosClient:
                 return found
         raise AssertionError(f'no answer in {timeout:g} s to {message}')
 
+    def answer_to(self, publisher: Any, message: Any, answers: Collector) -> Any:
+        """Publish until there is an answer with the stamp of this message; return it."""
+        return self.ask(publisher, message, answers, has_stamp(message.header.stamp))
+
+
+def has_stamp(stamp: Any) -> Callable[[Any], bool]:
+    """Return a predicate for messages with this stamp."""
+    return lambda message: bool(message.header.stamp == stamp)
+
 
 def wait_until(
     condition: Callable[[], bool], what: str, timeout: float = TIMEOUT,

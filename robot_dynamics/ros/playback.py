@@ -20,12 +20,11 @@ from typing import NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
-
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recording import JointSeries
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.recorder import Recorder
+from sensor_msgs.msg import JointState
 
 RESEND_PERIOD = 0.5
 """[s] after which a state is said again: subscriptions to joint states are best effort."""
@@ -48,7 +47,7 @@ class Playback:
         self, node: Node, recorder: Recorder, topic: str, answer_topic: str,
         series: JointSeries,
     ) -> None:
-        """`recorder` records `answer_topic`, whose stamps tell which state was answered."""
+        """Take a recorder of `answer_topic`, whose stamps tell which state was answered."""
         self._recorder, self._answers = recorder, answer_topic
         self._series = series
         self._publisher = node.create_publisher(JointState, topic, QoSProfile(depth=1))

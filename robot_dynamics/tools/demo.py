@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Show the package at work: `demo` closes the loop on an arm, `demo --replay` compares with a robot.
+Show the package at work: `demo` closes a loop, `demo --replay` compares with a robot.
 
-Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a mistake
-in the arguments, or a file that cannot be used; 130 interrupted.
+Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a
+mistake in the arguments, or a file that cannot be used; 130 interrupted.
 """
 
 import argparse
@@ -174,7 +174,7 @@ def _replay(arguments: argparse.Namespace, directory: Path) -> int:
         recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
         urdf = _description(arguments.robot, directory, recorded.urdf)
         replay = play_recording(recorded, urdf, arguments.rate, directory)
-        comparison = compare(recorded, replay)
+        comparison = compare(replay)
     except DemoError as error:
         return _failure(str(error))
     except RobotDynamicsError as error:

@@ -19,8 +19,6 @@ from pathlib import Path
 import time
 
 from rclpy.qos import QoSProfile
-from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
-
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.reference_motion import make_reference_motion, ReferenceMotion
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
@@ -37,6 +35,7 @@ from robot_dynamics.tools.demo_session import (
     START_TIMEOUT,
     TRAJECTORY,
 )
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 LEAD_TIME = 0.3
 """[s] from the newest state to the start of the motion."""

@@ -29,7 +29,7 @@ from robot_dynamics.plotting import (
     position_panel,
     save_figure,
 )
-from robot_dynamics.recording import Recording, stack
+from robot_dynamics.recording import IntArray, Recording, stack
 from robot_dynamics.reference_motion import sample_trajectory
 from robot_dynamics.tools.demo_loop import LoopRun
 from robot_dynamics.tools.demo_session import EFFORT_COMMAND, JOINT_STATES, TERMS
@@ -89,7 +89,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     stamps = states.stamps_ns[during]
     if states.position is None or len(stamps) < 2 or run.start_ns == 0:
         raise RecordingError('no state of the motion was recorded')
-    times = (stamps - run.start_ns) * 1e-9
+    times = _seconds(stamps - run.start_ns)
     measured = states.position[during]
     reference = sample_trajectory(run.motion.trajectory, times).position
     error = reference - measured
@@ -100,7 +100,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(
         arm.joint_names, arm.joint_kinds, times, reference, measured, error,
-        (term_stamps[term_during] - run.start_ns) * 1e-9,
+        _seconds(term_stamps[term_during] - run.start_ns),
         {name: values[term_during] for name, values in terms.items()},
         float(commanded.mean()), float(commanded.sum() / (times[-1] - times[0])),
         int(np.sum(steps - 1)))
@@ -120,7 +120,8 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
     print()
     print(f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
           f'{100.0 * report.answered:.2f} % of the states were answered')
-    print(f'Losses           {report.missing_states} states missing, {run.lost} messages lost on the way to the recording')
+    print(f'Losses           {report.missing_states} states never published, {run.lost} messages '
+          'lost on the way to the recording')
     print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit, planned, '
           f'at {motion.worst_joint}')
 
@@ -135,6 +136,10 @@ def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
         error_panel(report.times, report.error),
         effort_panel('Effort by term', report.term_times, lines)))
     save_figure(figure, path)
+
+
+def _seconds(nanoseconds: IntArray) -> FloatArray:
+    return np.asarray(nanoseconds * 1e-9)
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:

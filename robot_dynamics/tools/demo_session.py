@@ -27,14 +27,13 @@ import rclpy
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
+from robot_dynamics.recording import RecordingWriter, TopicQos
+from robot_dynamics.ros.recorder import interface_definitions, Recorder, TopicSpec
+from robot_dynamics.tools.demo_nodes import DemoError, Nodes
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
-
-from robot_dynamics.recording import RecordingWriter, TopicQos
-from robot_dynamics.ros.recorder import interface_definitions, Recorder, TopicSpec
-from robot_dynamics.tools.demo_nodes import DemoError, Nodes
 
 RECORDING = 'recording'
 DESCRIPTION = 'robot.urdf'

@@ -1,0 +1,284 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording of a real arm, played to `dynamics`, and the model's efforts beside the measured."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+import time
+from typing import Any
+
+import numpy as np
+from rclpy.executors import SingleThreadedExecutor
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.plotting import effort_panel, joint_figure, Panel, save_figure
+from robot_dynamics.recording import JointSeries, Recording
+from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics.ros.playback import Playback, PlaybackResult
+from robot_dynamics.tools.demo_motion import measured_motion, MeasuredMotion, ORDER
+from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS
+from robot_dynamics.tools.demo_progress import Progress
+from robot_dynamics.tools.demo_report import print_table
+from robot_dynamics.tools.demo_session import (
+    DESCRIPTION,
+    GRAVITY,
+    JOINT_STATES,
+    recording_session,
+    ROBOT_DESCRIPTION,
+    Session,
+)
+from robot_dynamics.validation import FloatArray
+from robot_dynamics_interfaces.srv import InverseDynamicsBatch
+
+BATCH = 1000
+"""Samples in one request."""
+SERVICE = '/dynamics/inverse_dynamics_batch'
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What is played: all joints of a topic, and the URDF in the recording, if any."""
+
+    path: Path
+    topic: str
+    series: JointSeries
+    urdf: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """
+    What the node answered. All are (m, n) [N·m or N] in the order of `arm.joint_names`.
+
+    `motion` is what was asked for; `terms` are the efforts of inverse dynamics for it, by name.
+    """
+
+    arm: ArmModel
+    played: PlaybackResult
+    motion: MeasuredMotion
+    terms: Mapping[str, FloatArray]
+    lost: int
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Model and measured efforts, and what the compensation of gravity alone would leave."""
+
+    arm: ArmModel
+    motion: MeasuredMotion
+    terms: Mapping[str, FloatArray]
+
+    def residual(self, term: str) -> FloatArray | None:
+        """Return measured less modelled effort (m, n), None where nothing was measured."""
+        measured = self.motion.effort
+        return None if measured is None else measured - self.terms[term]
+
+
+def read_recording(path: Path, topic: str | None, seconds: float | None) -> Recorded:
+    """Return the joint states of a recording; raise RecordingError."""
+    print(f'Reading {path} ...', flush=True)
+    with Recording(path) as recording:
+        name = topic or recording.joint_state_topic()
+        series = recording.joint_series(name)
+        urdf = None
+        if any(t.name == ROBOT_DESCRIPTION and t.message_count for t in recording.topics):
+            urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
+    if seconds is not None:
+        series = series.first(seconds)
+    measured = ' and '.join(
+        field for field in ('position', 'velocity', 'effort')
+        if getattr(series, field) is not None)
+    print(f'  {name}: {len(series.stamps_ns)} states of {len(series.joint_names)} joints, '
+          f'{series.times[-1]:.2f} s, with {measured or "nothing"}'
+          + (f'; {series.passed_over} messages passed over' if series.passed_over else ''))
+    return Recorded(path, name, series, urdf)
+
+
+def play_recording(
+    recorded: Recorded, urdf: str, rate: float | None, directory: Path,
+) -> Replay:
+    """
+    Play the recorded states to the node, ask it for inverse dynamics, and record all of it.
+
+    Raises RobotDynamicsError where arm and recording do not fit, DemoError where the node fails.
+    """
+    arm = _recorded_arm(urdf, recorded.series)
+    series = recorded.series.of_joints(arm.joint_names)
+    motion = measured_motion(series)
+    print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
+    now = {'ns': int(series.stamps_ns[0])}
+    with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
+        session.nodes.start('dynamics', DYNAMICS, {
+            'robot_description_file': str((directory / DESCRIPTION).resolve()),
+            'joints': list(arm.joint_names)})
+        playback = Playback(session.node, session.recorder, JOINT_STATES, GRAVITY, series)
+        session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
+        print('Playing the recorded states, each after the answer to the one before ...',
+              flush=True)
+        with Progress(len(series.stamps_ns), 'states') as progress:
+            def on_progress(done: int) -> None:
+                now['ns'] = int(series.stamps_ns[done - 1])
+                progress.update(done)
+
+            try:
+                played = playback.play(rate, on_progress, session.nodes.check)
+            except RecordingError as error:
+                raise DemoError(f'{error}.\n{session.nodes.logs()}') from None
+        print(f'Asking {SERVICE} at the measured motion ...', flush=True)
+        terms = _ask_terms(session, arm, motion)
+        lost = sum(count.lost for count in session.recorder.counts.values())
+    return Replay(arm, played, motion, terms, lost)
+
+
+def compare(replay: Replay) -> Comparison:
+    """Return the comparison of what was measured with what the model says."""
+    return Comparison(replay.arm, replay.motion, replay.terms)
+
+
+def print_comparison(comparison: Comparison, recorded: Recorded, replay: Replay) -> None:
+    """Print the efforts per joint, measured and left over."""
+    motion, played = comparison.motion, replay.played
+    print(f'\n{played.played} states played in {played.seconds:.1f} s, all answered '
+          f'({played.resent} said again); {replay.lost} messages lost on the way to the recording')
+    print(f'Acceleration: derivative of the velocity; velocity and measured effort through a '
+          f'Butterworth filter\nof order {ORDER}, {motion.cut_off:g} Hz, forwards and backwards, '
+          f'at {motion.rate:.1f} Hz\n')
+    if motion.effort is None:
+        print(f'{recorded.topic} has no measured effort: the efforts are those of the model '
+              'alone.\n')
+    print_table(_rows(comparison))
+    if motion.effort is not None:
+        print('\nresidual: measured less the inverse dynamics of the model at the measured '
+              'motion; relative: its RMS by that of\nthe measured effort; gravity only: the same '
+              'for g(q) instead of the inverse dynamics.')
+    print()
+
+
+def save_comparison(comparison: Comparison, path: Path) -> None:
+    """Write the picture: measured and model effort, and the model's by term; raise OSError."""
+    arm, motion, terms = comparison.arm, comparison.motion, comparison.terms
+    panels: list[Panel] = []
+    residual = comparison.residual('effort')
+    title = f'{arm.name}: effort of the model at the recorded motion'
+    if motion.effort is not None and residual is not None:
+        panels.append(effort_panel('Measured effort and model', motion.times, {
+            'measured': motion.effort, 'model': terms['effort'], 'residual': residual}))
+        title = f'{arm.name}: measured effort, and that of the model at the recorded motion'
+    by_term = {name: terms[name] for name in ('gravity', 'inertial', 'coriolis', 'effort')}
+    if np.any(terms['friction']):
+        by_term['friction'] = terms['friction']
+    panels.append(effort_panel('Model by term', motion.times, by_term))
+    save_figure(joint_figure(title, arm.joint_names, arm.joint_kinds, panels), path)
+
+
+def _rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    arm, measured = comparison.arm, comparison.motion.effort
+    model = comparison.terms['effort']
+    residual, without = comparison.residual('effort'), comparison.residual('gravity')
+    rows: list[tuple[str, ...]] = [('joint', 'RMS of model', 'largest')]
+    if measured is not None:
+        rows = [(
+            'joint', 'RMS of measured', 'RMS of residual', 'relative', 'largest residual',
+            'gravity only')]
+    for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
+        unit = 'N' if kind == 'prismatic' else 'N·m'
+        if measured is None or residual is None or without is None:
+            rows.append((name, f'{_rms(model[:, j]):.3f} {unit}',
+                         f'{np.abs(model[:, j]).max():.3f} {unit}'))
+            continue
+        whole = _rms(measured[:, j])
+        rows.append((
+            name, f'{whole:.3f} {unit}', f'{_rms(residual[:, j]):.3f} {unit}',
+            _percent(_rms(residual[:, j]), whole), f'{np.abs(residual[:, j]).max():.3f} {unit}',
+            _percent(_rms(without[:, j]), whole)))
+    return rows
+
+
+def _percent(part: float, whole: float) -> str:
+    return f'{100.0 * part / whole:.1f} %' if whole > 0.0 else '-'
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
+    """Return the arm with those of its joints that were recorded; the others are locked."""
+    arm = load_arm(urdf)
+    joints = [name for name in arm.joint_names if name in series.joint_names]
+    if not joints:
+        raise InvalidInputError(
+            f'the recording has the joints {list(series.joint_names)}, but the arm '
+            f'{arm.name!r} has {list(arm.joint_names)}: give its description with --robot')
+    if len(joints) == arm.joint_count:
+        return arm
+    locked = [name for name in arm.joint_names if name not in joints]
+    print(f'  not recorded, and so locked: {locked}')
+    return load_arm(urdf, joints)
+
+
+def _ask_terms(session: Session, arm: ArmModel, motion: MeasuredMotion) -> dict[str, FloatArray]:
+    """
+    Return the effort of the motion and its terms, each (m, n).
+
+    The service gives efforts alone. Without acceleration the inertial term is missing; of what
+    is left, C(q, v) v + g(q) is even in v, and friction odd.
+    """
+    q, v, a = motion.position, motion.velocity, motion.acceleration
+    zero = np.zeros_like(q)
+    ask = _BatchClient(session, arm)
+    effort, forth, back, gravity = (
+        ask(q, *rates) for rates in ((v, a), (v, zero), (-v, zero), (zero, zero)))
+    ask.close()
+    return {
+        'effort': effort, 'inertial': effort - forth, 'coriolis': 0.5 * (forth + back) - gravity,
+        'friction': 0.5 * (forth - back), 'gravity': gravity}
+
+
+class _BatchClient:
+    """Asks the node for the inverse dynamics of many samples, a part at a time."""
+
+    def __init__(self, session: Session, arm: ArmModel) -> None:
+        self._session, self._arm = session, arm
+        self._client = session.node.create_client(InverseDynamicsBatch, SERVICE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(session.node)
+        session.wait_for(self._client.service_is_ready, f'the service {SERVICE}')
+
+    def __call__(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        return np.concatenate([
+            self._part(q[i:i + BATCH], v[i:i + BATCH], a[i:i + BATCH])
+            for i in range(0, len(q), BATCH)])
+
+    def _part(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        future = self._client.call_async(InverseDynamicsBatch.Request(
+            joint_names=list(self._arm.joint_names), position=floats_to_ros(q),
+            velocity=floats_to_ros(v), acceleration=floats_to_ros(a)))
+        deadline = time.monotonic() + 10.0
+        while not future.done():
+            self._executor.spin_once(timeout_sec=0.1)
+            self._session.record(0.0)
+            if time.monotonic() > deadline:
+                raise DemoError(
+                    f'10 s passed without an answer of {SERVICE}.\n{self._session.nodes.logs()}')
+        answer: Any = future.result()
+        if not answer.success:
+            raise DemoError(f'{SERVICE} refused: {answer.message}')
+        return np.array(answer.effort).reshape(q.shape)
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._session.node.destroy_client(self._client)
