@@ -10,13 +10,15 @@ has_ros() { [ -e "$ros_prefix/setup.bash" ]; }
 
 say() { printf '\033[2m== %s\033[0m\n' "$*" >&2; }
 
-# fail MESSAGE [LOG]: one clear line, after the end of the log of what went wrong.
+# fail MESSAGE [LOG]: one clear line; the log of what went wrong is kept and named.
 fail() {
-  if [ -n "${2:-}" ]; then
-    tail -n 25 "$2" >&2
-    rm -f "$2"
+  local details=''
+  if [ -s "${2:-}" ]; then
+    mkdir -p "$root/log"
+    cp "$2" "$root/log/setup.txt"
+    details=" (What it said: log/setup.txt.)"
   fi
-  printf 'robot_dynamics: %s\n' "$1" >&2
+  printf 'robot_dynamics: %s%s\n' "$1" "$details" >&2
   exit 1
 }
 

@@ -68,26 +68,23 @@ class Bench:
         return f'{self.namespace}/{name}'
 
     def follow(self, *points: JointTrajectoryPoint, stamp: Time | None = None) -> None:
-        """Send a trajectory and wait until a computed torque says that it is followed."""
+        """Send a trajectory."""
         message = JointTrajectory(joint_names=NAMES, points=points)
         message.header.stamp = stamp or Time()
         self.trajectories.publish(message)
 
-    def follows(self, stamp: Time) -> bool:
-        return any(message.header.stamp == stamp for message in self.computed_torque.messages)
-
 
 def make_bench(client: RosClient, node: NodeProcess, namespace: str) -> Bench:
-    collectors = [
+    efforts, gravity, computed_torque = (
         client.collect(JointState, f'{namespace}/{topic}') for topic in (
-            'effort_command', 'dynamics/gravity_compensation', 'dynamics/computed_torque')]
-    for collector in collectors:
+            'effort_command', 'dynamics/gravity_compensation', 'dynamics/computed_torque'))
+    for collector in (efforts, gravity, computed_torque):
         collector.wait_matched()
     return Bench(
         client, node, namespace,
         client.publisher(JointState, f'{namespace}/joint_states', 1),
         client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory'),
-        *collectors)
+        efforts, gravity, computed_torque)
 
 
 @pytest.fixture(scope='module')

@@ -1,0 +1,221 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node `simulated_arm`: efforts in, joint states out."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics_interfaces.srv import SetPayload
+from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ['joint1', 'joint2']
+START = [0.8, 0.5]
+RATE = 500.0
+PERIOD_NS = 2_000_000
+
+
+class LockStepped:
+    """A simulated arm that waits for each effort, and the test in the place of a controller."""
+
+    def __init__(self, client: RosClient, namespace: str) -> None:
+        self.client, self.namespace = client, namespace
+        self.states = client.collect(JointState, f'{namespace}/joint_states', KEEP_MANY)
+        self.clock = client.collect(Clock, '/clock', KEEP_MANY)
+        self.efforts = client.publisher(JointState, f'{namespace}/effort_command', 1)
+        self.state = self.states.wait_for()
+
+    def step(self, effort: Any, names: Any = None) -> JointState:
+        """Answer the newest state; return the one that comes of it."""
+        answer = JointState(name=names or NAMES, effort=effort)
+        answer.header.stamp = self.state.header.stamp
+        before = stamp_from_ros(self.state.header.stamp)
+        self.state = self.client.ask(
+            self.efforts, answer, self.states,
+            lambda message: stamp_from_ros(message.header.stamp) > before)
+        self.states.clear()
+        return self.state
+
+    def set_payload(self, *arguments: Any, **fields: Any) -> Any:
+        return self.client.call(
+            SetPayload, f'{self.namespace}/simulated_arm/set_payload',
+            SetPayload.Request(*arguments, **fields))
+
+
+@pytest.fixture(scope='module')
+def stepped(client: RosClient) -> Iterator[LockStepped]:
+    parameters = {'lock_step': True, 'rate': RATE, 'initial_position': START}
+    with NodeProcess(SIMULATED_ARM, parameters, namespace='/stepped'):
+        yield LockStepped(client, '/stepped')
+
+
+def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped) -> None:
+    assert stamp_from_ros(stepped.state.header.stamp) == PERIOD_NS
+    assert list(stepped.state.name) == NAMES
+    assert list(stepped.state.position) == START
+    assert list(stepped.state.velocity) == [0.0, 0.0]
+    again = stepped.states.wait_count(3)  # it says so until someone answers
+    assert {stamp_from_ros(m.header.stamp) for m in again} == {PERIOD_NS}
+
+
+def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
+    twin = ArmSimulation(ARM, START)
+    twin.release()
+    twin.reset()
+    twin.release()
+    stepped.step(ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist())
+    # where the loop was left by another test does not matter: go on from what it says
+    twin.q, twin.v = np.array(stepped.state.position), np.array(stepped.state.velocity)
+    for k in range(20):
+        effort = [10.0 * np.sin(k), 5.0 * np.cos(k)]
+        stamp = stamp_from_ros(stepped.state.header.stamp)
+        state = stepped.step(effort)
+        twin.step(np.array(effort), 1.0 / RATE)
+        assert stamp_from_ros(state.header.stamp) == stamp + PERIOD_NS
+        assert list(state.position) == twin.q.tolist()
+        assert list(state.velocity) == twin.v.tolist()
+        assert list(state.effort) == effort
+
+
+def test_efforts_are_matched_by_name(stepped: LockStepped) -> None:
+    state = stepped.step([9.0, 2.0, 1.0], ['lid', 'joint2', 'joint1'])
+    assert list(state.effort) == [1.0, 2.0]
+
+
+def test_the_clock_is_that_of_the_states(stepped: LockStepped) -> None:
+    state = stepped.step([0.0, 0.0])
+    stepped.clock.wait_for(lambda message: message.clock == state.header.stamp)
+
+
+@pytest.mark.parametrize('bad', [
+    {'effort': [float('nan'), 0.0]}, {'effort': [1.0]}, {'effort': []},
+    {'effort': [1.0, 2.0], 'name': ['joint1', 'elbow']}])
+def test_a_bad_effort_or_an_old_one_moves_nothing(
+    stepped: LockStepped, bad: dict[str, Any],
+) -> None:
+    before = stepped.state.header.stamp
+    message = JointState(**{'name': NAMES, **bad})
+    message.header.stamp = before
+    stepped.efforts.publish(message)
+    old = JointState(name=NAMES, effort=[50.0, 50.0])
+    old.header.stamp = Time(sec=0, nanosec=1)
+    stepped.efforts.publish(old)
+    state = stepped.step([1.5, -2.5])
+    assert list(state.effort) == [1.5, -2.5]
+    assert stamp_from_ros(state.header.stamp) == stamp_from_ros(before) + PERIOD_NS
+
+
+def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
+    for _ in range(5):
+        stepped.step([20.0, -5.0])
+    assert list(stepped.state.position) != START
+    response = stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
+    assert response.success
+    state = stepped.step([0.0, 0.0])  # time goes on
+    twin = ArmSimulation(ARM, START)
+    twin.release()
+    assert list(state.position) == twin.step(np.zeros(2), 1.0 / RATE).position.tolist()
+
+
+def test_a_payload_weighs(stepped: LockStepped) -> None:
+    payload = make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
+    response = stepped.set_payload(payload=payload_to_ros(payload))
+    assert response.success
+    assert response.message == "3 kg on 'tool0'"
+    stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
+    stepped.step([0.0, 0.0])
+    stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
+    hold = ArmDynamics(ARM.with_payloads([payload])).rigid_body.gravity(np.array(START))
+    for _ in range(10):
+        state = stepped.step(hold.tolist())
+    assert state.position == pytest.approx(START, abs=1e-9)
+    for fields, words in (
+            ({'payload': payload_to_ros(make_payload('hand', 1.0))}, "frame_id is 'hand'"),
+            ({'transition_time': 1.0}, 'transition_time is 1, expected 0')):
+        refusal = stepped.set_payload(**fields)
+        assert not refusal.success
+        assert words in refusal.message
+    assert stepped.set_payload().message == 'no payload'
+
+
+def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
+    push = stepped.client.publisher(WrenchStamped, '/stepped/simulated_arm/external_wrench')
+    gravity = ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist()
+    message = WrenchStamped()
+    message.header.frame_id = 'tool0'
+    message.wrench.force.x = 30.0
+
+    def moves_after(wrench: WrenchStamped, moves: bool) -> None:
+        push.publish(wrench)
+        for _ in range(200):
+            stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
+            stepped.step(gravity)
+            state = stepped.step(gravity)
+            if (np.abs(state.velocity).max() > 1e-3) == moves:
+                return
+        raise AssertionError(f'moves is not {moves}: {state}')
+
+    moves_after(message, True)
+    message.wrench.force.x = 0.0
+    moves_after(message, False)
+    message.header.frame_id, message.wrench.force.x = 'hand', 30.0
+    push.publish(message)
+    stepped.client.node.destroy_publisher(push)
+
+
+def test_wall_time_goes_on_by_itself(client: RosClient) -> None:
+    parameters = {'rate': 200.0, 'initial_position': START}
+    with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall') as node, \
+            client.collect(JointState, '/wall/joint_states') as states:
+        got = states.wait_count(300)
+        stamps = np.array([stamp_from_ros(m.header.stamp) for m in got])
+        steps = np.diff(stamps)
+        assert (steps % 5_000_000 == 0).all() or 'behind at a period' in node.log
+        assert np.median(steps) == 5_000_000
+        now = client.node.get_clock().now().nanoseconds
+        assert abs(now - stamps[-1]) < TIMEOUT * 1e9
+        # the brakes hold, as there is no effort
+        assert {tuple(m.position) for m in got} == {tuple(START)}
+        assert client.node.count_publishers('/wall/clock') == 0
+
+
+def test_without_brakes_it_falls_freely(client: RosClient) -> None:
+    parameters = {'rate': 200.0, 'initial_position': START, 'brakes': False,
+                  'publish_clock': True}
+    with client.collect(JointState, '/falling/joint_states') as states, \
+            NodeProcess(SIMULATED_ARM, parameters, namespace='/falling'):
+        first, *_, last = states.wait_count(100)
+        twin = ArmSimulation(ARM, START)
+        twin.release()
+        # time counts from 0 here, so the state at any stamp is known
+        ticks = stamp_from_ros(last.header.stamp) // 5_000_000
+        for _ in range(ticks):
+            twin.step(np.zeros(2), 1.0 / 200.0)
+        assert stamp_from_ros(first.header.stamp) % 5_000_000 == 0
+        assert last.position == pytest.approx(twin.q, abs=1e-9)
+        assert abs(last.position[0] - START[0]) > 0.1
