@@ -18,7 +18,8 @@ Real nodes for the tests: processes that run them, and a client that speaks to t
 Nothing is simulated here but the arm. Every wait is for an event and bounded by `TIMEOUT`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack
 import os
 from pathlib import Path
 import re
@@ -93,13 +94,18 @@ class NodeProcess:
 
     # ------------------------------------------------------------------ start and end
 
-    def start(self) -> 'NodeProcess':
-        """Start the process and wait until it is ready; fail with its log where it is not."""
+    def launch(self) -> 'NodeProcess':
+        """Start the process; do not wait for it."""
         self._process = subprocess.Popen(
             self._command, env=self._environment, text=True, errors='replace',
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self._reader = threading.Thread(target=self._read_log, daemon=True)
         self._reader.start()
+        return self
+
+    def start(self) -> 'NodeProcess':
+        """Start the process and wait until it is ready; fail with its log where it is not."""
+        self.launch()
         if self._ready is not None:
             try:
                 self.wait_for_log(self._ready)
@@ -121,11 +127,15 @@ class NodeProcess:
 
     def stop(self) -> None:
         """Interrupt the process as Ctrl-C does; it must leave in order."""
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
+        self.interrupt()
         status = self.wait()
         assert status == 0, f'exit status {status}:\n{self.log}'
         assert 'Traceback' not in self.log, self.log
+
+    def interrupt(self) -> None:
+        """Send SIGINT; do not wait."""
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
 
     def kill(self) -> None:
         """End the process whatever it does."""
@@ -186,12 +196,17 @@ class NodeProcess:
             self._news.notify_all()
 
 
-def run_to_its_end(
-    module: str, parameters: Mapping[str, Any] | None = None, **options: Any,
-) -> tuple[int, str]:
-    """Run a node that is to end by itself; return its exit status and its log."""
-    node = NodeProcess(module, parameters, ready=None, **options).start()
-    return node.wait(), node.log
+@contextmanager
+def running(*nodes: NodeProcess) -> Iterator[None]:
+    """Run several nodes that start, and stop, all at the same time."""
+    with ExitStack() as stack:
+        for node in nodes:
+            stack.push(node.launch())
+        for node in nodes:
+            node.wait_for_log(READY)
+        yield
+        for node in nodes:
+            node.interrupt()
 
 
 class Collector:

@@ -14,27 +14,25 @@
 
 """Both nodes together: the loop that closes without hardware."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack
 from typing import Any
 
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_to_ros
-from robot_dynamics.trajectory import JointTrajectory, quintic_point_to_point, quintic_via_points
+from robot_dynamics.trajectory import JointTrajectory, quintic_point_to_point
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import (
     Collector,
     DYNAMICS,
-    KEEP_MANY,
     NodeProcess,
     RosClient,
+    running,
     SIMULATED_ARM,
 )
 from sensor_msgs.msg import JointState
@@ -48,18 +46,11 @@ LONG = 60.0
 """[s] for things that take many messages on a busy machine."""
 
 
-@contextmanager
-def loop(
-    namespace: str, arm: Mapping[str, Any], controller: Mapping[str, Any] | None = None,
-    arm_first: bool = False, name: str = '',
-) -> Iterator[None]:
-    """Run both nodes; they stop in the opposite order."""
-    parameters = {'rate': RATE, 'lock_step': True, 'initial_position': START, **arm}
-    simulated = NodeProcess(SIMULATED_ARM, parameters, namespace=namespace)
-    dynamics = NodeProcess(DYNAMICS, controller, namespace=namespace)
-    first, second = (simulated, dynamics) if arm_first else (dynamics, simulated)
-    with first, second:
-        yield
+def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
+    """Return a process of the simulated arm, in lock-step unless told otherwise."""
+    return NodeProcess(SIMULATED_ARM, {
+        'rate': RATE, 'lock_step': True, 'initial_position': START, **parameters},
+        namespace=namespace)
 
 
 def until(states: Collector, seconds: float) -> list[Any]:
@@ -87,31 +78,45 @@ def send(client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: 
 
 # --- standing still ------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('pose', 'arm_first'), [
-    ([0.8, 0.5], False), ([2.2, -1.3], True), ([-1.5707963, 0.1], False)])
-def test_gravity_compensation_holds_the_arm(
-    client: RosClient, pose: list[float], arm_first: bool,
+def drift(states: list[Any], pose: list[float]) -> float:
+    return float(np.abs(np.array([m.position for m in states]) - pose).max())
+
+
+@pytest.mark.parametrize('arm_first', [True, False])
+def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
+    client: RosClient, arm_first: bool,
 ) -> None:
-    """Less than 1 mrad of drift in 10 s, whichever node starts first."""
-    namespace = f'/hold{abs(hash(tuple(pose))) % 10**6}'
-    with client.collect(JointState, f'{namespace}/joint_states', KEEP_MANY) as states, \
-            loop(namespace, {'initial_position': pose}, arm_first=arm_first):
+    """The drift is below 1 mrad in 10 s."""
+    namespace = f'/hold_{"arm" if arm_first else "dynamics"}'
+    nodes = [NodeProcess(DYNAMICS, namespace=namespace), simulated_arm(namespace, rate=100.0)]
+    first, second = reversed(nodes) if arm_first else nodes
+    with client.collect(JointState, f'{namespace}/joint_states') as states, first, second:
         seen = until(states, 10.0)
-    assert len(seen) > 0.5 * RATE * 10.0  # an observer may miss some, the loop does not
-    drift = np.abs(np.array([m.position for m in seen]) - pose).max()
-    assert drift < 1e-3
+    assert len(seen) > 500  # an observer may miss some, the loop does not
+    assert drift(seen, START) < 1e-3
+
+
+def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
+    poses = [[2.2, -1.3], [-np.pi / 2, 0.1], [0.0, 0.0], [3.0, 3.0]]
+    with NodeProcess(DYNAMICS, namespace='/poses'):
+        for pose in poses:
+            with client.collect(JointState, '/poses/joint_states') as states, \
+                    simulated_arm('/poses', rate=50.0, initial_position=pose):
+                seen = until(states, 10.0)
+            assert len(seen) > 250
+            assert drift(seen, pose) < 1e-3
 
 
 def test_in_wall_time_the_arm_is_held_from_its_brakes_on(client: RosClient) -> None:
-    with client.collect(JointState, '/wall/joint_states', KEEP_MANY) as states, \
-            loop('/wall', {'lock_step': False}, arm_first=True):
+    with client.collect(JointState, '/wall/joint_states') as states, \
+            simulated_arm('/wall', lock_step=False), NodeProcess(DYNAMICS, namespace='/wall'):
         states.wait_for(lambda m: any(m.effort))  # the first effort has opened the brakes
         before = len(states.messages)
         seen = states.wait_count(before + 400)
-    assert np.abs(np.array([m.position for m in seen]) - START).max() < 1e-3
+    assert drift(seen, START) < 1e-3
     stamps = np.array([stamp_from_ros(m.header.stamp) for m in seen])
     assert np.median(np.diff(stamps)) == 1e9 / RATE
-    assert np.abs(np.array([m.effort for m in seen[before + 1:]])).min() > 1.0
+    assert np.abs(np.array([m.effort for m in seen[before:]])).min() > 1.0
 
 
 # --- following -----------------------------------------------------------------------------------
@@ -125,12 +130,11 @@ def reference_at(path: JointTrajectory, t: float) -> np.ndarray:
 
 def test_computed_torque_follows_a_quintic(client: RosClient) -> None:
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
-    with client.collect(JointState, '/follow/joint_states', KEEP_MANY) as states:
-        with NodeProcess(DYNAMICS, namespace='/follow'):
-            send(client, '/follow', path, 0.5)
-            parameters = {'rate': 500.0, 'lock_step': True, 'initial_position': START}
-            with NodeProcess(SIMULATED_ARM, parameters, namespace='/follow'):
-                seen = until(states, 3.5)
+    with client.collect(JointState, '/follow/joint_states') as states, \
+            NodeProcess(DYNAMICS, namespace='/follow'):
+        send(client, '/follow', path, 0.5)
+        with simulated_arm('/follow', rate=500.0):
+            seen = until(states, 3.5)
     errors = [
         np.abs(reference_at(path, 1e-9 * stamp_from_ros(m.header.stamp) - 0.5) - m.position).max()
         for m in seen]
@@ -142,52 +146,53 @@ def test_computed_torque_follows_a_quintic(client: RosClient) -> None:
 
 def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient) -> None:
     there = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
-    back = quintic_via_points(NAMES, (0.0, 2.0), [[0.5, 0.5], START])
-    late = JointTrajectory(  # no point at its start: it leads on from where the reference is
-        tuple(NAMES), (back.points[-1],))
-    with client.collect(JointState, '/replace/effort_command', KEEP_MANY) as efforts:
-        with NodeProcess(DYNAMICS, namespace='/replace'):
-            send(client, '/replace', there, 0.0)
-            parameters = {'rate': RATE, 'lock_step': True, 'initial_position': START}
-            with NodeProcess(SIMULATED_ARM, parameters, namespace='/replace'):
-                efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9, LONG)
-                send(client, '/replace', late, 0.0)
-                efforts.wait_for(
-                    lambda m: abs(m.effort[0] + 56.0) < 100 and (
-                        stamp_from_ros(m.header.stamp) >= 8e9), LONG)
-    by_stamp = {stamp_from_ros(m.header.stamp): m.effort for m in efforts.messages}
-    stamps = sorted(stamp for stamp in by_stamp if stamp <= 8e9)
+    # no point at its start: it leads on from where the reference is
+    back = JointTrajectory(
+        NAMES, (quintic_point_to_point(NAMES, START, START, 2.0).points[-1],))
+    with client.collect(JointState, '/replace/effort_command') as efforts, \
+            NodeProcess(DYNAMICS, namespace='/replace'):
+        send(client, '/replace', there, 0.0)
+        with simulated_arm('/replace'):
+            efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9, LONG)
+            send(client, '/replace', back, 0.0)
+            commands = until(efforts, 8.0)
     jumps = [
-        np.abs(np.array(by_stamp[b]) - by_stamp[a]).max()
-        for a, b in zip(stamps, stamps[1:]) if b - a == round(1e9 / RATE)]
+        np.abs(np.array(b.effort) - a.effort).max() for a, b in zip(commands, commands[1:])
+        if stamp_from_ros(b.header.stamp) - stamp_from_ros(a.header.stamp) == round(1e9 / RATE)]
     assert len(jumps) > 0.5 * 8.0 * RATE
-    # a step of the reference alone by 0.1 rad would make one of M K_p 0.1 = 280 N·m
+    # a step of the reference alone by 0.1 rad would make one of about M K_p 0.1 = 280 N·m
     assert max(jumps) < 5.0
-    final = ArmDynamics(ARM).rigid_body.gravity(np.array(START))
-    assert by_stamp[stamps[-1]] == pytest.approx(final, abs=0.05)
+    hold = ArmDynamics(ARM).rigid_body.gravity(np.array(START))
+    assert commands[-1].effort == pytest.approx(hold, abs=0.05)
 
 
 # --- the same again ------------------------------------------------------------------------------
 
-def recorded_run(client: RosClient, namespace: str, seed: int) -> list[bytes]:
-    """Return the first 2 s of a noisy loop that follows a trajectory, byte by byte."""
-    path = quintic_point_to_point(NAMES, START, [0.2, 1.0], 1.0)
-    noise = {'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}
-    with client.collect(JointState, f'{namespace}/joint_states', KEEP_MANY) as states:
-        with NodeProcess(DYNAMICS, namespace=namespace):
-            send(client, namespace, path, 0.5)
-            parameters = {
-                'rate': RATE, 'lock_step': True, 'initial_position': START, **noise}
-            with NodeProcess(SIMULATED_ARM, parameters, namespace=namespace):
-                return [serialize_message(m) for m in until(states, 2.0)]
+def content(state: Any) -> bytes:
+    """Return the stamp and the numbers of a joint state, byte by byte."""
+    return stamp_from_ros(state.header.stamp).to_bytes(8, 'big') + b''.join(
+        values.tobytes() for values in (state.position, state.velocity, state.effort))
 
 
 def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
-    first, again, other = (
-        recorded_run(client, f'/repeat{i}', seed) for i, seed in enumerate((7, 7, 8)))
-    # an observer of a topic may miss a message; what both saw has to be the same
-    common = set(first) & set(again)
-    assert len(common) == min(len(first), len(again)) > 0.5 * 2.0 * RATE
+    """The same seed gives the same noisy motion along a trajectory, another one another motion."""
+    seeds = {'/repeat1': 7, '/repeat2': 7, '/repeat3': 8}
+    path = quintic_point_to_point(NAMES, START, [0.2, 1.0], 1.0)
+    with ExitStack() as stack:
+        collectors = [stack.enter_context(
+            client.collect(JointState, f'{namespace}/joint_states')) for namespace in seeds]
+        stack.enter_context(running(*(
+            NodeProcess(DYNAMICS, namespace=namespace) for namespace in seeds)))
+        for namespace in seeds:
+            send(client, namespace, path, 0.5)
+        stack.enter_context(running(*(
+            simulated_arm(namespace, position_noise=1e-4, velocity_noise=1e-3, seed=seed)
+            for namespace, seed in seeds.items())))
+        first, again, other = (
+            [content(state) for state in until(collector, 2.0)] for collector in collectors)
+    assert min(len(first), len(again), len(other)) > 0.5 * 2.0 * RATE
+    # an observer may miss a message; what both saw has to be the same
+    assert len(set(first) & set(again)) == len({s[:8] for s in first} & {s[:8] for s in again})
     assert not set(first) & set(other)
 
 
@@ -200,27 +205,18 @@ def load_of(client: RosClient, namespace: str, node: str) -> None:
     assert response.success, response.message
 
 
-def test_a_load_that_the_controller_knows_of_is_held(client: RosClient) -> None:
-    with client.collect(JointState, '/loaded/joint_states', KEEP_MANY) as states:
-        with NodeProcess(SIMULATED_ARM, {
-                'rate': RATE, 'lock_step': True, 'initial_position': START},
-                namespace='/loaded'):
-            load_of(client, '/loaded', 'simulated_arm')  # it waits with its brakes on
-            with NodeProcess(DYNAMICS, {'command': 'none'}, namespace='/loaded'):
-                load_of(client, '/loaded', 'dynamics')
-                client.set_parameters('/loaded/dynamics', {'command': 'computed_torque'})
-                seen = until(states, 5.0)
-    assert np.abs(np.array([m.position for m in seen]) - START).max() < 1e-3
-
-
-def test_a_load_that_the_controller_does_not_know_of_pulls_the_arm_down(
-    client: RosClient,
-) -> None:
-    with client.collect(JointState, '/unknown/joint_states', KEEP_MANY) as states:
-        with NodeProcess(SIMULATED_ARM, {
-                'rate': RATE, 'lock_step': True, 'initial_position': START},
-                namespace='/unknown'):
-            load_of(client, '/unknown', 'simulated_arm')
-            with NodeProcess(DYNAMICS, namespace='/unknown'):
-                seen = until(states, 0.5)
-    assert seen[-1].position[0] > START[0] + 0.1
+def test_a_load_is_held_where_the_controller_knows_of_it(client: RosClient) -> None:
+    namespaces = ['/known', '/unknown']
+    with client.collect(JointState, '/known/joint_states') as held, \
+            client.collect(JointState, '/unknown/joint_states') as pulled, \
+            running(*(simulated_arm(namespace) for namespace in namespaces)):
+        for namespace in namespaces:  # it waits with its brakes on
+            load_of(client, namespace, 'simulated_arm')
+        with running(*(NodeProcess(DYNAMICS, {'command': 'none'}, namespace=namespace)
+                       for namespace in namespaces)):
+            load_of(client, '/known', 'dynamics')
+            for namespace in namespaces:
+                client.set_parameters(f'{namespace}/dynamics', {'command': 'computed_torque'})
+            known, unknown = until(held, 2.0), until(pulled, 1.0)
+    assert drift(known, START) < 1e-3
+    assert unknown[-1].position[0] > START[0] + 0.1

@@ -25,6 +25,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import SetPayload
@@ -43,8 +44,8 @@ PERIOD_NS = 2_000_000
 class LockStepped:
     """A simulated arm that waits for each effort, and the test in the place of a controller."""
 
-    def __init__(self, client: RosClient, namespace: str) -> None:
-        self.client, self.namespace = client, namespace
+    def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
+        self.client, self.node, self.namespace = client, node, namespace
         self.states = client.collect(JointState, f'{namespace}/joint_states', KEEP_MANY)
         self.clock = client.collect(Clock, '/clock', KEEP_MANY)
         self.efforts = client.publisher(JointState, f'{namespace}/effort_command', 1)
@@ -70,8 +71,8 @@ class LockStepped:
 @pytest.fixture(scope='module')
 def stepped(client: RosClient) -> Iterator[LockStepped]:
     parameters = {'lock_step': True, 'rate': RATE, 'initial_position': START}
-    with NodeProcess(SIMULATED_ARM, parameters, namespace='/stepped'):
-        yield LockStepped(client, '/stepped')
+    with NodeProcess(SIMULATED_ARM, parameters, namespace='/stepped') as node:
+        yield LockStepped(client, node, '/stepped')
 
 
 def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped) -> None:
@@ -85,8 +86,6 @@ def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped)
 
 def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
     twin = ArmSimulation(ARM, START)
-    twin.release()
-    twin.reset()
     twin.release()
     stepped.step(ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist())
     # where the loop was left by another test does not matter: go on from what it says
@@ -165,26 +164,32 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
 
 def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
     push = stepped.client.publisher(WrenchStamped, '/stepped/simulated_arm/external_wrench')
-    gravity = ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist()
     message = WrenchStamped()
     message.header.frame_id = 'tool0'
     message.wrench.force.x = 30.0
+    twin = ArmSimulation(ARM)
+    twin.release()
 
-    def moves_after(wrench: WrenchStamped, moves: bool) -> None:
-        push.publish(wrench)
-        for _ in range(200):
-            stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
-            stepped.step(gravity)
-            state = stepped.step(gravity)
-            if (np.abs(state.velocity).max() > 1e-3) == moves:
+    def publish_until_it_acts(force: float) -> None:
+        message.wrench.force.x = force
+        wrench = ExternalWrench('tool0', np.array([force, 0.0, 0.0]), np.zeros(3))
+        push.publish(message)
+        for _ in range(300):
+            twin.q, twin.v = np.array(stepped.state.position), np.array(stepped.state.velocity)
+            effort = ArmDynamics(ARM).rigid_body.gravity(twin.q)
+            state = stepped.step(effort.tolist())
+            twin.step(effort, 1.0 / RATE, [wrench])
+            if state.velocity == pytest.approx(twin.v, abs=1e-12):
                 return
-        raise AssertionError(f'moves is not {moves}: {state}')
+        raise AssertionError(f'{force} N never acted')
 
-    moves_after(message, True)
-    message.wrench.force.x = 0.0
-    moves_after(message, False)
-    message.header.frame_id, message.wrench.force.x = 'hand', 30.0
+    publish_until_it_acts(30.0)
+    stepped.step([0.0, 0.0])
+    publish_until_it_acts(-20.0)  # in place of the one before
+    publish_until_it_acts(0.0)
+    message.header.frame_id = 'hand'
     push.publish(message)
+    stepped.node.wait_for_log(r"Refused an external wrench: .*'hand'")
     stepped.client.node.destroy_publisher(push)
 
 

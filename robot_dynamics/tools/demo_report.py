@@ -37,6 +37,8 @@ from robot_dynamics.validation import FloatArray
 
 LARGEST_RMS = 0.01
 """[rad] or [m]: what counts as tracked, at the default gains."""
+FEW_ANSWERS = 0.8
+"""Share of the states; below, the rate is said to be too high for the machine."""
 TERM_NAMES = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
 
 
@@ -114,7 +116,8 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
             report.joint_names, report.joint_kinds, report.rms, report.largest):
         unit = 'm' if kind == 'prismatic' else 'rad'
         rows.append((
-            name, f'{rms:.6f} {unit}', f'{largest:.6f} {unit}', f'{LARGEST_RMS:g} {unit}'))
+            name, f'{_short(rms)} {unit}', f'{_short(largest)} {unit}',
+            f'{LARGEST_RMS:g} {unit}'))
     print()
     print_table(rows)
     print()
@@ -122,6 +125,9 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
           f'{100.0 * report.answered:.2f} % of the states were answered')
     print(f'Losses           {report.missing_states} states never published, {run.lost} messages '
           'lost on the way to the recording')
+    if report.missing_states or report.answered < FEW_ANSWERS:
+        print('                 This machine did not keep up: expect larger errors, or try a '
+              'lower --rate.')
     print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit, planned, '
           f'at {motion.worst_joint}')
 
@@ -136,6 +142,10 @@ def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
         error_panel(report.times, report.error),
         effort_panel('Effort by term', report.term_times, lines)))
     save_figure(figure, path)
+
+
+def _short(error: float) -> str:
+    return f'{error:.6f}' if error < 1e3 else f'{error:.3g}'
 
 
 def _seconds(nanoseconds: IntArray) -> FloatArray:

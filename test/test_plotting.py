@@ -1,0 +1,103 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Pictures: a unit on every axis, lines that can be told apart, and something on the paper."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.plotting import (
+    effort_panel,
+    error_panel,
+    joint_figure,
+    LINES,
+    position_panel,
+    save_figure,
+)
+
+TIMES = np.linspace(0.0, 2.0, 5001)
+WAVES = np.column_stack([np.sin(3.0 * TIMES), 0.1 * np.cos(3.0 * TIMES)])
+
+
+@pytest.fixture
+def figure():
+    pytest.importorskip('matplotlib')
+    return joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), (
+        position_panel(TIMES, WAVES, WAVES + 0.01), error_panel(TIMES, 0.001 * WAVES),
+        effort_panel('Effort', TIMES, {'gravity': WAVES, 'effort': 2.0 * WAVES})))
+
+
+def test_every_axis_has_its_unit(figure):
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == [
+        'position [rad]', 'error [mrad]', 'effort [N·m]',
+        'position [m]', 'error [mm]', 'effort [N]']
+    assert [axes.get_xlabel() for axes in figure.axes[3:]] == ['time [s]'] * 3
+
+
+def test_lines_show_the_values(figure):
+    position, error, effort = figure.axes[:3]
+    names = [line.get_label() for line in position.lines]
+    assert names == ['reference', 'measured']
+    x, y = effort.lines[1].get_data()
+    np.testing.assert_allclose(y, 2.0 * np.sin(3.0 * np.asarray(x)), atol=1e-12)
+    assert np.ptp(error.lines[0].get_ydata()) == pytest.approx(2.0, abs=0.1)  # in mrad
+
+
+def test_lines_of_one_panel_can_be_told_apart_without_colour():
+    for together in (
+        ('gravity', 'inertial', 'coriolis', 'friction', 'effort'),
+        ('reference', 'measured'),
+        ('measured', 'model', 'residual'),
+    ):
+        styles = [(LINES[name].dash, LINES[name].width) for name in together]
+        assert len(set(styles)) == len(together)
+        assert len({LINES[name].colour for name in together}) == len(together)
+
+
+def test_the_file_is_a_picture_that_is_not_blank(figure, tmp_path):
+    from matplotlib.image import imread
+    save_figure(figure, tmp_path / 'x.png')
+    pixels = imread(tmp_path / 'x.png')[..., :3]
+    assert pixels.shape[0] > 300
+    assert pixels.shape[1] > 1000
+    assert 0.01 < (pixels.min(axis=2) < 0.9).mean() < 0.5
+
+
+def test_values_of_zero_are_drawn_on_a_finite_axis():
+    pytest.importorskip('matplotlib')
+    zeros = np.zeros((3, 1))
+    figure = joint_figure('still', ('a',), ('revolute',), (
+        effort_panel('Effort', np.arange(3.0), {'effort': zeros}),))
+    assert figure.axes[0].get_ylim() == (-1.0, 1.0)
+
+
+def test_without_matplotlib_it_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)  # as Python marks what cannot be found
+    with pytest.raises(MissingDependencyError, match='matplotlib'):
+        joint_figure('x', ('a',), ('revolute',), (error_panel(TIMES, WAVES),))
+
+
+def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
+    program = (
+        'import sys, robot_dynamics.plotting, robot_dynamics.recording, '
+        'robot_dynamics.reference_motion\n'
+        'print([name for name in ("matplotlib", "rosbags", "rclpy", "sensor_msgs", "scipy") '
+        'if name in sys.modules])')
+    result = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, timeout=60)
+    assert result.stdout.strip() == '[]', result.stderr

@@ -1,0 +1,283 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings: what is written is read back, by this package and by rosbags alone."""
+
+from pathlib import Path
+import tempfile
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recording import (
+    JOINT_STATE,
+    Recording,
+    RecordingWriter,
+    stack,
+    TopicQos,
+)
+
+pytest.importorskip('rosbags')
+from rosbags.highlevel import AnyReader  # noqa: E402
+from rosbags.interfaces import QosDurability, QosReliability  # noqa: E402
+
+PAIR = 'demo_msgs/msg/Pair'
+PAIR_TEXT = 'std_msgs/Header header\nfloat64[] values\nstring note\n'
+
+
+def header(writer, stamp_ns):
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    return writer.make_message(
+        'std_msgs/msg/Header', frame_id='',
+        stamp=writer.make_message('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec))
+
+
+def joint_state(writer, stamp_ns, names, position=(), velocity=(), effort=()):
+    return writer.make_message(
+        JOINT_STATE, header=header(writer, stamp_ns), name=list(names),
+        position=np.array(position, dtype=float), velocity=np.array(velocity, dtype=float),
+        effort=np.array(effort, dtype=float))
+
+
+def write_states(path, states, topic='/joint_states'):
+    """Write joint states, each (stamp, names, position, velocity, effort), 1 ns apart."""
+    with RecordingWriter(path) as writer:
+        writer.add_topic(topic, JOINT_STATE)
+        for i, state in enumerate(states):
+            writer.write_message(topic, 1000 + i, joint_state(writer, *state))
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Return the path of a recording with a topic of a common type and one of another."""
+    path = tmp_path / 'bag'
+    with RecordingWriter(path, {PAIR: PAIR_TEXT}) as writer:
+        writer.add_topic('/joint_states', JOINT_STATE)
+        writer.add_topic('/pairs', PAIR, TopicQos(depth=7, transient_local=True))
+        for i in range(5):
+            writer.write_message('/joint_states', 100 + i, joint_state(
+                writer, 10 + i, ('a', 'b'), (i, -i), (0.5, i), (1.0, 2.0)))
+            writer.write_message('/pairs', 100 + i, writer.make_message(
+                PAIR, header=header(writer, 10 + i), values=np.array([i, 2.0 * i]), note='é'))
+    return path
+
+
+def test_rosbags_alone_reads_it(recording):
+    # No store of types is given: the definitions have to be in the files.
+    with AnyReader([recording]) as reader:
+        assert {c.topic: c.msgtype for c in reader.connections} == {
+            '/joint_states': JOINT_STATE, '/pairs': PAIR}
+        seen = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in
+                reader.messages()]
+        qos = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+    assert [t for _, t, _ in seen] == sorted([*range(100, 105)] * 2)
+    pairs = [message for topic, _, message in seen if topic == '/pairs']
+    assert [message.header.stamp.nanosec for message in pairs] == [10, 11, 12, 13, 14]
+    np.testing.assert_array_equal(pairs[3].values, [3.0, 6.0])
+    assert pairs[0].note == 'é'
+    assert qos['/pairs'].durability == QosDurability.TRANSIENT_LOCAL
+    assert qos['/pairs'].depth == 7
+    assert qos['/joint_states'].durability == QosDurability.VOLATILE
+    assert qos['/joint_states'].reliability == QosReliability.RELIABLE
+
+
+def test_metadata_is_that_of_rosbag2(recording):
+    text = (recording / 'metadata.yaml').read_text(encoding='utf-8')
+    assert 'storage_identifier: mcap' in text
+    assert 'version: 9' in text
+    assert 'durability: transient_local' in text
+    assert [path.suffix for path in recording.iterdir() if path.name != 'metadata.yaml'] == [
+        '.mcap']
+
+
+def test_topics(recording):
+    with Recording(recording) as opened:
+        assert [(t.name, t.message_type, t.message_count) for t in opened.topics] == [
+            ('/joint_states', JOINT_STATE, 5), ('/pairs', PAIR, 5)]
+        assert opened.topic('/pairs').qos == TopicQos(depth=7, transient_local=True)
+        with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/pairs'"):
+            opened.topic('/nothing')
+
+
+def test_a_single_file_is_a_recording_too(recording):
+    with Recording(next(recording.glob('*.mcap'))) as opened:
+        assert opened.joint_series('/joint_states').stamps_ns.tolist() == [10, 11, 12, 13, 14]
+
+
+def test_bytes_are_not_touched(recording, tmp_path):
+    with AnyReader([recording]) as reader:
+        raws = [(t, bytes(raw)) for c, t, raw in reader.messages() if c.topic == '/pairs']
+    with RecordingWriter(tmp_path / 'copy', {PAIR: PAIR_TEXT}) as writer:
+        writer.add_topic('/pairs', PAIR)
+        for t, raw in raws:
+            writer.write('/pairs', t, raw)
+    with AnyReader([tmp_path / 'copy']) as reader:
+        assert [(t, bytes(raw)) for _, t, raw in reader.messages()] == raws
+
+
+def test_stack(recording):
+    with Recording(recording) as opened:
+        stamps, arrays = stack(opened.messages('/pairs'), ['values'])
+    assert stamps.tolist() == [10, 11, 12, 13, 14]
+    np.testing.assert_array_equal(arrays['values'], [[i, 2.0 * i] for i in range(5)])
+
+
+# --- joint series --------------------------------------------------------------------------------
+
+def test_joints_are_matched_by_name(recording):
+    with Recording(recording) as opened:
+        series = opened.joint_series('/joint_states', ['b', 'a'])
+    assert series.joint_names == ('b', 'a')
+    np.testing.assert_array_equal(series.position[:, 0], [0, -1, -2, -3, -4])
+    np.testing.assert_array_equal(series.effort, [[2.0, 1.0]] * 5)
+    turned = series.of_joints(['a'])
+    np.testing.assert_array_equal(turned.position[:, 0], [0, 1, 2, 3, 4])
+    assert turned.velocity.shape == (5, 1)
+
+
+def test_other_joints_old_stamps_and_bad_numbers_are_passed_over(tmp_path):
+    path = write_states(tmp_path / 'bag', [
+        (5, 'ab', (1.0, 2.0)), (6, 'xy', (9.0, 9.0)), (6, 'ba', (4.0, 3.0)),
+        (4, 'ab', (9.0, 9.0)), (6, 'ab', (9.0, 9.0)), (7, 'ab', (np.nan, 9.0)),
+        (8, 'ab', ()), (9, 'ab', (5.0, 6.0)),
+    ])
+    with Recording(path) as opened:
+        series = opened.joint_series('/joint_states')
+    assert series.stamps_ns.tolist() == [5, 6, 9]
+    np.testing.assert_array_equal(series.position, [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    assert series.velocity is None
+    assert series.effort is None
+    assert series.passed_over == 5
+
+
+def test_without_stamps_the_times_of_the_recording_count(tmp_path):
+    path = write_states(tmp_path / 'bag', [(0, 'a', (float(i),)) for i in range(3)])
+    with Recording(path) as opened:
+        assert opened.joint_series('/joint_states').stamps_ns.tolist() == [1000, 1001, 1002]
+
+
+@settings(deadline=None, derandomize=True, max_examples=20)
+@given(st.lists(st.tuples(
+    st.integers(1, 2**33), st.floats(-1e300, 1e300), st.floats(-1e300, 1e300)),
+    min_size=1, max_size=20))
+def test_a_series_is_what_was_written_in_the_order_of_its_stamps(samples):
+    with tempfile.TemporaryDirectory() as directory:
+        path = write_states(Path(directory, 'bag'), [
+            (stamp, 'ab', (x, y), (y, x)) for stamp, x, y in samples])
+        with Recording(path) as opened:
+            series = opened.joint_series('/joint_states')
+    expected, newest = [], 0
+    for stamp, x, y in samples:
+        if stamp > newest:
+            newest = stamp
+            expected.append((stamp, x, y))
+    assert series.stamps_ns.tolist() == [stamp for stamp, _, _ in expected]
+    assert series.position.tolist() == [[x, y] for _, x, y in expected]
+    assert series.velocity.tolist() == [[y, x] for _, x, y in expected]
+    assert series.passed_over == len(samples) - len(expected)
+
+
+def test_the_first_seconds(tmp_path):
+    path = write_states(tmp_path / 'bag', [
+        (10**9 * i, 'a', (float(i),)) for i in range(1, 6)])
+    with Recording(path) as opened:
+        series = opened.joint_series('/joint_states')
+    assert series.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert series.first(2.0).position[:, 0].tolist() == [1.0, 2.0, 3.0]
+
+
+# --- which topic ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('topics', 'chosen'), [
+    (['/joint_states', '/effort_command'], '/joint_states'),
+    (['/arm/states'], '/arm/states'),
+])
+def test_the_topic_of_joint_states(tmp_path, topics, chosen):
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        for topic in topics:
+            writer.add_topic(topic, JOINT_STATE)
+            writer.write_message(topic, 1, joint_state(writer, 1, 'a', (1.0,)))
+    with Recording(tmp_path / 'bag') as opened:
+        assert opened.joint_state_topic() == chosen
+
+
+def test_several_topics_to_choose_from_or_none(tmp_path):
+    with RecordingWriter(tmp_path / 'two') as writer:
+        for topic in ('/a', '/b'):
+            writer.add_topic(topic, JOINT_STATE)
+            writer.write_message(topic, 1, joint_state(writer, 1, 'a', (1.0,)))
+    with Recording(tmp_path / 'two') as opened:
+        with pytest.raises(RecordingError, match=r"'/a', '/b'"):
+            opened.joint_state_topic()
+    with RecordingWriter(tmp_path / 'none') as writer:
+        writer.add_topic('/text', 'std_msgs/msg/String')
+        writer.write_message('/text', 1, writer.make_message('std_msgs/msg/String', data='x'))
+    with Recording(tmp_path / 'none') as opened:
+        with pytest.raises(RecordingError, match=r'none.*/text \(std_msgs/msg/String\)'):
+            opened.joint_state_topic()
+
+
+# --- what is refused -----------------------------------------------------------------------------
+
+def test_what_is_not_a_recording_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match='does not exist'):
+        Recording(tmp_path / 'nothing')
+    with pytest.raises(RecordingError, match=r'without metadata\.yaml'):
+        Recording(tmp_path)
+    broken = tmp_path / 'broken.mcap'
+    broken.write_bytes(b'no mcap')
+    with pytest.raises(RecordingError, match=r'broken\.mcap.*cannot be read'):
+        Recording(broken)
+
+
+def test_a_cut_off_file_is_refused(recording):
+    file = next(recording.glob('*.mcap'))
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(RecordingError, match='cannot be read'):
+        Recording(recording)
+
+
+def test_wrong_questions_are_refused(recording):
+    with Recording(recording) as opened:
+        with pytest.raises(RecordingError, match=PAIR):
+            opened.joint_series('/pairs')
+        with pytest.raises(RecordingError, match=r"\['a', 'c'\]; it has \['a', 'b'\]"):
+            opened.joint_series('/joint_states', ['a', 'c'])
+
+
+def test_what_cannot_be_written_is_refused(recording, tmp_path):
+    with pytest.raises(RecordingError, match='exists'):
+        RecordingWriter(recording)
+    with RecordingWriter(tmp_path / 'new') as writer:
+        with pytest.raises(RecordingError, match=r"'/x' has type 'no_msgs/msg/None'"):
+            writer.add_topic('/x', 'no_msgs/msg/None')
+
+
+def test_an_exception_leaves_a_readable_recording(tmp_path):
+    class SomethingElseError(Exception):
+        pass
+
+    def write_and_fail():
+        with RecordingWriter(tmp_path / 'bag') as writer:
+            writer.add_topic('/joint_states', JOINT_STATE)
+            writer.write_message('/joint_states', 1, joint_state(writer, 1, 'a', (1.0,)))
+            raise SomethingElseError
+
+    with pytest.raises(SomethingElseError):
+        write_and_fail()
+    with Recording(tmp_path / 'bag') as opened:
+        assert len(opened.joint_series('/joint_states').stamps_ns) == 1

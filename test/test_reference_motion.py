@@ -1,0 +1,144 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The motion that the demo shows: smooth, at rest at its ends, and within every limit."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.reference_motion import (
+    LARGEST_ACCELERATION,
+    make_reference_motion,
+    POSITION_MARGIN,
+    sample_trajectory,
+    SHARE_OF_LIMITS,
+)
+from robots import robot_urdf
+
+DEFAULT = 'default'
+ARMS = (DEFAULT, 'ur10', 'panda', 'kinova', 'xarm7', 'z1', 'tiago_no_hand')
+TOLERANCE = 1.02  # the limits were held at fewer instants than are looked at here
+
+
+def arm_called(name):
+    return load_arm(default_arm_urdf() if name == DEFAULT else robot_urdf(name))
+
+
+def check_limits(arm, motion, duration):
+    """Check a motion densely, with efforts computed sample by sample."""
+    times = np.linspace(0.0, duration, 1501)
+    q, v, a = sample_trajectory(motion.trajectory, times)
+    limits = arm.limits
+    span = np.where(np.isfinite(limits.upper - limits.lower), limits.upper - limits.lower, 0.0)
+    margin = 0.9 * POSITION_MARGIN * span
+    assert (q >= limits.lower + margin).all()
+    assert (q <= limits.upper - margin).all()
+    assert (np.abs(v) <= TOLERANCE * SHARE_OF_LIMITS * limits.velocity).all()
+    assert np.abs(a).max() <= TOLERANCE * LARGEST_ACCELERATION
+    dynamics = ArmDynamics(arm)
+    held = np.abs(dynamics.rigid_body.gravity(motion.start) / limits.effort).max()
+    allowed = SHARE_OF_LIMITS if held <= SHARE_OF_LIMITS else 0.5 * (1.0 + held)
+    for i in range(0, len(times), 50):
+        effort = dynamics.inverse_dynamics(q[i], v[i], a[i])
+        assert (np.abs(effort) <= TOLERANCE * allowed * limits.effort).all()
+    return q, v, a
+
+
+@pytest.mark.parametrize('duration', [2.0, 10.0])
+@pytest.mark.parametrize('name', ARMS)
+def test_a_motion_keeps_all_limits_and_moves_every_joint(name, duration):
+    arm = arm_called(name)
+    motion = make_reference_motion(arm, duration)
+    q, v, a = check_limits(arm, motion, duration)
+    for ends in (0, -1):
+        np.testing.assert_allclose(q[ends], motion.start, atol=1e-9)
+        np.testing.assert_allclose(v[ends], 0.0, atol=1e-9)
+        np.testing.assert_allclose(a[ends], 0.0, atol=1e-8)
+    assert motion.trajectory.duration == duration
+    assert (np.ptp(q, axis=0) > 1e-3).all()
+    assert 0.0 < motion.effort_ratio < 1.0
+    assert motion.worst_joint in arm.joint_names
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_velocity_is_the_derivative_of_position_and_smooth(name):
+    motion = make_reference_motion(arm_called(name), 4.0)
+    h = 1e-3
+    q, v, a = sample_trajectory(motion.trajectory, np.arange(0.0, 4.0, h))
+    np.testing.assert_allclose(np.gradient(q, h, axis=0)[1:-1], v[1:-1], atol=1e-4)
+    np.testing.assert_allclose(np.gradient(v, h, axis=0)[1:-1], a[1:-1], atol=2e-3)
+    # A step in acceleration would show as a difference that does not shrink with h.
+    assert np.abs(np.diff(a, axis=0)).max() < 0.1
+
+
+@settings(deadline=None, derandomize=True, max_examples=25)
+@given(st.floats(0.5, 60.0), st.lists(st.floats(0.3, 3.0), min_size=1, max_size=4))
+def test_any_planar_arm_any_duration(duration, lengths):
+    n = len(lengths)
+    arm = load_arm(planar_arm_urdf(
+        [1.0] * n, lengths, [0.5 * length for length in lengths], [0.1] * n))
+    check_limits(arm, make_reference_motion(arm, duration), duration)
+
+
+def test_gravity_matters_at_the_start_of_the_default_arm():
+    arm = arm_called(DEFAULT)
+    motion = make_reference_motion(arm, 10.0)
+    np.testing.assert_allclose(motion.start, [np.pi / 4, np.pi / 6])
+    held = np.abs(ArmDynamics(arm).rigid_body.gravity(motion.start) / arm.limits.effort)
+    assert 0.1 < held.max() < 0.5
+
+
+def test_joints_do_not_move_alike():
+    q, _, _ = sample_trajectory(
+        make_reference_motion(arm_called('ur10'), 10.0).trajectory, np.linspace(0.0, 10.0, 200))
+    shapes = (q - q[0]) / np.ptp(q, axis=0)
+    for i in range(6):
+        for j in range(i):
+            assert np.abs(shapes[:, i] - shapes[:, j]).max() > 0.1
+
+
+def test_a_start_that_is_given_is_used():
+    arm = arm_called('panda')
+    start = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.7, 0.02])
+    motion = make_reference_motion(arm, 5.0, start)
+    np.testing.assert_array_equal(motion.start, start)
+    check_limits(arm, motion, 5.0)
+
+
+def test_an_arm_near_its_limits_still_moves_below_them():
+    # Held horizontally, this pendulum takes 80 % of its limit at any start that is tried.
+    arm = load_arm(planar_arm_urdf(
+        [1.0], [1.0], [0.5], [0.1], effort_limits=[4.905 / 0.8]))
+    motion = make_reference_motion(arm, 5.0, np.array([np.pi / 2]))
+    assert 0.79 < motion.effort_ratio <= 0.9
+    check_limits(arm, motion, 5.0)
+
+
+def test_what_cannot_be_is_refused():
+    arm = arm_called(DEFAULT)
+    with pytest.raises(InvalidInputError, match=r'duration is 0\.1'):
+        make_reference_motion(arm, 0.1)
+    with pytest.raises(InvalidInputError, match='start has 1 values'):
+        make_reference_motion(arm, 1.0, np.zeros(1))
+    weak = load_arm(planar_arm_urdf([1.0], [1.0], [0.5], [0.1], effort_limits=[1.0]))
+    with pytest.raises(InvalidInputError, match='times its effort limit to hold itself'):
+        make_reference_motion(weak, 5.0, np.array([np.pi / 2]))
+    panda = arm_called('panda')
+    with pytest.raises(InvalidInputError, match="start of 'panda_joint4' is 1"):
+        make_reference_motion(panda, 5.0, np.ones(8))
