@@ -22,14 +22,15 @@ from robot_dynamics.validation import FloatArray
 
 
 def limit_warnings(
-    arm: ArmModel, q: FloatArray, v: FloatArray, effort: FloatArray,
+    arm: ArmModel, q: FloatArray, v: FloatArray, effort: FloatArray | None = None,
 ) -> list[str]:
     """Return one line for each joint whose position, velocity or effort is outside its limits."""
     limits = arm.limits
     return [
         *_outside('position', arm.joint_names, q, limits.lower, limits.upper),
         *_outside('velocity', arm.joint_names, v, -limits.velocity, limits.velocity),
-        *_outside('effort', arm.joint_names, effort, -limits.effort, limits.effort),
+        *([] if effort is None else _outside(
+            'effort', arm.joint_names, effort, -limits.effort, limits.effort)),
     ]
 
 

@@ -148,7 +148,8 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
     low, high = axes.get_ylim()
     if row == 0 and len(panel.lines) > 1:
         axes.set_ylim(low - 0.28 * (high - low), high)  # room for the legend
-    if max(abs(low), abs(high)) < 1e-9 or not np.isfinite(low + high):
+    largest = max(float(np.abs(values[:, row]).max()) for values in panel.lines.values())
+    if panel.scale * largest < 1e-9:
         axes.set_ylim(-1.0, 1.0)  # nothing but zeros, and rounding
 
 

@@ -82,6 +82,11 @@ class JointSeries:
         rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
         return self._chosen(rows, np.arange(len(self.joint_names)))
 
+    def after(self, count: int) -> 'JointSeries':
+        """Return the samples without so many first ones."""
+        rows = np.arange(count, len(self.stamps_ns))
+        return self._chosen(rows, np.arange(len(self.joint_names)))
+
     def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
         """Return the samples of these joints, in this order."""
         columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)

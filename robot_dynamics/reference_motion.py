@@ -54,7 +54,7 @@ _SMALLEST_SCALE = 1e-3
 _START_PATTERN = (0.25, 1.0 / 6.0)
 _START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
 # Via-points of the swing; each joint begins at an entry of its own.
-_SWINGS = np.array((1.0, -0.7, 0.5, -1.0, 0.8, -0.5))
+_SWINGS = np.array((1.0, -0.9, 0.3, -0.6, 0.8, -0.3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,12 +45,17 @@ IMPORTS_ROS = re.compile(
     r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 
+def absent_for_ros() -> list[str]:
+    """Return what cannot be imported; a directory of that name alone is no package."""
+    specs = {name: find_spec(name) for name in NEEDED_FOR_ROS}
+    return [name for name, spec in specs.items() if spec is None or spec.origin is None]
+
+
 class ModuleWithoutRos(pytest.Module):
     """Stands for a test module that cannot even be imported here."""
 
     def collect(self) -> Iterator[pytest.Item]:
-        absent = [name for name in NEEDED_FOR_ROS if find_spec(name) is None]
-        reason = f'{self.path.name} needs ROS, and {absent} cannot be imported'
+        reason = f'{self.path.name} needs ROS, and {absent_for_ros()} cannot be imported'
         if must_have_everything():
             raise self.CollectError(f'{reason}; with CI set this is a failure')
         pytest.skip(reason, allow_module_level=True)
@@ -59,7 +64,7 @@ class ModuleWithoutRos(pytest.Module):
 def pytest_pycollect_makemodule(
     module_path: Path, parent: pytest.Collector,
 ) -> pytest.Module | None:
-    if all(find_spec(name) is not None for name in NEEDED_FOR_ROS):
+    if not absent_for_ros():
         return None
     if not IMPORTS_ROS.search(module_path.read_text(encoding='utf-8')):
         return None

@@ -24,7 +24,6 @@ link at its origin, in its frame.
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 import importlib
-import logging
 import math
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -53,24 +52,29 @@ def load(module: str, wheel: str) -> Any:
         missing(f'the engine {wheel} to compare with is not installed ({error})')
 
 
-def bare_urdf(urdf: str) -> ElementTree.Element:
+def bare_urdf(urdf: str, damping: bool) -> ElementTree.Element:
     """Return links with their inertials, and joints without limits or mimic; nothing else."""
+    tags = ('origin', 'parent', 'child', 'axis', *(('dynamics',) if damping else ()))
     root = ElementTree.fromstring(urdf)
     bare = ElementTree.Element('robot', {'name': 'robot'})
     for link in root.findall('link'):
         ElementTree.SubElement(bare, 'link', link.attrib).extend(link.findall('inertial'))
     for joint in root.findall('joint'):
         copy = ElementTree.SubElement(bare, 'joint', joint.attrib)
-        for tag in ('origin', 'parent', 'child', 'axis', 'dynamics'):
+        for tag in tags:
             copy.extend(joint.findall(tag))
     return bare
 
 
 class Engine(ABC):
-    """Dynamics of the whole tree; vectors are (m,) in the order of `joint_names`."""
+    """
+    Dynamics of the whole tree; vectors are (m,) in the order of `joint_names`.
 
-    def __init__(self, urdf: str, gravity: Sequence[float]) -> None:
-        self.bare = bare_urdf(urdf)
+    With `damping`, D v of the description's damping is part of forward and inverse dynamics.
+    """
+
+    def __init__(self, urdf: str, gravity: Sequence[float], damping: bool = False) -> None:
+        self.bare = bare_urdf(urdf, damping)
         joints = self.bare.findall('joint')
         self.joint_names = [j.attrib['name'] for j in joints if j.attrib['type'] in MOVING]
         self.build(gravity)
@@ -82,7 +86,7 @@ class Engine(ABC):
     @abstractmethod
     def inverse_dynamics(
         self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
-        """Return M a + C v + g + D v − Jᵀ f; D is the damping of the description."""
+        """Return M a + C v + g − Jᵀ f."""
 
     @abstractmethod
     def forward_dynamics(
@@ -230,7 +234,11 @@ class MujocoEngine(Engine):
 
 
 class DrakeEngine(Engine):
-    """Drake's MultibodyPlant in continuous time, its root link welded to the world."""
+    """
+    Drake's MultibodyPlant in continuous time, its root link welded to the world.
+
+    Its parser replaces the inertia of a link where no body can have it, and only warns.
+    """
 
     def build(self, gravity: Sequence[float]) -> None:
         multibody = load('pydrake.multibody.plant', 'drake')
@@ -239,10 +247,11 @@ class DrakeEngine(Engine):
         self.force_of = load('pydrake.multibody.math', 'drake').SpatialForce
         self.applied = multibody.ExternallyAppliedSpatialForce
         self.plant = multibody.MultibodyPlant(0.0)
-        _parse_quietly(parsing.Parser(self.plant), self.bare)
-        children = {joint.find('child').attrib['link'] for joint in self.bare.findall('joint')}
-        root, = (n for link in self.bare.findall('link')
-                 if (n := link.attrib['name']) not in children)
+        parsing.Parser(self.plant).AddModelsFromString(
+            ElementTree.tostring(self.bare, encoding='unicode'), 'urdf')
+        children = {child.attrib['link'] for child in self.bare.iterfind('joint/child')}
+        links = {link.attrib['name'] for link in self.bare.findall('link')}
+        root, = links - children
         if root != 'world':
             self.plant.WeldFrames(self.plant.world_frame(), self._body(root).body_frame())
         self.plant.mutable_gravity_field().set_gravity_vector(gravity)
@@ -319,17 +328,6 @@ class DrakeEngine(Engine):
 
     def potential_energy(self, q: Array) -> float:
         return float(self.plant.CalcPotentialEnergy(self._set(q)))
-
-
-def _parse_quietly(parser: Any, bare: ElementTree.Element) -> None:
-    """Parse without the warnings about inertias that no body has: they are taken as they are."""
-    log = logging.getLogger('drake')
-    level = log.level
-    log.setLevel(logging.ERROR)
-    try:
-        parser.AddModelsFromString(ElementTree.tostring(bare, encoding='unicode'), 'urdf')
-    finally:
-        log.setLevel(level)
 
 
 class Projected:

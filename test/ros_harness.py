@@ -57,6 +57,13 @@ READY = re.compile(r"Model '|Waiting for a URDF")
 """What the nodes of this package log when they are up."""
 
 
+def write_parameters(file: Path, parameters: Mapping[str, Any]) -> Path:
+    """Write a parameter file for whatever node reads it; return its path."""
+    file.write_text(
+        yaml.safe_dump({'/**': {'ros__parameters': dict(parameters)}}), encoding='utf-8')
+    return file
+
+
 class NodeProcess:
     """
     A node in a process of its own, for use in a `with` statement.
@@ -76,9 +83,7 @@ class NodeProcess:
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:
-            file = Path(self._directory.name, 'parameters.yaml')
-            file.write_text(
-                yaml.safe_dump({'/**': {'ros__parameters': dict(parameters)}}), encoding='utf-8')
+            file = write_parameters(Path(self._directory.name, 'parameters.yaml'), parameters)
             command += ['--params-file', str(file)]
         rules = dict(remaps or {})
         rules.update({'__ns': namespace} if namespace else {})

@@ -97,7 +97,7 @@ def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
 
 
 def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
-    poses = [[2.2, -1.3], [-np.pi / 2, 0.1], [0.0, 0.0], [3.0, 3.0]]
+    poses = [[2.2, -1.3], [0.0, 0.0]]  # the latter upright, where it would fall by itself
     with NodeProcess(DYNAMICS, namespace='/poses'):
         for pose in poses:
             with client.collect(JointState, '/poses/joint_states') as states, \
@@ -155,11 +155,11 @@ def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient)
         with simulated_arm('/replace'):
             efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9, LONG)
             send(client, '/replace', back, 0.0)
-            commands = until(efforts, 8.0)
+            commands = until(efforts, 5.0)
     jumps = [
         np.abs(np.array(b.effort) - a.effort).max() for a, b in zip(commands, commands[1:])
         if stamp_from_ros(b.header.stamp) - stamp_from_ros(a.header.stamp) == round(1e9 / RATE)]
-    assert len(jumps) > 0.5 * 8.0 * RATE
+    assert len(jumps) > 0.5 * 5.0 * RATE
     # a step of the reference alone by 0.1 rad would make one of about M K_p 0.1 = 280 N·m
     assert max(jumps) < 5.0
     hold = ArmDynamics(ARM).rigid_body.gravity(np.array(START))

@@ -198,6 +198,8 @@ def test_the_first_seconds(tmp_path):
         series = opened.joint_series('/joint_states')
     assert series.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert series.first(2.0).position[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert series.after(3).position[:, 0].tolist() == [4.0, 5.0]
+    assert series.after(3).stamps_ns.tolist() == [4 * 10**9, 5 * 10**9]
 
 
 # --- which topic ---------------------------------------------------------------------------------

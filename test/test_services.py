@@ -81,7 +81,6 @@ class Served:
     def answer(self, service: str, **fields: Any) -> Any:
         response = self.ask(service, **fields)
         assert response.success, response.message
-        assert response.message == '' or service == 'set_payload'
         return response
 
 
@@ -290,9 +289,21 @@ def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) ->
         'inverse_dynamics', position=floats_to_ros(q), velocity=floats_to_ros(v),
         acceleration=floats_to_ros(a))
     assert response.effort == pytest.approx(robot.dynamics.inverse_dynamics(q, v, a))
+    fields = {'position': floats_to_ros(q), 'velocity': floats_to_ros(v)}
+    back = robot.answer('forward_dynamics', effort=response.effort, **fields)
+    equation = robot.answer('manipulator_equation', **fields)
     for field, joint in (('position', limited), ('velocity', 0)):
-        assert any(line.startswith(f"{field} of '{arm.joint_names[joint]}' is ")
-                   for line in response.warnings), response.warnings
+        words = f"{field} of '{arm.joint_names[joint]}' is "
+        assert any(line.startswith(words) for line in response.warnings), response.warnings
+        assert words in back.message
+        assert words in equation.message
+
+
+def test_within_the_limits_there_is_nothing_to_say(planar: Served) -> None:
+    for service, fields in (
+            ('inverse_dynamics', {}), ('manipulator_equation', {}),
+            ('forward_dynamics', {'effort': [0.0, 0.0]})):
+        assert planar.answer(service, position=Q, velocity=V, **fields).message == ''
 
 
 def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
@@ -300,6 +311,8 @@ def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
     assert [line.split(' is ')[0] for line in response.warnings] == [
         "effort of 'joint1'", "effort of 'joint2'"]
     assert '[-150, 150]' in response.warnings[0]
+    back = planar.answer('forward_dynamics', position=Q, effort=response.effort)
+    assert back.message == '; '.join(response.warnings)
 
 
 # --- trajectories --------------------------------------------------------------------------------

@@ -124,14 +124,16 @@ class DynamicsNode(Node):
             self._use_model(xml)
             return
         try:
-            self._use_model(embedded_description())
-            self.get_logger().info(
-                'No robot_description given: serving the embedded planar two-link arm until '
-                'one arrives on the topic robot_description.')
+            load_arm(embedded_description(), values['joints'], values['gravity'])
         except InvalidInputError:  # joints of another arm, whose description is yet to come
             self.get_logger().info(
                 f'Waiting for a URDF with the joints {list(values["joints"])} on the topic '
                 'robot_description.')
+        else:
+            self._use_model(embedded_description())
+            self.get_logger().info(
+                'No robot_description given: serving the embedded planar two-link arm until '
+                'one arrives on the topic robot_description.')
         self.create_subscription(String, 'robot_description', self._on_description, LATCHED)
 
     def _on_description(self, message: String) -> None:

@@ -161,6 +161,7 @@ class DynamicsServices:
         response.joint_names = list(order.names)
         response.acceleration = floats_to_ros(
             order.answer(dynamics.forward_dynamics(q, v, tau, wrenches)))
+        response.message = '; '.join(limit_warnings(dynamics.arm, q, v, tau))
 
     def _manipulator_equation(
         self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
@@ -181,6 +182,7 @@ class DynamicsServices:
             response.christoffel = floats_to_ros(order.answer_form(christoffel))
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
+        response.message = '; '.join(limit_warnings(dynamics.arm, q, v))
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         served = self._arm()

@@ -20,6 +20,7 @@ import sys
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from robot_dynamics.exceptions import RobotDynamicsError
 
@@ -30,7 +31,11 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 
     A node that cannot start says why in one line and gives status 1.
     """
-    rclpy.init(args=args)
+    try:
+        rclpy.init(args=args)
+    except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
+        print(f'robot_dynamics: {error}', file=sys.stderr)
+        return 1
     node = None
     try:
         node = make_node()

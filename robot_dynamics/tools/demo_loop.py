@@ -25,6 +25,7 @@ from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, SIMULATED_ARM
 from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_session import (
+    CLOCK,
     COMPUTED_TORQUE,
     DESCRIPTION,
     DRAIN_PERIOD,
@@ -33,6 +34,7 @@ from robot_dynamics.tools.demo_session import (
     recording_session,
     Session,
     START_TIMEOUT,
+    TOPICS,
     TRAJECTORY,
 )
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
@@ -72,11 +74,12 @@ def run_closed_loop(
           f'{rate:g} Hz) ...', flush=True)
     description = str((directory / DESCRIPTION).resolve())
     try:
-        with recording_session(directory, urdf) as session:
+        with recording_session(directory, urdf, (*TOPICS, CLOCK)) as session:
             session.nodes.start(
                 'dynamics', DYNAMICS, {'robot_description_file': description})
+            # In time of its own, a pause of the machine delays the motion and does not cut it.
             session.nodes.start('simulated_arm', SIMULATED_ARM, {
-                'robot_description_file': description, 'rate': rate,
+                'robot_description_file': description, 'rate': rate, 'publish_clock': True,
                 'initial_position': run.motion.start.tolist()})
             try:
                 _close_the_loop(session, run)
@@ -94,6 +97,8 @@ def _close_the_loop(session: Session, run: LoopRun) -> None:
         JointTrajectoryMsg, TRAJECTORY, QoSProfile(depth=1))
     session.wait_for(
         lambda: counts[EFFORT_COMMAND].received > 0, 'an effort on effort_command')
+    session.wait_for(
+        lambda: counts[JOINT_STATES].received > 0, 'a state on joint_states')
     session.wait_for(
         lambda: bool(publisher.get_subscription_count() >= 2),  # dynamics, and the recorder
         f'a subscriber of {TRAJECTORY}')

@@ -117,7 +117,7 @@ def play_recording(
     """
     arm = _recorded_arm(urdf, recorded.series)
     series = recorded.series.of_joints(arm.joint_names)
-    motion = measured_motion(series)
+    motion = measured_motion(_with_motors_on(series))
     print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
     now = {'ns': int(series.stamps_ns[0])}
     with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
@@ -246,6 +246,16 @@ def _ask_terms(session: Session, arm: ArmModel, motion: MeasuredMotion) -> dict[
     return {
         'effort': effort, 'inertial': effort - forth, 'coriolis': 0.5 * (forth + back) - gravity,
         'friction': 0.5 * (forth - back), 'gravity': gravity}
+
+
+def _with_motors_on(series: JointSeries) -> JointSeries:
+    """Return the samples from the first one on with an effort: before it, brakes hold the arm."""
+    if series.effort is None or not series.effort.any():
+        return series
+    held = int(np.argmax(series.effort.any(axis=1)))
+    if held:
+        print(f'  the first {held} states have no effort at all (brakes): played, not compared')
+    return series.after(held)
 
 
 class _BatchClient:

@@ -29,7 +29,7 @@ from robot_dynamics.plotting import (
     position_panel,
     save_figure,
 )
-from robot_dynamics.recording import IntArray, Recording, stack
+from robot_dynamics.recording import IntArray, Recording, stack, stamp_ns
 from robot_dynamics.reference_motion import sample_trajectory
 from robot_dynamics.tools.demo_loop import LoopRun
 from robot_dynamics.tools.demo_session import EFFORT_COMMAND, JOINT_STATES, TERMS
@@ -49,8 +49,8 @@ class LoopReport:
 
     `times` (m,) [s] from its start; `reference` and `measured` (m, n) [rad or m], and `error`,
     their difference, the short way round at continuous joints. `term_times` and `terms` are the
-    command by term [N·m or N]. `missing_states` were due between the first state and the last
-    but are not in the recording.
+    command by term [N·m or N]. `answered` is the share of the states with a command;
+    `efforts_per_second` is by the clock on the wall, which `wall_seconds` are too.
     """
 
     joint_names: tuple[str, ...]
@@ -63,7 +63,7 @@ class LoopReport:
     terms: dict[str, FloatArray]
     answered: float
     efforts_per_second: float
-    missing_states: int
+    wall_seconds: float
 
     @property
     def rms(self) -> FloatArray:
@@ -87,10 +87,13 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
         states = recording.joint_series(JOINT_STATES, arm.joint_names)
         commands = recording.joint_series(EFFORT_COMMAND, arm.joint_names)
         term_stamps, terms = stack(recording.messages(TERMS), TERM_NAMES)
+        arrivals = [time_ns for time_ns, message in recording.messages(EFFORT_COMMAND)
+                    if run.start_ns <= stamp_ns(message.header) <= run.end_ns]
     during = (states.stamps_ns >= run.start_ns) & (states.stamps_ns <= run.end_ns)
     stamps = states.stamps_ns[during]
-    if states.position is None or len(stamps) < 2 or run.start_ns == 0:
-        raise RecordingError('no state of the motion was recorded')
+    if states.position is None or len(stamps) < 2 or len(arrivals) < 2 or run.start_ns == 0:
+        raise RecordingError('no state of the motion was recorded, or no effort for one')
+    wall_seconds = 1e-9 * (arrivals[-1] - arrivals[0])
     times = _seconds(stamps - run.start_ns)
     measured = states.position[during]
     reference = sample_trajectory(run.motion.trajectory, times).position
@@ -98,14 +101,12 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     turning = np.array([kind == 'continuous' for kind in arm.joint_kinds])
     error[:, turning] = wrap_to_pi(error[:, turning])
     commanded = np.isin(stamps, commands.stamps_ns)
-    steps = np.rint(np.diff(stamps) * 1e-9 * run.rate).astype(int)
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(
         arm.joint_names, arm.joint_kinds, times, reference, measured, error,
         _seconds(term_stamps[term_during] - run.start_ns),
         {name: values[term_during] for name, values in terms.items()},
-        float(commanded.mean()), float(commanded.sum() / (times[-1] - times[0])),
-        int(np.sum(steps - 1)))
+        float(commanded.mean()), (len(arrivals) - 1) / wall_seconds, wall_seconds)
 
 
 def print_report(report: LoopReport, run: LoopRun) -> None:
@@ -123,9 +124,9 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
     print()
     print(f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
           f'{100.0 * report.answered:.2f} % of the states were answered')
-    print(f'Losses           {report.missing_states} states never published, {run.lost} messages '
-          'lost on the way to the recording')
-    if report.missing_states or report.answered < FEW_ANSWERS:
+    print(f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
+          f'{report.wall_seconds:.2f} s; {run.lost} messages lost on the way to the recording')
+    if report.answered < FEW_ANSWERS:
         print('                 This machine did not keep up: expect larger errors, or try a '
               'lower --rate.')
     print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit, planned, '

@@ -31,6 +31,7 @@ from robot_dynamics.recording import RecordingWriter, TopicQos
 from robot_dynamics.ros.recorder import interface_definitions, Recorder, TopicSpec
 from robot_dynamics.tools.demo_nodes import DemoError, Nodes
 from robot_dynamics_interfaces.msg import DynamicsTerms
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
@@ -58,7 +59,8 @@ TOPICS = (
     TopicSpec(TRAJECTORY, JointTrajectory),
     TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)),
 )
-"""Every topic of both nodes but /clock, which they have only in lock-step."""
+"""Every topic of `dynamics`, with the joint states that it answers."""
+CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
 
 START_TIMEOUT = 10.0
 """[s] within which the nodes have to be up, and from one effort to the next."""

@@ -1,0 +1,188 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parameters over their services: what describes them, what is refused, and what acts."""
+
+from collections.abc import Iterator
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.ros.dynamics_node import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.parameters import ParameterSpec, Type
+from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAN = float('nan')
+NODE, ARM_NODE = '/parameters/dynamics', '/parameters/simulated_arm'
+NAMES = ['joint1', 'joint2']
+SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
+
+
+@pytest.fixture(scope='module', autouse=True)
+def nodes(client: RosClient) -> Iterator[None]:
+    with running(
+            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters'),
+            NodeProcess(SIMULATED_ARM, namespace='/parameters',
+                        remaps={'joint_states': 'arm_states', 'effort_command': 'arm_effort'})):
+        yield
+
+
+# --- what describes them -------------------------------------------------------------------------
+
+@pytest.mark.parametrize('node', [NODE, ARM_NODE])
+def test_every_parameter_is_declared_with_type_range_and_description(
+    client: RosClient, node: str,
+) -> None:
+    descriptors = client.describe_parameters(node, [spec.name for spec in SPECS[node]])
+    assert list(descriptors) == [spec.name for spec in SPECS[node]]
+    for spec in SPECS[node]:
+        descriptor = descriptors[spec.name]
+        assert descriptor.type == spec.kind.value
+        assert len(descriptor.description) > 10
+        assert descriptor.read_only == spec.read_only
+        assert not descriptor.dynamic_typing
+        if spec.kind is Type.DOUBLE:
+            bounds, = descriptor.floating_point_range
+            assert (bounds.from_value, bounds.to_value) == (spec.minimum, spec.maximum)
+        if spec.kind is Type.INTEGER:
+            whole, = descriptor.integer_range
+            assert (whole.from_value, whole.to_value) == (spec.minimum, spec.maximum)
+        if spec.kind is Type.DOUBLE_ARRAY:
+            assert 'each in [' in descriptor.additional_constraints
+        for choice in spec.choices:
+            assert choice in descriptor.additional_constraints
+
+
+@pytest.mark.parametrize('node', [NODE, ARM_NODE])
+def test_unset_parameters_have_their_defaults(client: RosClient, node: str) -> None:
+    for spec in SPECS[node]:
+        given = NAMES if (node, spec.name) == (NODE, 'joints') else spec.default
+        value = client.get_parameter(node, spec.name)
+        assert value == given or list(value) == list(given), spec.name
+
+
+def test_what_cannot_change_while_the_nodes_run(client: RosClient) -> None:
+    """The model, its joints, and how time passes."""
+    fixed = {spec.name for specs in SPECS.values() for spec in specs if spec.read_only}
+    assert fixed >= {
+        'robot_description', 'robot_description_file', 'joints', 'gravity', 'state_thread',
+        'rate', 'lock_step', 'publish_clock', 'initial_position', 'initial_velocity', 'brakes',
+        'seed', 'max_step'}
+    for node, specs in SPECS.items():
+        for spec in specs:
+            if spec.read_only:
+                value = Parameter(spec.name, spec.kind, another_value(spec))
+                result, = client.set_parameters(node, {spec.name: value})
+                assert not result.successful, spec.name
+                assert 'read-only' in result.reason
+
+
+def another_value(spec: ParameterSpec) -> Any:
+    return {
+        Type.STRING: 'x', Type.BOOL: not spec.default, Type.DOUBLE: 2.0, Type.INTEGER: 2,
+        Type.DOUBLE_ARRAY: [1.0, 2.0, 3.0], Type.STRING_ARRAY: ['x']}[spec.kind]
+
+
+# --- what is refused -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('node', 'name', 'value', 'words'), [
+    (NODE, 'effort_scale', 1.5, 'effort_scale.*1.5'),
+    (NODE, 'effort_scale', -0.1, 'effort_scale.*-0.1'),
+    (NODE, 'effort_scale', NAN, 'effort_scale.*nan'),
+    (NODE, 'effort_scale', 'half', 'expected .*DOUBLE.* got .*STRING'),
+    (NODE, 'effort_scale', 1, 'expected .*DOUBLE.* got .*INTEGER'),
+    (NODE, 'command', 'fly', "command is 'fly', expected one of"),
+    (NODE, 'command', 1.0, 'expected .*STRING.* got .*DOUBLE'),
+    (NODE, 'gains.kp', [1.0, 2.0, 3.0], r'gains\.kp has 3 values, expected 2'),
+    (NODE, 'gains.kp', [1.0, -2.0], r'gains\.kp\[1\] is -2'),
+    (NODE, 'gains.kd', [NAN], r'gains\.kd\[0\] is nan'),
+    (NODE, 'gains.kd', [1e9], r'gains\.kd\[0\] is 1e\+09'),
+    (NODE, 'gains.kd', 1.0, 'expected .*DOUBLE_ARRAY.* got .*DOUBLE'),
+    (NODE, 'gains.natural_frequency', [float('inf')], r'gains\.natural_frequency\[0\] is inf'),
+    (NODE, 'gains.damping_ratio', ['a'], 'expected .*DOUBLE_ARRAY.* got .*STRING_ARRAY'),
+    (NODE, 'no_such_parameter', 1.0, 'undeclared'),
+    (ARM_NODE, 'position_noise', -1.0, 'position_noise.*-1'),
+    (ARM_NODE, 'position_noise', NAN, 'position_noise.*nan'),
+    (ARM_NODE, 'velocity_noise', True, 'expected .*DOUBLE.* got .*BOOL'),
+])
+def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(
+    client: RosClient, node: str, name: str, value: Any, words: str,
+) -> None:
+    before = client.get_parameter(node, name)
+    result, = client.set_parameters(node, {name: value})
+    assert not result.successful
+    assert re.search(words, result.reason), result.reason
+    after = client.get_parameter(node, name)
+    assert after == before
+
+
+def test_gains_cannot_be_unset(client: RosClient) -> None:
+    unset = Parameter('gains.damping_ratio', Type.NOT_SET)
+    result, = client.set_parameters(NODE, {'gains.damping_ratio': unset})
+    assert not result.successful
+    assert 'cannot be' in result.reason
+
+
+# --- what acts -----------------------------------------------------------------------------------
+
+def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
+    q, error = np.array([0.8, 0.5]), np.array([0.05, -0.02])
+    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    M, g = dynamics.rigid_body.mass_matrix(q), dynamics.rigid_body.gravity(q)
+    states = client.publisher(JointState, '/parameters/joint_states', 1)
+    trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')
+    state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
+    with client.collect(JointState, f'{NODE}/computed_torque') as torques:
+        torques.wait_matched()
+
+        def torque() -> Any:
+            state.header.stamp.sec += 1
+            return client.answer_to(states, state, torques).effort
+
+        trajectories.publish(JointTrajectory(joint_names=NAMES, points=[
+            JointTrajectoryPoint(positions=(q + error).tolist())]))
+        state.header.stamp.sec = 1
+        client.ask(states, state, torques, lambda _: True)
+        assert torque() == pytest.approx(M @ (400.0 * error) + g)
+        for values, kp in (
+                ({'gains.natural_frequency': [10.0]}, np.array([100.0, 100.0])),
+                ({'gains.natural_frequency': [10.0, 30.0]}, np.array([100.0, 900.0])),
+                ({'gains.kp': [50.0, 70.0]}, np.array([50.0, 70.0])),
+                ({'gains.kp': Parameter('gains.kp', Type.DOUBLE_ARRAY, [])},
+                 np.array([100.0, 900.0])),
+                ({'gains.natural_frequency': [20.0]}, np.array([400.0, 400.0]))):
+            result, = client.set_parameters(NODE, values)
+            assert result.successful, result.reason
+            assert torque() == pytest.approx(M @ (kp * error) + g)
+
+
+def test_changed_noise_acts(client: RosClient) -> None:
+    with client.collect(JointState, '/parameters/arm_states') as states:
+        states.wait_count(20)
+        assert {tuple(m.position) for m in states.messages} == {(0.0, 0.0)}
+        result, = client.set_parameters(ARM_NODE, {'position_noise': 1e-3})
+        assert result.successful
+        states.wait_for(lambda m: 0.0 < abs(m.position[0]) < 1e-2)
+        states.clear()
+        noisy = np.array([m.position for m in states.wait_count(400)])
+        assert np.std(noisy, axis=0) == pytest.approx([1e-3, 1e-3], rel=0.3)
+        client.set_parameters(ARM_NODE, {'position_noise': 0.0})

@@ -1,0 +1,170 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Nodes that cannot start: status 1 and one line that says why; and nodes whose file is xacro."""
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+import json
+from pathlib import Path
+import re
+import subprocess
+import sys
+from typing import Any, NamedTuple
+
+import pytest
+from robot_dynamics.planar_urdf import default_arm_urdf
+from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, write_parameters
+
+ARM = default_arm_urdf()
+LOOP = ARM.replace('</robot>', """
+  <joint name="closing" type="fixed"><parent link="base_link"/><child link="tool0"/></joint>
+</robot>""")
+
+
+class Case(NamedTuple):
+    parameters: Mapping[str, Any]
+    words: str
+    module: str = DYNAMICS
+
+
+CASES = {
+    'floating joint': Case(
+        {'robot_description': ARM.replace('continuous', 'floating', 1)},
+        r"joint 'joint1' is of type 'floating': an arm needs a fixed base, expected one of"),
+    'closed loop': Case(
+        {'robot_description': LOOP},
+        r"link 'tool0' is the child of two joints, 'tool0_joint' and 'closing'.*expected a tree"),
+    'not XML': Case(
+        {'robot_description': 'joint1, joint2'},
+        r"robot_description is not well-formed XML .*it begins with 'joint1, joint2'"),
+    'missing file': Case(
+        {'robot_description_file': '/no/such/arm.urdf'},
+        r"robot_description_file is '/no/such/arm.urdf', which cannot be read"),
+    'unknown package': Case(
+        {'robot_description_file': 'package://no_such_package/arm.urdf'},
+        r"there is no package 'no_such_package'"),
+    'unknown scheme': Case(
+        {'robot_description_file': 'http://nowhere/arm.urdf'}, r'expected a path, file:// or'),
+    'unknown joint': Case(
+        {'robot_description': ARM, 'joints': ['joint1', 'elbow']},
+        r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]"),
+    'two descriptions': Case(
+        {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
+        r"robot_description_file is 'arm.urdf' and robot_description is given too"),
+    'out of range': Case({'effort_scale': 2.0}, r'effort_scale.* 2'),
+    'not a number': Case({'effort_scale': float('nan')}, r'effort_scale.* nan'),
+    'wrong type': Case({'effort_scale': 'half'}, r'effort_scale.*a number with a decimal point'),
+    'whole number': Case({'effort_scale': 1}, r'effort_scale.*a number with a decimal point'),
+    'unknown choice': Case({'command': 'fly'}, r"command is 'fly', expected one of"),
+    'negative gain': Case({'gains.kp': [-1.0]}, r'gains\.kp\[0\] is -1'),
+    'gains without an order': Case(
+        {'gains.kp': [1.0, 2.0]}, r'gains\.kp has 2 values, .*but the parameter joints'),
+    'wrong number of gains': Case(
+        {'joints': ['joint1', 'joint2'], 'gains.kd': [1.0] * 3}, r'gains\.kd has 3 values'),
+    'mixed numbers': Case({'gains.kp': [1, 2.0]}, r'Sequence should be of same type.*line_num'),
+    'gravity': Case({'gravity': [0.0, 0.0]}, r'gravity has 2 values, expected 3'),
+    'rate': Case({'rate': 0.0}, r'rate.* 0', SIMULATED_ARM),
+    'initial position': Case(
+        {'initial_position': [0.0]}, r'initial_position has 1 values, expected 2', SIMULATED_ARM),
+    'joints of the simulated arm': Case(
+        {'joints': ['elbow']}, r"joints has 'elbow'", SIMULATED_ARM),
+}
+
+
+# Starts one node after the other in one process, as a process for each would take its time.
+DRIVER = """
+import importlib, json, sys
+for module, arguments in json.loads(sys.argv[1]):
+    status = importlib.import_module(module).main(arguments)
+    print('status', status, file=sys.stderr, flush=True)
+"""
+
+
+@pytest.fixture(scope='module')
+def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[str]]]:
+    """Return what `main` returned and printed for every case."""
+    directory = tmp_path_factory.mktemp('parameters')
+    calls = []
+    for i, case in enumerate(CASES.values()):
+        file = write_parameters(directory / f'{i}.yaml', case.parameters)
+        calls.append((case.module, ['node', '--ros-args', '--params-file', str(file)]))
+    done = subprocess.run(
+        [sys.executable, '-c', DRIVER, json.dumps(calls)], text=True, check=False,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=60.0)
+    outputs = re.split(r'^status (\d+)\n', done.stdout, flags=re.MULTILINE)
+    assert len(outputs) == 2 * len(CASES) + 1, done.stdout
+    return {
+        name: (int(status), output.splitlines())
+        for name, output, status in zip(CASES, outputs[::2], outputs[1::2])}
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_it_says_in_one_line_why_it_cannot_start(
+    ends: dict[str, tuple[int, list[str]]], name: str,
+) -> None:
+    status, output = ends[name]
+    lines = [line for line in output if '[rcl]' not in line]  # which comes before the node
+    assert status == 1, output
+    assert len(lines) == 1, output
+    assert lines[0].startswith('robot_dynamics: ')
+    assert re.search(CASES[name].words, lines[0]), lines[0]
+
+
+@pytest.mark.parametrize('name', ['floating joint', 'initial position'])
+def test_its_process_ends_with_status_1(name: str) -> None:
+    case = CASES[name]
+    node = NodeProcess(case.module, case.parameters).launch()
+    assert node.wait() == 1
+    line, = node.log.splitlines()
+    assert re.search(case.words, line), line
+
+
+XACRO = """<robot name="from_xacro" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:property name="mass" value="${1 + 1}"/>
+  <link name="base"/>
+  <link name="arm"><inertial>
+    <origin xyz="0 0 0.5"/><mass value="${mass}"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>
+  <joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
+</robot>
+"""
+
+
+@pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
+def test_a_xacro_file_is_expanded(tmp_path: Path) -> None:
+    file = tmp_path / 'arm.urdf.xacro'
+    file.write_text(XACRO, encoding='utf-8')
+    with NodeProcess(DYNAMICS, {'robot_description_file': str(file)}) as node:
+        assert "joints ['hinge']" in node.wait_for_log("Model 'from_xacro'")
+
+
+@pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
+def test_a_bad_xacro_file_says_so(tmp_path: Path) -> None:
+    file = tmp_path / 'arm.urdf.xacro'
+    file.write_text(XACRO.replace('${mass}', '${no_such_property}'), encoding='utf-8')
+    node = NodeProcess(DYNAMICS, {'robot_description_file': str(file)}).launch()
+    assert node.wait() == 1
+    assert re.search(
+        r'^robot_dynamics: robot_description_file: xacro cannot expand .*no_such_property',
+        node.log, re.MULTILINE), node.log
+    assert 'Traceback' not in node.log
+
+
+def test_an_interrupt_at_any_moment_leaves_in_order() -> None:
+    """Whoever starts the wrong thing presses Ctrl-C at once, and wants no traceback for it."""
+    with NodeProcess(DYNAMICS, ready=re.compile('Model ')):
+        pass  # interrupted when the model is logged, before the node spins
