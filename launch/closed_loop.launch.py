@@ -18,12 +18,13 @@ The closed loop without hardware: `simulated_arm`, `dynamics_node` and `robot_st
 ros2 launch robot_dynamics closed_loop.launch.py [robot:=FILE.urdf] [params:=FILE.yaml] [tf:=false]
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from robot_dynamics.ros.robot_description import embedded_description, read_description_file
+
+from launch import LaunchDescription
 
 
 def _nodes(context, *_):

@@ -73,12 +73,17 @@ class ArmDynamics:
 
     def terms(
         self, q: FloatArray, v: FloatArray, a: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        wrenches: Sequence[ExternalWrench] = (), friction: FloatArray | None = None,
     ) -> EffortTerms:
-        """Return the effort of `inverse_dynamics` split by term, and the energies."""
+        """
+        Return the effort of `inverse_dynamics` split by term, and the energies.
+
+        `friction` (n,) takes the place of that at the velocity v, where it is given.
+        """
         body = self.rigid_body
         inertial, coriolis, gravity, external = body.terms(q, v, a, wrenches)
-        friction = self.friction.effort(v)
+        if friction is None:
+            friction = self.friction.effort(v)
         return EffortTerms(
             inertial, coriolis, gravity, friction, external,
             inertial + coriolis + gravity + friction + external,

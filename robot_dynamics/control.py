@@ -19,6 +19,12 @@ Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Spring
 8.5.2 (inverse dynamics control): with
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction and an exact model, the error
 e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint by itself.
+
+Friction is best compensated not at the measured velocity but at the reference velocity
+v_r = q̇_ref + K_p/K_d e of J.-J. E. Slotine and W. Li, Int. J. Robotics Research 6(3), 1987.
+Friction at the measured velocity, fed back with any delay, pushes a light joint the way that it
+goes, and says nothing about a joint that sticks. At v_r it starts a joint that is to move, and what is left
+of the friction damps the error.
 """
 
 from collections.abc import Sequence
@@ -87,6 +93,8 @@ class ErrorFeedback:
 
     def __init__(self, gains: Gains, joint_kinds: Sequence[str]) -> None:
         self.gains = gains
+        self._ratio = np.divide(
+            gains.kp, gains.kd, out=np.zeros_like(gains.kp), where=gains.kd > 0.0)
         continuous = np.array([kind == 'continuous' for kind in joint_kinds])
         self._continuous = continuous if continuous.any() else None
 
@@ -102,3 +110,7 @@ class ErrorFeedback:
         q_ref, v_ref, a_ref = reference
         e = self.position_error(q_ref, q)
         return a_ref + self.gains.kd * (v_ref - v) + self.gains.kp * e
+
+    def reference_velocity(self, reference: Reference, q: FloatArray) -> FloatArray:
+        """Return v_r = q̇_ref + K_p/K_d e, (n,) [rad/s] or [m/s]; q̇_ref where K_d is 0."""
+        return reference.velocity + self._ratio * self.position_error(reference.position, q)

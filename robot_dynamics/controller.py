@@ -27,13 +27,14 @@ import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, Gains
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
 from robot_dynamics.trajectory import JointTrajectory, Reference, TrajectoryFollower
 from robot_dynamics.validation import FloatArray
 
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
+FRICTION_MODES = ('reference', 'measured', 'none')
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,8 @@ class ControllerOptions:
     command: str = 'computed_torque'
     effort_scale: float = 1.0
     """The command is clamped to this share of the effort limits of the URDF."""
+    friction_compensation: str = 'reference'
+    """The velocity at which computed torque compensates friction; see `control`."""
 
 
 class Controller:
@@ -80,6 +83,8 @@ class Controller:
         self._follower = TrajectoryFollower(arm.joint_names, continuous)
         self._waiting: tuple[JointTrajectory, int] | None = None
         self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self.expired = 0
+        """Trajectories that waited for the first state and were over when it came."""
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
@@ -138,7 +143,7 @@ class Controller:
         self._advance_payload(stamp_ns)
         gravity = self._dynamics.rigid_body.gravity(q)
         zero = np.zeros_like(q)
-        reference = None
+        friction, reference = zero, None
         if v is not None:
             self._state = (stamp_ns, q, v)
             self._start_waiting()
@@ -146,7 +151,8 @@ class Controller:
         computed_torque, a = None, zero
         if reference is not None and v is not None:
             a = self._feedback.acceleration(reference, q, v)
-            computed_torque = self._dynamics.inverse_dynamics(q, v, a)
+            friction = self._friction(reference, q, v)
+            computed_torque = self._dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
         command = self._choose(gravity, computed_torque)
         _check_finite(q, gravity, computed_torque)
         clamped = np.zeros(0, dtype=bool)
@@ -158,11 +164,18 @@ class Controller:
         if with_terms:
             follows = computed_torque is not None and self._options.command == 'computed_torque'
             v_terms = v if follows and v is not None else zero
-            terms = self._dynamics.terms(q, v_terms, a if follows else zero)
+            terms = self._dynamics.terms(
+                q, v_terms, a if follows else zero, friction=friction if follows else zero)
             if v is not None and not follows:
                 terms = terms._replace(
                     kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
         return ControlOutput(gravity, computed_torque, command, clamped, reference, terms)
+
+    def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
+        friction, mode = self._dynamics.friction, self._options.friction_compensation
+        if mode == 'reference':
+            return friction.smooth_effort(self._feedback.reference_velocity(reference, q))
+        return friction.effort(v) if mode == 'measured' else np.zeros_like(v)
 
     def _choose(
         self, gravity: FloatArray, computed_torque: FloatArray | None,
@@ -176,9 +189,11 @@ class Controller:
     def _start_waiting(self) -> None:
         if self._waiting is None or self._state is None:
             return
-        trajectory, start_ns = self._waiting
-        self._waiting = None
-        self._follower.start(trajectory, *self._state, stamp_ns=start_ns)
+        (trajectory, start_ns), self._waiting = self._waiting, None
+        try:
+            self._follower.start(trajectory, *self._state, stamp_ns=start_ns)
+        except TrajectoryError:  # over before the first state came: nothing to follow
+            self.expired += 1
 
     def _advance_payload(self, stamp_ns: int) -> None:
         transition = self._transition

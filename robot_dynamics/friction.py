@@ -24,6 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.validation import FloatArray
 
+SMOOTHING_VELOCITY = 0.01
+"""[rad/s] or [m/s] over which `smooth_effort` changes its sign."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
@@ -43,3 +46,11 @@ class JointFriction:
         It has the sign of v; at rest it is 0.
         """
         return self.viscous * v + self.coulomb * np.sign(v)
+
+    def smooth_effort(self, v: FloatArray) -> FloatArray:
+        """
+        Return the same with tanh(v / SMOOTHING_VELOCITY) for the sign, shape (..., n).
+
+        For a control law, whose effort must not chatter between two signs around rest.
+        """
+        return self.viscous * v + self.coulomb * np.tanh(v / SMOOTHING_VELOCITY)

@@ -131,7 +131,8 @@ class RigidBody:
         q_tree, v_tree, a_tree = (
             np.asfortranarray(rows.T) for rows in (x.position(q), x.rate(v), x.rate(a)))
         tau = pin.rneaInParallel(threads, self._pool, q_tree, v_tree, a_tree)
-        return x.effort(np.ascontiguousarray(tau.T))
+        # One joint or one sample comes back as a flat array.
+        return x.effort(np.ascontiguousarray(tau.reshape(q_tree.shape).T))
 
     # ------------------------------------------------------------------ matrices
 

@@ -15,28 +15,32 @@
 """
 What an arm does under given efforts: forward dynamics, integrated.
 
-Rigid bodies and viscous friction are integrated with the Runge–Kutta method of order 5 of Dormand
-and Prince (E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*,
-Springer 1993, table II.5.2) at a fixed step. Coulomb friction follows each step as an impulse: of
-all velocities that friction of at most F_c h can lead to, the one that dissipates most, which is
-at rest where F_c suffices (D. Stewart and J. Trinkle, Int. J. Numer. Meth. Eng. 39, 1996:
-velocity-level time stepping).
+The rigid bodies are integrated with the Runge–Kutta method of order 5 of Dormand and Prince
+(E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, Springer 1993,
+table II.5.2) at a fixed step, viscous friction with them, or where it is too stiff for that with
+`damped_step`. Dry friction makes joints stick or slide (`sticking`); a step ends where a joint
+comes to rest or breaks away, so that the method keeps its order, and what sticks does not creep.
 """
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.damped_step import Acceleration, damped_step, damping_rate
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.sticking import choose_modes, hold, Modes
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray
 
 DEFAULT_MAX_STEP = 1e-3
 """[s]"""
-_FRICTION_SWEEPS = 50
+STIFF = 1.0
+"""Relaxation rate × step from which viscous friction is integrated exponentially."""
+_MAX_EVENTS = 40
+_EVENT_ITERATIONS = 60
+_EVENT_TOLERANCE = 1e-12
 
 # The method of Dormand and Prince: what of the stages before makes each stage, and their sum.
 _STAGES = tuple(np.array(row) for row in (
@@ -118,58 +122,109 @@ class ArmSimulation:
         if self.braked:
             return self.state
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
-        h = duration / steps
+        motion = _Motion(self._dynamics, tau, wrenches)
         for _ in range(steps):
-            q, at_rest = self.q, self.v == 0.0
-            self._runge_kutta(tau, h, wrenches)
-            if self._dynamics.friction.coulomb.any():
-                self._rub(h, q, at_rest)
+            self.q, self.v = motion.step(self.q, self.v, duration / steps)
         return self.state
 
-    def _rub(self, h: float, q_before: FloatArray, at_rest: npt.NDArray[np.bool_]) -> None:
-        """Let Coulomb friction act over a step; a joint that stays at rest stays where it is."""
-        frictionless = self.v
-        self.v = coulomb_friction_step(
-            self._dynamics.rigid_body.mass_matrix(self.q), frictionless,
-            h * self._dynamics.friction.coulomb)
-        # what a velocity that changes evenly over the step adds to the way
-        self.q = self.q + 0.5 * h * (self.v - frictionless)
-        held = at_rest & (self.v == 0.0)
-        self.q[held] = q_before[held]
 
-    def _runge_kutta(
-        self, tau: FloatArray, h: float, wrenches: Sequence[ExternalWrench],
+class _Motion:
+    """The motion of an arm while effort and wrenches stay the same."""
+
+    def __init__(
+        self, dynamics: ArmDynamics, tau: FloatArray, wrenches: Sequence[ExternalWrench],
     ) -> None:
-        body, viscous = self._dynamics.rigid_body, self._dynamics.friction.viscous
-        q, v = self.q, self.v
-        velocity, acceleration = np.empty((6, len(q))), np.empty((6, len(q)))
-        for i, weights in enumerate(_STAGES):
-            q_i = q + h * (weights @ velocity[:i])
-            v_i = v + h * (weights @ acceleration[:i])
-            velocity[i] = v_i
-            acceleration[i] = body.forward_dynamics(q_i, v_i, tau - viscous * v_i, wrenches)
-        self.q = q + h * (_WEIGHTS @ velocity)
-        self.v = v + h * (_WEIGHTS @ acceleration)
+        self._body, self._tau, self._wrenches = dynamics.rigid_body, tau, wrenches
+        self._viscous, self._coulomb = dynamics.friction.viscous, dynamics.friction.coulomb
+        self._is_damped, self._is_dry = bool(self._viscous.any()), bool(self._coulomb.any())
+        self._slides = Modes(np.zeros_like(tau), np.zeros(len(tau), dtype=bool))
+
+    def step(self, q: FloatArray, v: FloatArray, h: float) -> ArmState:
+        """Return the state after h [s]."""
+        if not self._is_dry:
+            return self._advance(q, v, h, self._slides)
+        for _ in range(_MAX_EVENTS):
+            modes = choose_modes(
+                self._body.mass_matrix(q), v, self._effort(q, v), self._coulomb)
+            if modes.stuck.all():
+                return ArmState(q, v)
+            after = self._advance(q, v, h, modes)
+            if self._margin(after, modes).min() >= 0.0:
+                return after
+            passed, (q, v) = self._until_event(q, v, h, modes)
+            h -= passed
+            if h <= 0.0:
+                return ArmState(q, v)
+        return self._advance(q, v, h, modes)  # a quiver that friction damps anyway
+
+    def _until_event(
+        self, q: FloatArray, v: FloatArray, h: float, modes: Modes,
+    ) -> tuple[float, ArmState]:
+        """Return the time [s] until the first joint stops or breaks away, and the state then."""
+        early, late, worth_early = 0.0, h, 0.0
+        after = self._advance(q, v, h, modes)
+        worth_late = float(self._margin(after, modes).min())
+        close = _EVENT_TOLERANCE * abs(worth_late)
+        for _ in range(_EVENT_ITERATIONS):
+            middle = 0.5 * (early + late)
+            if worth_early > 0.0:  # the secant, as long as it has two sides to lean on
+                middle = late - worth_late * (late - early) / (worth_late - worth_early)
+            after = self._advance(q, v, middle, modes)
+            worth = float(self._margin(after, modes).min())
+            if worth > close:
+                early, worth_early, worth_late = middle, worth, 0.5 * worth_late
+                continue
+            worth_early, late, worth_late = 0.5 * worth_early, middle, worth
+            if worth > -close or late - early <= _EVENT_TOLERANCE * h:
+                break
+        margin = self._margin(after, modes)
+        stops = (modes.direction != 0.0) & ((margin <= 0.0) | (margin == margin.min()))
+        return middle, ArmState(after.position, np.where(stops, 0.0, after.velocity))
+
+    def _margin(self, after: ArmState, modes: Modes) -> FloatArray:
+        """Return (n,), negative where a joint turned round, or slips though it was held."""
+        margin = np.where(
+            modes.direction != 0.0, modes.direction * after.velocity, np.inf)
+        if modes.stuck.any():
+            effort = self._effort(*after) - modes.direction * self._coulomb
+            friction = hold(
+                self._body.mass_matrix(after.position), effort, modes.stuck).friction
+            margin = np.where(
+                modes.stuck, self._coulomb * (1.0 + 1e-9) - np.abs(friction), margin)
+        return margin
+
+    def _effort(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return what is left to accelerate the arm, but for dry friction."""
+        body = self._body
+        effort = self._tau - body.nonlinear(q, v) - self._viscous * v
+        return effort - body.external(q, self._wrenches) if self._wrenches else effort
+
+    def _acceleration(self, q: FloatArray, v: FloatArray, modes: Modes) -> FloatArray:
+        if modes.stuck.any():
+            effort = self._effort(q, v) - modes.direction * self._coulomb
+            return hold(self._body.mass_matrix(q), effort, modes.stuck).acceleration
+        effort = self._tau - self._viscous * v - modes.direction * self._coulomb
+        return self._body.forward_dynamics(q, v, effort, self._wrenches)
+
+    def _advance(self, q: FloatArray, v: FloatArray, h: float, modes: Modes) -> ArmState:
+        """Return the state after h [s] in these modes."""
+        def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
+            return self._acceleration(q, v, modes)
+
+        if self._is_damped:
+            M = self._body.mass_matrix(q)
+            if h * damping_rate(np.linalg.inv(M), self._viscous) > STIFF:
+                return ArmState(*damped_step(
+                    q, v, h, acceleration, M, self._viscous, ~modes.stuck))
+        return runge_kutta_step(q, v, h, acceleration)
 
 
-def coulomb_friction_step(M: FloatArray, v: FloatArray, impulse_limit: FloatArray) -> FloatArray:
-    """
-    Return the velocity (n,) after friction impulses of at most impulse_limit (n,) [N·m·s].
-
-    They minimise the kinetic energy ½ (v + M⁻¹p)ᵀ M (v + M⁻¹p) subject to |p_i| ≤ limit_i
-    (projected Gauss–Seidel on the impulses); a joint comes to rest exactly where that suffices.
-    """
-    W = np.linalg.inv(M)
-    p, u = np.zeros_like(v), v.copy()
-    for _ in range(_FRICTION_SWEEPS):
-        largest = 0.0
-        for i in range(len(v)):
-            wanted = p[i] - u[i] / W[i, i]
-            change = min(max(wanted, -impulse_limit[i]), impulse_limit[i]) - p[i]
-            p[i] += change
-            u += change * W[:, i]
-            largest = max(largest, abs(change))
-        if largest <= 1e-15 * max(float(np.max(impulse_limit)), 1e-300):
-            break
-    u[np.abs(p) < impulse_limit] = 0.0  # what stays below its limit holds its joint at rest
-    return u
+def runge_kutta_step(
+    q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,
+) -> ArmState:
+    """Return position and velocity (n,) after h [s], with an error of order h⁶."""
+    velocity, accelerations = np.empty((6, len(q))), np.empty((6, len(q)))
+    for i, weights in enumerate(_STAGES):
+        velocity[i] = v + h * (weights @ accelerations[:i])
+        accelerations[i] = acceleration(q + h * (weights @ velocity[:i]), velocity[i])
+    return ArmState(q + h * (_WEIGHTS @ velocity), v + h * (_WEIGHTS @ accelerations))

@@ -35,8 +35,8 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'coordinates', 'exceptions', 'filtering', 'friction', 'payload',
-        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'trajectory',
+        'actuator', 'coordinates', 'damped_step', 'exceptions', 'filtering', 'friction', 'payload',
+        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'sticking', 'trajectory',
         'trajectory_checks', 'urdf', 'validation',
     ),
     # and Pinocchio

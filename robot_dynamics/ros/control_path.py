@@ -52,9 +52,7 @@ class ControlPath:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._controller: Controller | None = None
-        self._reader = JointStateReader(())
-        self._names: list[str] = []
+        self._served: tuple[Controller, JointStateReader, list[str]] | None = None
         self.counters = ControlCounters()
 
         def publisher(message_type: type, topic: str) -> Any:
@@ -68,9 +66,8 @@ class ControlPath:
 
     def use(self, controller: Controller) -> None:
         """Serve this arm from the next joint state on."""
-        self._reader = JointStateReader(controller.arm.joint_names)
-        self._names = list(controller.arm.joint_names)
-        self._controller = controller
+        names = controller.arm.joint_names
+        self._served = controller, JointStateReader(names), list(names)  # all at once: a thread
 
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -89,36 +86,37 @@ class ControlPath:
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
     def _answer(self, message: JointState) -> None:
-        controller = self._controller
-        if controller is None:
+        if self._served is None:
             self.counters.dropped['no model yet'] += 1
             return
-        q, v = self._reader.read(message)
+        controller, reader, names = self._served
+        q, v = reader.read(message)
         with_terms = self._terms.get_subscription_count() > 0
         stamp = message.header.stamp
         output = controller.update(stamp_from_ros(stamp), q, v, with_terms)
         counters = self.counters
         if output.command is not None:
-            effort = self._effort_message(message, output.command)
+            effort = _effort_message(message, names, output.command)
             self._command.publish(effort)
             self._commands.publish(
                 Float64MultiArray(data=effort.effort))
             counters.commands += 1
             counters.clamped += bool(output.clamped.any())
         self._gravity.publish(
-            self._effort_message(message, output.gravity_compensation))
+            _effort_message(message, names, output.gravity_compensation))
         if output.computed_torque is not None:
             self._computed_torque.publish(
-                self._effort_message(message, output.computed_torque))
+                _effort_message(message, names, output.computed_torque))
         if output.terms is not None:
             self._terms.publish(
-                terms_to_ros(output.terms, self._names, stamp))
+                terms_to_ros(output.terms, names, stamp))
         counters.states += 1
         counters.following = output.reference is not None
 
-    def _effort_message(self, state: JointState, effort: FloatArray) -> JointState:
-        message = JointState()
-        message.header.stamp = state.header.stamp
-        message.name = self._names
-        message.effort = floats_to_ros(effort)
-        return message
+
+def _effort_message(state: JointState, names: list[str], effort: FloatArray) -> JointState:
+    message = JointState()
+    message.header.stamp = state.header.stamp
+    message.name = names
+    message.effort = floats_to_ros(effort)
+    return message

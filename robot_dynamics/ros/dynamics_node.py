@@ -27,7 +27,12 @@ from robot_dynamics.control import (
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
 )
-from robot_dynamics.controller import COMMAND_MODES, Controller, ControllerOptions
+from robot_dynamics.controller import (
+    COMMAND_MODES,
+    Controller,
+    ControllerOptions,
+    FRICTION_MODES,
+)
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.control_path import ControlPath
@@ -73,6 +78,11 @@ SPECS = (
     ParameterSpec(
         'gains.kd', Type.DOUBLE_ARRAY, [],
         'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+    ParameterSpec(
+        'friction_compensation', Type.STRING, 'reference',
+        'The velocity at which computed torque compensates friction: reference (that of the '
+        'reference, corrected by the error: robust), measured (exact linearisation, for strong '
+        'gears read without delay), or none.', choices=FRICTION_MODES),
     ParameterSpec(
         'effort_scale', Type.DOUBLE, 1.0,
         'Share of the URDF effort limits to which effort_command is clamped.',
@@ -198,7 +208,9 @@ class DynamicsNode(Node):
             Status(
                 'reference', WARN if self._refusal else OK,
                 'following' if counters.following else 'none',
-                {'refused': self._refused, 'refusal of the latest': self._refusal}),
+                {'refused': self._refused, 'refusal of the latest': self._refusal,
+                 'over before the first state': (
+                     self._controller.expired if self._controller else 0)}),
             Status(
                 'command', OK, str(self._settings.values['command']),
                 {'published': counters.commands, 'clamped': counters.clamped, 'model': model}),
@@ -245,7 +257,8 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
                 f'{name} has {len(values[name])} values, one a joint, but the parameter joints, '
                 'which gives them their order, is not set: expected one value, or joints')
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
-    return ControllerOptions(gains, values['command'], values['effort_scale'])
+    return ControllerOptions(
+        gains, values['command'], values['effort_scale'], values['friction_compensation'])
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -20,6 +20,7 @@ a state waits for the effort that carries its stamp, so that the same efforts me
 however fast the processes run.
 """
 
+import math
 import threading
 import time
 
@@ -41,7 +42,9 @@ from sensor_msgs.msg import JointState
 NEWEST_ONLY = QoSProfile(depth=1)
 NANOSECONDS_PER_SECOND = 1_000_000_000
 MAX_LAG = 0.1
-"""[s] that the simulation may run late before it lets time go and starts afresh from now."""
+"""[s] that the simulation may run late before it says so."""
+FASTEST_PERIOD = 0.8
+"""Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """[s] after which lock-step says its state again: the first time nobody may have listened."""
 LOG_PERIOD = 5.0
@@ -201,28 +204,30 @@ class WallTimeLoop(_Loop):
     """
     A state every period of the wall clock.
 
-    Stamps are whole periods apart, as the simulated time is; a late loop catches up, and after
-    more than MAX_LAG lets the missed time go.
+    Stamps are whole periods apart, as the simulated time is. A late loop catches up at no more
+    than 1 / FASTEST_PERIOD times real time, so that the controller still answers every state. With
+    a time of its own it lets go of what it lags behind beyond MAX_LAG.
     """
 
     def _run(self) -> None:
-        first_ns = 0 if self._topics.has_own_time else self._node.get_clock().now().nanoseconds
-        start, tick = time.monotonic(), 0
+        own_time = self._topics.has_own_time
+        first_ns = 0 if own_time else self._node.get_clock().now().nanoseconds
+        start, tick, before = time.monotonic(), 0, -math.inf
         with self._lock:
             measured = self._plant.measure()
         while self._running():
-            stamp_ns = first_ns + tick * self._period_ns
-            self._topics.publish(self._topics.state_message(stamp_ns, measured))
+            self._topics.publish(
+                self._topics.state_message(first_ns + tick * self._period_ns, measured))
             tick += 1
-            self._take_efforts_until(start + tick * self._period)
-            lag = time.monotonic() - (start + tick * self._period)
-            if lag > MAX_LAG:
+            due = start + tick * self._period
+            self._take_efforts_until(max(due, before + FASTEST_PERIOD * self._period))
+            before = time.monotonic()
+            if before - due > MAX_LAG:
                 self._node.get_logger().warning(
-                    f'{lag:.3f} s behind at a period of {self._period:g} s: let go',
+                    f'{before - due:.3f} s behind the rate of {1.0 / self._period:g} Hz',
                     throttle_duration_sec=LOG_PERIOD)
-                start += lag
-                if not self._topics.has_own_time:
-                    first_ns += round(lag * NANOSECONDS_PER_SECOND)
+                if own_time:
+                    start += before - due
             measured = self._advance()
 
     def _take_efforts_until(self, deadline: float) -> None:

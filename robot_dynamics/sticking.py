@@ -1,0 +1,86 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which joints stick, and what holds them: Coulomb friction at rest.
+
+A joint with dry friction either slides in one direction, or sticks: its velocity is 0, and
+friction takes whatever value up to F_c keeps it so. Between changes of these modes the motion is
+smooth, so that a method of high order can follow it; where a joint comes to rest, or breaks away,
+the modes are chosen anew. Source: F. Pfeiffer and C. Glocker, *Multibody Dynamics with Unilateral
+Contacts*, Wiley 1996 (here without contacts: one direction of sliding a joint).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.validation import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+# Relative slack, so that rounding does not break a joint away.
+_HOLD_TOLERANCE = 1e-12
+
+
+class Modes(NamedTuple):
+    """The `direction` (n,) of sliding, 0 where there is none; `stuck` (n,), which joints stick."""
+
+    direction: FloatArray
+    stuck: BoolArray
+
+
+class Holding(NamedTuple):
+    """Accelerations (n,), 0 at stuck joints, and the friction (n,) that holds those."""
+
+    acceleration: FloatArray
+    friction: FloatArray
+
+
+def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
+    """
+    Return M a = effort + friction with a = 0 at the stuck joints, friction = 0 at the others.
+
+    `effort` (n,) is what is left to accelerate the arm; `friction` is what the joints must bear,
+    with the sign of what it resists.
+    """
+    a, friction = np.zeros_like(effort), np.zeros_like(effort)
+    free = ~stuck
+    if free.any():
+        a[free] = np.linalg.solve(M[np.ix_(free, free)], effort[free])
+    friction[stuck] = effort[stuck] - M[np.ix_(stuck, free)] @ a[free]
+    return Holding(a, friction)
+
+
+def choose_modes(
+    M: FloatArray, v: FloatArray, effort: FloatArray, coulomb: FloatArray,
+) -> Modes:
+    """
+    Return the modes at a state: a joint at rest sticks if friction of at most F_c can hold it.
+
+    `effort` (n,) is what would accelerate the arm if there were no dry friction. Of joints that
+    cannot be held, the one that is furthest beyond breaks away first, and the rest is weighed
+    anew.
+    """
+    dry = coulomb > 0.0
+    direction = np.where(dry, np.sign(v), 0.0)
+    stuck = dry & (v == 0.0)
+    while stuck.any():
+        friction = hold(M, effort - direction * coulomb, stuck).friction
+        excess = np.where(stuck, np.abs(friction) - coulomb * (1.0 + _HOLD_TOLERANCE), -np.inf)
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 0.0:
+            break
+        direction[worst], stuck[worst] = np.sign(friction[worst]), False
+    return Modes(direction, stuck)

@@ -1,0 +1,73 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What sticks is held by no more friction than there is; what cannot be held slides."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.damped_step import phi_functions
+from robot_dynamics.sticking import choose_modes, hold
+from scipy.integrate import quad
+
+laws = settings(deadline=None, derandomize=True, max_examples=200)
+
+
+def random_case(seed: int, n: int) -> tuple[np.ndarray, ...]:
+    random = np.random.default_rng(seed)
+    A = random.standard_normal((n, n))
+    M = A @ A.T + 0.3 * np.eye(n)
+    v = random.standard_normal(n) * random.integers(0, 2, n)
+    coulomb = random.uniform(0.0, 2.0, n) * random.integers(0, 2, n)
+    return M, v, random.standard_normal(n), coulomb
+
+
+@laws
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
+    M, v, effort, coulomb = random_case(seed, n)
+    modes = choose_modes(M, v, effort, coulomb)
+    sliding = effort - modes.direction * coulomb
+    a, friction = hold(M, sliding, modes.stuck)
+    assert M @ a == pytest.approx(sliding - friction, abs=1e-9)
+    assert (a[modes.stuck] == 0.0).all()
+    assert (friction[~modes.stuck] == 0.0).all()
+    assert (np.abs(friction) <= coulomb * (1.0 + 1e-9)).all()
+    dry = coulomb > 0.0
+    assert (modes.direction[dry & (v != 0.0)] == np.sign(v[dry & (v != 0.0)])).all()
+    assert (modes.direction[~dry] == 0.0).all()
+    assert not (modes.stuck & (v != 0.0)).any()
+    # a dry joint at rest either sticks or has a direction to slide in
+    assert (modes.stuck | (modes.direction != 0.0))[dry].all()
+
+
+@pytest.mark.parametrize(('effort', 'sticks'), [(0.999, True), (-1.0, True), (1.001, False)])
+def test_one_joint_breaks_away_at_its_friction_and_not_before(effort: float, sticks: bool) -> None:
+    modes = choose_modes(np.eye(1), np.zeros(1), np.array([effort]), np.ones(1))
+    assert bool(modes.stuck[0]) is sticks
+    assert modes.direction[0] == (0.0 if sticks else np.sign(effort))
+
+
+@pytest.mark.parametrize('z', [0.0, 1e-12, 1e-6, 1e-3, 0.1, 0.499, 0.501, 1.0, 10.0, 1e4])
+def test_phi_functions_are_their_integrals(z: float) -> None:
+    values = [phi[0] for phi in phi_functions(np.array([z]))]
+    factorial = (1.0, 1.0, 2.0)
+    for k, value in enumerate(values, start=1):
+        # substitute u = 1 - s, where the integrand lives for large z
+        exact, _ = quad(
+            lambda u, k=k: np.exp(-z * u) * (1.0 - u)**(k - 1) / factorial[k - 1], 0.0, 1.0,
+            points=[min(1.0, 5.0 / z)] if z > 5.0 else None, epsabs=1e-15, epsrel=1e-13,
+            limit=200)
+        assert value == pytest.approx(exact, rel=1e-11)
