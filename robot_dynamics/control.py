@@ -23,8 +23,8 @@ e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint by itself.
 Friction is best compensated not at the measured velocity but at the reference velocity
 v_r = q̇_ref + K_p/K_d e of J.-J. E. Slotine and W. Li, Int. J. Robotics Research 6(3), 1987.
 Friction at the measured velocity, fed back with any delay, pushes a light joint the way that it
-goes, and says nothing about a joint that sticks. At v_r it starts a joint that is to move, and what is left
-of the friction damps the error.
+goes, and says nothing about a joint that sticks. At v_r it starts a joint that is to move, and
+what is left of the friction damps the error.
 """
 
 from collections.abc import Sequence

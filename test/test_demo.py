@@ -24,6 +24,7 @@ import sys
 import numpy as np
 import pytest
 from robot_dynamics.recording import Recording
+from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_motion import measured_motion
 from robot_dynamics.tools.demo_nodes import choose_domain
 from robot_dynamics.tools.demo_progress import Progress
@@ -273,12 +274,14 @@ def test_a_recording_of_another_arm_is_a_mistake(closed_loop, tmp_path):
     assert len(err.splitlines()) == 1
 
 
-def test_a_directory_in_use_stays_as_it_is(tmp_path):
+def test_a_directory_in_use_gets_one_of_its_own_inside(tmp_path):
+    assert _make_directory(tmp_path) == tmp_path
     (tmp_path / 'note').write_text('mine')
-    status, _, err = run_demo(tmp_path, '--out', tmp_path)
-    assert status == 2
-    assert 'not empty' in err
-    assert [path.name for path in tmp_path.iterdir()] == ['note']
+    first, second = _make_directory(tmp_path), _make_directory(tmp_path)
+    assert first.parent == second.parent == tmp_path
+    assert first != second
+    assert not any(first.iterdir())
+    assert (tmp_path / 'note').read_text() == 'mine'
 
 
 # --- the parts -----------------------------------------------------------------------------------

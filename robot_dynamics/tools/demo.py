@@ -203,12 +203,12 @@ def _description(robot: str | None, directory: Path, recorded: str | None = None
 
 
 def _make_directory(wanted: Path | None) -> Path:
+    """Return a new or empty directory: the one wanted, or one of its own in it or in out/."""
     if wanted is not None:
         wanted.mkdir(parents=True, exist_ok=True)
-        if any(wanted.iterdir()):
-            raise OSError(0, 'it is not empty', str(wanted))
-        return wanted
-    parent = Path('out')
+        if not any(wanted.iterdir()):
+            return wanted
+    parent = wanted or Path('out')
     parent.mkdir(exist_ok=True)
     name = f'demo-{datetime.now():%Y%m%d-%H%M%S}'
     for number in range(1, 100):
