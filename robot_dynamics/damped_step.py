@@ -30,9 +30,9 @@ from robot_dynamics.validation import FloatArray
 Acceleration = Callable[[FloatArray, FloatArray], FloatArray]
 
 
-def damping_rate(W: FloatArray, viscous: FloatArray) -> float:
-    """Return a bound [1/s] of how fast friction makes joints relax; W (n, n) is M⁻¹."""
-    return float(np.diag(W) @ viscous)
+def damping_rate(M: FloatArray, viscous: FloatArray) -> float:
+    """Return a bound [1/s] of how fast friction makes joints relax: the trace of M⁻¹F_v."""
+    return float(np.diag(np.linalg.inv(M)) @ viscous)
 
 
 def damped_step(

@@ -189,8 +189,8 @@ def forward_dynamics(
     arm: PlanarTwoLink, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike,
 ) -> FloatArray:
     """Return the joint accelerations a, shape (2,) [rad/s²], under the torques tau [N·m]."""
-    return np.linalg.solve(
-        mass_matrix(arm, q), _joint_vector('tau', tau) - nonlinear_terms(arm, q, v))
+    rest = _joint_vector('tau', tau) - nonlinear_terms(arm, q, v)
+    return np.asarray(np.linalg.solve(mass_matrix(arm, q), rest), dtype=np.float64)
 
 
 def kinetic_energy(arm: PlanarTwoLink, q: npt.ArrayLike, v: npt.ArrayLike) -> float:

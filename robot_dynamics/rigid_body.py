@@ -191,7 +191,7 @@ class RigidBody:
         else:
             rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
             try:
-                a = np.linalg.solve(self.mass_matrix(q), rest)
+                a = np.asarray(np.linalg.solve(self.mass_matrix(q), rest), dtype=np.float64)
             except np.linalg.LinAlgError:
                 a = np.full_like(rest, np.nan)
         if not np.isfinite(a).all():

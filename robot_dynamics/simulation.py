@@ -213,7 +213,7 @@ class _Motion:
 
         if self._is_damped:
             M = self._body.mass_matrix(q)
-            if h * damping_rate(np.linalg.inv(M), self._viscous) > STIFF:
+            if h * damping_rate(M, self._viscous) > STIFF:
                 return ArmState(*damped_step(
                     q, v, h, acceleration, M, self._viscous, ~modes.stuck))
         return runge_kutta_step(q, v, h, acceleration)
