@@ -45,7 +45,7 @@ class JointFriction:
 
         It has the sign of v; at rest it is 0.
         """
-        return self.viscous * v + self.coulomb * np.sign(v)
+        return np.asarray(self.viscous * v + self.coulomb * np.sign(v))
 
     def smooth_effort(self, v: FloatArray) -> FloatArray:
         """
@@ -53,4 +53,4 @@ class JointFriction:
 
         For a control law, whose effort must not chatter between two signs around rest.
         """
-        return self.viscous * v + self.coulomb * np.tanh(v / SMOOTHING_VELOCITY)
+        return np.asarray(self.viscous * v + self.coulomb * np.tanh(v / SMOOTHING_VELOCITY))

@@ -134,7 +134,7 @@ def _outward(
 ) -> tuple[FloatArray, FloatArray]:
     ends = _link_ends(points)
     joint_acceleration, com_acceleration = np.zeros_like(ends), np.zeros_like(ends)
-    acceleration = np.zeros(2)
+    acceleration: FloatArray = np.zeros(2)
     for i, joint in enumerate(points.joints):
         joint_acceleration[i] = acceleration
         com_acceleration[i] = acceleration + _acceleration_about(

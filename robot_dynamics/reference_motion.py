@@ -178,7 +178,8 @@ def _trajectory(
 
 
 def _sample(trajectory: JointTrajectory) -> Reference:
-    return sample_trajectory(trajectory, np.linspace(0.0, trajectory.duration, _SAMPLES))
+    times: FloatArray = np.linspace(0.0, trajectory.duration, _SAMPLES, dtype=np.float64)
+    return sample_trajectory(trajectory, times)
 
 
 def _swing_within_limits(

@@ -57,7 +57,7 @@ class Plant:
         self, simulation: ArmSimulation, brakes: bool, noise: np.random.Generator,
     ) -> None:
         self.simulation = simulation
-        self.effort = np.zeros(simulation.arm.joint_count)
+        self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
         self.wrenches: dict[str, ExternalWrench] = {}
         self.position_noise = 0.0
         self.velocity_noise = 0.0
