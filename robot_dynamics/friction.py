@@ -59,7 +59,7 @@ class JointFriction:
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the size of dry friction while a joint slides at v, shape (..., n)."""
         ratio = v / self.stribeck_velocity
-        return self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio)
+        return np.asarray(self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio))
 
     def effort(self, v: FloatArray) -> FloatArray:
         """
@@ -67,7 +67,7 @@ class JointFriction:
 
         Dry friction has the sign of v; at rest it is taken as 0.
         """
-        return self.viscous * v + self.dry(v) * np.sign(v) + self.offset
+        return np.asarray(self.viscous * v + self.dry(v) * np.sign(v) + self.offset)
 
     def smooth_effort(
         self, v: FloatArray, smoothing_velocity: float = SMOOTHING_VELOCITY,
@@ -78,7 +78,8 @@ class JointFriction:
         For a control law, whose effort must not chatter between two signs around rest, and for
         identification, where the sign of a noisy velocity says nothing.
         """
-        return self.viscous * v + self.dry(v) * sigmoid(v, smoothing_velocity) + self.offset
+        return np.asarray(
+            self.viscous * v + self.dry(v) * sigmoid(v, smoothing_velocity) + self.offset)
 
 
 def sigmoid(v: FloatArray, smoothing_velocity: float) -> FloatArray:
