@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.coordinates import JointCoordinates
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.friction import JointFriction
+from robot_dynamics.friction import JointFriction, make_friction
 from robot_dynamics.payload import Payload
 from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.validation import check_unique, check_vector, FloatArray
@@ -81,6 +81,10 @@ class ArmModel:
             raise InvalidInputError(
                 f'{field} is {link!r}, expected one of the links {list(self.link_names)}')
         return self.engine.frames[self.engine.getFrameId(link, pin.FrameType.BODY)]
+
+    def with_friction(self, friction: JointFriction) -> 'ArmModel':
+        """Return this arm with this friction in place of that of the URDF."""
+        return replace(self, friction=friction)
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
         """
@@ -147,7 +151,7 @@ def load_arm(
             np.array([joint.upper for joint in actuated]),
             np.array([joint.velocity_limit for joint in actuated]),
             np.array([joint.effort_limit for joint in actuated])),
-        friction=JointFriction(viscous, coulomb),
+        friction=make_friction(tuple(index), viscous, coulomb),
         mimic_joints=tuple(mimic_joints),
         locked_joints=locked,
         link_names=robot.link_names,

@@ -20,6 +20,8 @@ The rigid bodies are integrated with the Runge–Kutta method of order 5 of Dorm
 table II.5.2) at a fixed step, viscous friction with them, or where it is too stiff for that with
 `damped_step`. Dry friction makes joints stick or slide (`sticking`); a step ends where a joint
 comes to rest or breaks away, so that the method keeps its order, and what sticks does not creep.
+Where dry friction falls with speed (Stribeck), steps are halved until the method's own estimate of
+the error is small: that part of the motion lasts milliseconds.
 """
 
 from collections.abc import Sequence
@@ -41,6 +43,9 @@ STIFF = 1.0
 _MAX_EVENTS = 40
 _EVENT_ITERATIONS = 60
 _EVENT_TOLERANCE = 1e-12
+_STRIBECK_TOLERANCE = 1e-9
+"""[rad/s] or [m/s] of error a step where friction falls with speed."""
+_MAX_HALVINGS = 10
 
 # The method of Dormand and Prince: what of the stages before makes each stage, and their sum.
 _STAGES = tuple(np.array(row) for row in (
@@ -52,6 +57,11 @@ _STAGES = tuple(np.array(row) for row in (
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
 ))
 _WEIGHTS = np.array((35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84))
+# What the embedded method of order 4 makes of the stages and the slope at the end, less _WEIGHTS.
+_ERROR_WEIGHTS = np.array((
+    5179 / 57600, 0.0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100))
+_ERROR_WEIGHTS = _WEIGHTS - _ERROR_WEIGHTS
+_ERROR_WEIGHT_OF_END = -1 / 40
 
 
 class ArmState(NamedTuple):
@@ -97,6 +107,10 @@ class ArmSimulation:
         """Go back to the initial state, brakes on."""
         self.q, self.v = self._initial.position.copy(), self._initial.velocity.copy()
         self.braked = True
+        self.work = 0.0
+        """Work of the efforts since the start [J]."""
+        self.heat = 0.0
+        """What friction turned into heat since the start [J]."""
 
     def release(self) -> None:
         """Open the brakes."""
@@ -122,10 +136,24 @@ class ArmSimulation:
         if self.braked:
             return self.state
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
-        motion = _Motion(self._dynamics, tau, wrenches)
+        motion, q = _Motion(self._dynamics, tau, wrenches), self.q
+        state = ArmState(self.q, self.v)
         for _ in range(steps):
-            self.q, self.v = motion.step(self.q, self.v, duration / steps)
+            before = state
+            state, heat = motion.step(before, duration / steps)
+            self.heat += heat
+            if state is before:  # it sticks, and nothing changes any more
+                break
+        self.q, self.v = state
+        self.work += float(tau @ (self.q - q))
         return self.state
+
+
+class Leg(NamedTuple):
+    """A piece of motion: the state at its end, and the heat of friction on the way [J]."""
+
+    state: ArmState
+    heat: float
 
 
 class _Motion:
@@ -134,97 +162,143 @@ class _Motion:
     def __init__(
         self, dynamics: ArmDynamics, tau: FloatArray, wrenches: Sequence[ExternalWrench],
     ) -> None:
-        self._body, self._tau, self._wrenches = dynamics.rigid_body, tau, wrenches
-        self._viscous, self._coulomb = dynamics.friction.viscous, dynamics.friction.coulomb
-        self._is_damped, self._is_dry = bool(self._viscous.any()), bool(self._coulomb.any())
+        friction = dynamics.friction
+        self._body, self._wrenches, self._friction = dynamics.rigid_body, wrenches, friction
+        self._tau = tau - friction.offset
+        self._is_damped, self._is_dry = bool(friction.viscous.any()), bool(friction.static.any())
         self._slides = Modes(np.zeros_like(tau), np.zeros(len(tau), dtype=bool))
 
-    def step(self, q: FloatArray, v: FloatArray, h: float) -> ArmState:
-        """Return the state after h [s]."""
+    def step(self, state: ArmState, h: float) -> Leg:
+        """Return the state after h [s]; the very same one where the arm sticks."""
         if not self._is_dry:
-            return self._advance(q, v, h, self._slides)
+            return self._advance(state, h, self._slides)
+        heat = 0.0
         for _ in range(_MAX_EVENTS):
+            q, v = state
             modes = choose_modes(
-                self._body.mass_matrix(q), v, self._effort(q, v), self._coulomb)
+                self._body.mass_matrix(q), v, self._effort(q, v), self._friction.dry(v),
+                self._friction.static)
             if modes.stuck.all():
-                return ArmState(q, v)
-            after = self._advance(q, v, h, modes)
-            if self._margin(after, modes).min() >= 0.0:
-                return after
-            passed, (q, v) = self._until_event(q, v, h, modes)
-            h -= passed
+                return Leg(state, heat)
+            leg = self._advance(state, h, modes)
+            if self._margin(leg.state, modes).min() < 0.0:
+                passed, leg = self._until_event(state, h, modes)
+                h -= passed
+            else:
+                h = 0.0
+            state, heat = leg.state, heat + leg.heat
             if h <= 0.0:
-                return ArmState(q, v)
-        return self._advance(q, v, h, modes)  # a quiver that friction damps anyway
+                return Leg(state, heat)
+        leg = self._advance(state, h, modes)  # a quiver that friction damps anyway
+        return Leg(leg.state, heat + leg.heat)
 
-    def _until_event(
-        self, q: FloatArray, v: FloatArray, h: float, modes: Modes,
-    ) -> tuple[float, ArmState]:
-        """Return the time [s] until the first joint stops or breaks away, and the state then."""
+    def _until_event(self, state: ArmState, h: float, modes: Modes) -> tuple[float, Leg]:
+        """Return the time [s] until the first joint stops or breaks away, and the way there."""
         early, late, worth_early = 0.0, h, 0.0
-        after = self._advance(q, v, h, modes)
-        worth_late = float(self._margin(after, modes).min())
+        leg = self._advance(state, h, modes)
+        worth_late = float(self._margin(leg.state, modes).min())
         close = _EVENT_TOLERANCE * abs(worth_late)
         for _ in range(_EVENT_ITERATIONS):
             middle = 0.5 * (early + late)
             if worth_early > 0.0:  # the secant, as long as it has two sides to lean on
                 middle = late - worth_late * (late - early) / (worth_late - worth_early)
-            after = self._advance(q, v, middle, modes)
-            worth = float(self._margin(after, modes).min())
+            leg = self._advance(state, middle, modes)
+            worth = float(self._margin(leg.state, modes).min())
             if worth > close:
                 early, worth_early, worth_late = middle, worth, 0.5 * worth_late
                 continue
             worth_early, late, worth_late = 0.5 * worth_early, middle, worth
             if worth > -close or late - early <= _EVENT_TOLERANCE * h:
                 break
-        margin = self._margin(after, modes)
+        (q, v), heat = leg
+        margin = self._margin(leg.state, modes)
         stops = (modes.direction != 0.0) & ((margin <= 0.0) | (margin == margin.min()))
-        return middle, ArmState(after.position, np.where(stops, 0.0, after.velocity))
+        return middle, Leg(ArmState(q, np.where(stops, 0.0, v)), heat)
 
     def _margin(self, after: ArmState, modes: Modes) -> FloatArray:
         """Return (n,), negative where a joint turned round, or slips though it was held."""
-        margin = np.where(
-            modes.direction != 0.0, modes.direction * after.velocity, np.inf)
+        q, v = after
+        margin = np.where(modes.direction != 0.0, modes.direction * v, np.inf)
         if modes.stuck.any():
-            effort = self._effort(*after) - modes.direction * self._coulomb
-            friction = hold(
-                self._body.mass_matrix(after.position), effort, modes.stuck).friction
+            effort = self._effort(q, v) - modes.direction * self._friction.dry(v)
+            friction = hold(self._body.mass_matrix(q), effort, modes.stuck).friction
             margin = np.where(
-                modes.stuck, self._coulomb * (1.0 + 1e-9) - np.abs(friction), margin)
+                modes.stuck, self._friction.static * (1.0 + 1e-9) - np.abs(friction), margin)
         return margin
 
     def _effort(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return what is left to accelerate the arm, but for dry friction."""
         body = self._body
-        effort = self._tau - body.nonlinear(q, v) - self._viscous * v
+        effort = self._tau - body.nonlinear(q, v) - self._friction.viscous * v
         return effort - body.external(q, self._wrenches) if self._wrenches else effort
 
     def _acceleration(self, q: FloatArray, v: FloatArray, modes: Modes) -> FloatArray:
+        dry = modes.direction * self._friction.dry(v) if self._is_dry else 0.0
         if modes.stuck.any():
-            effort = self._effort(q, v) - modes.direction * self._coulomb
+            effort = self._effort(q, v) - dry
             return hold(self._body.mass_matrix(q), effort, modes.stuck).acceleration
-        effort = self._tau - self._viscous * v - modes.direction * self._coulomb
+        effort = self._tau - self._friction.viscous * v - dry
         return self._body.forward_dynamics(q, v, effort, self._wrenches)
 
-    def _advance(self, q: FloatArray, v: FloatArray, h: float, modes: Modes) -> ArmState:
+    def _advance(self, state: ArmState, h: float, modes: Modes) -> Leg:
         """Return the state after h [s] in these modes."""
         def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
             return self._acceleration(q, v, modes)
 
+        q, v = state
         if self._is_damped:
             M = self._body.mass_matrix(q)
-            if h * damping_rate(M, self._viscous) > STIFF:
-                return ArmState(*damped_step(
-                    q, v, h, acceleration, M, self._viscous, ~modes.stuck))
-        return runge_kutta_step(q, v, h, acceleration)
+            if h * damping_rate(M, self._friction.viscous) > STIFF:
+                after = ArmState(*damped_step(
+                    q, v, h, acceleration, M, self._friction.viscous, ~modes.stuck))
+                return Leg(after, self._lost(state, after))
+        halvings = _MAX_HALVINGS if self._friction.has_stribeck_effect else 0
+        return self._runge_kutta(state, h, acceleration, modes, halvings)
+
+    def _runge_kutta(
+        self, state: ArmState, h: float, acceleration: Acceleration, modes: Modes, halvings: int,
+    ) -> Leg:
+        step = runge_kutta_step(*state, h, acceleration)
+        if halvings and step.error(h, acceleration) > _STRIBECK_TOLERANCE:
+            first = self._runge_kutta(state, 0.5 * h, acceleration, modes, halvings - 1)
+            second = self._runge_kutta(first.state, 0.5 * h, acceleration, modes, halvings - 1)
+            return Leg(second.state, first.heat + second.heat)
+        if not (self._is_dry or self._is_damped):
+            return Leg(step.state, 0.0)
+        v = step.velocities
+        friction = self._friction.viscous * v + modes.direction * self._friction.dry(v) + (
+            self._friction.offset)
+        return Leg(step.state, h * float(_WEIGHTS @ (friction * v).sum(axis=1)))
+
+    def _lost(self, before: ArmState, after: ArmState) -> float:
+        """Return the work less the gain in energy: what friction took, by energy balance [J]."""
+        body, work = self._body, float(self._tau @ (after.position - before.position))
+        return work + body.kinetic_energy(*before) - body.kinetic_energy(*after) + (
+            body.potential_energy(before.position) - body.potential_energy(after.position)) + (
+            float(self._friction.offset @ (after.position - before.position)))
+
+
+class RungeKuttaStep(NamedTuple):
+    """The state after a step; velocities and accelerations (6, n) of its stages."""
+
+    state: ArmState
+    velocities: FloatArray
+    accelerations: FloatArray
+
+    def error(self, h: float, acceleration: Acceleration) -> float:
+        """Return the estimated error of the velocity after the step of h [s]."""
+        end = acceleration(*self.state)
+        error = _ERROR_WEIGHTS @ self.accelerations + _ERROR_WEIGHT_OF_END * end
+        return h * float(np.abs(error).max())
 
 
 def runge_kutta_step(
     q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,
-) -> ArmState:
+) -> RungeKuttaStep:
     """Return position and velocity (n,) after h [s], with an error of order h⁶."""
-    velocity, accelerations = np.empty((6, len(q))), np.empty((6, len(q)))
+    velocities, accelerations = np.empty((6, len(q))), np.empty((6, len(q)))
     for i, weights in enumerate(_STAGES):
-        velocity[i] = v + h * (weights @ accelerations[:i])
-        accelerations[i] = acceleration(q + h * (weights @ velocity[:i]), velocity[i])
-    return ArmState(q + h * (_WEIGHTS @ velocity), v + h * (_WEIGHTS @ accelerations))
+        velocities[i] = v + h * (weights @ accelerations[:i])
+        accelerations[i] = acceleration(q + h * (weights @ velocities[:i]), velocities[i])
+    after = ArmState(q + h * (_WEIGHTS @ velocities), v + h * (_WEIGHTS @ accelerations))
+    return RungeKuttaStep(after, velocities, accelerations)

@@ -16,7 +16,7 @@
 Which joints stick, and what holds them: Coulomb friction at rest.
 
 A joint with dry friction either slides in one direction, or sticks: its velocity is 0, and
-friction takes whatever value up to F_c keeps it so. Between changes of these modes the motion is
+friction takes whatever value up to F_s keeps it so. Between changes of these modes the motion is
 smooth, so that a method of high order can follow it; where a joint comes to rest, or breaks away,
 the modes are chosen anew. Source: F. Pfeiffer and C. Glocker, *Multibody Dynamics with Unilateral
 Contacts*, Wiley 1996 (here without contacts: one direction of sliding a joint).
@@ -64,21 +64,21 @@ def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
 
 
 def choose_modes(
-    M: FloatArray, v: FloatArray, effort: FloatArray, coulomb: FloatArray,
+    M: FloatArray, v: FloatArray, effort: FloatArray, sliding: FloatArray, static: FloatArray,
 ) -> Modes:
     """
-    Return the modes at a state: a joint at rest sticks if friction of at most F_c can hold it.
+    Return the modes at a state: a joint at rest sticks if friction of at most F_s can hold it.
 
-    `effort` (n,) is what would accelerate the arm if there were no dry friction. Of joints that
-    cannot be held, the one that is furthest beyond breaks away first, and the rest is weighed
-    anew.
+    `effort` (n,) is what would accelerate the arm if there were no dry friction, `sliding` (n,)
+    the size of dry friction where a joint slides at v, `static` (n,) F_s. Of joints that cannot be
+    held, the one that is furthest beyond breaks away first, and the rest is weighed anew.
     """
-    dry = coulomb > 0.0
+    dry = static > 0.0
     direction = np.where(dry, np.sign(v), 0.0)
     stuck = dry & (v == 0.0)
     while stuck.any():
-        friction = hold(M, effort - direction * coulomb, stuck).friction
-        excess = np.where(stuck, np.abs(friction) - coulomb * (1.0 + _HOLD_TOLERANCE), -np.inf)
+        friction = hold(M, effort - direction * sliding, stuck).friction
+        excess = np.where(stuck, np.abs(friction) - static * (1.0 + _HOLD_TOLERANCE), -np.inf)
         worst = int(np.argmax(excess))
         if excess[worst] <= 0.0:
             break

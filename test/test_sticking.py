@@ -38,7 +38,7 @@ def random_case(seed: int, n: int) -> tuple[np.ndarray, ...]:
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
     M, v, effort, coulomb = random_case(seed, n)
-    modes = choose_modes(M, v, effort, coulomb)
+    modes = choose_modes(M, v, effort, coulomb, coulomb)
     sliding = effort - modes.direction * coulomb
     a, friction = hold(M, sliding, modes.stuck)
     assert M @ a == pytest.approx(sliding - friction, abs=1e-9)
@@ -55,7 +55,8 @@ def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
 
 @pytest.mark.parametrize(('effort', 'sticks'), [(0.999, True), (-1.0, True), (1.001, False)])
 def test_one_joint_breaks_away_at_its_friction_and_not_before(effort: float, sticks: bool) -> None:
-    modes = choose_modes(np.eye(1), np.zeros(1), np.array([effort]), np.ones(1))
+    modes = choose_modes(
+        np.eye(1), np.zeros(1), np.array([effort]), np.ones(1), np.ones(1))
     assert bool(modes.stuck[0]) is sticks
     assert modes.direction[0] == (0.0 if sticks else np.sign(effort))
 

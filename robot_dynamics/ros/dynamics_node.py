@@ -46,9 +46,12 @@ from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.message_loop import MessageLoop
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
+    arm_from_parameters,
+    check_order_is_given,
     description_from_parameters,
     DESCRIPTION_SPECS,
     embedded_description,
+    FRICTION_SPECS,
 )
 from robot_dynamics.ros.running import run_node
 from sensor_msgs.msg import JointState
@@ -60,6 +63,7 @@ NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 SPECS = (
     *DESCRIPTION_SPECS,
+    *FRICTION_SPECS,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '
@@ -156,7 +160,7 @@ class DynamicsNode(Node):
 
     def _use_model(self, xml: str) -> None:
         values = self._settings.values
-        arm = load_arm(xml, values['joints'], values['gravity'])
+        arm = arm_from_parameters(xml, values)
         controller = Controller(arm, options_from(values, arm))
         self._path.use(controller)
         self._dynamics_services.use(controller)
@@ -252,10 +256,7 @@ class StateReport:
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
     for name in GAINS:
-        if len(values[name]) > 1 and not values['joints'] and arm.joint_count > 1:
-            raise InvalidInputError(
-                f'{name} has {len(values[name])} values, one a joint, but the parameter joints, '
-                'which gives them their order, is not set: expected one value, or joints')
+        check_order_is_given(values, name, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'])

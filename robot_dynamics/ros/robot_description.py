@@ -16,7 +16,9 @@
 
 from pathlib import Path
 
+from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, ModelError
+from robot_dynamics.friction import make_friction
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 
@@ -37,6 +39,52 @@ DESCRIPTION_SPECS = (
         'Acceleration of gravity in the base frame [m/s^2].', read_only=True,
         minimum=-1000.0, maximum=1000.0),
 )
+
+FRICTION_SPECS = (
+    ParameterSpec(
+        'friction.viscous', Type.DOUBLE_ARRAY, [],
+        'Viscous friction F_v [N m s/rad] or [N s/m], one a joint or one for all. Empty: the '
+        'damping of the URDF.', read_only=True, minimum=0.0, maximum=1e6),
+    ParameterSpec(
+        'friction.coulomb', Type.DOUBLE_ARRAY, [],
+        'Coulomb friction F_c [N m] or [N], likewise. Empty: the friction of the URDF.',
+        read_only=True, minimum=0.0, maximum=1e6),
+    ParameterSpec(
+        'friction.static', Type.DOUBLE_ARRAY, [],
+        'Static friction F_s [N m] or [N], up to which a joint sticks; at least F_c. Empty: F_c.',
+        read_only=True, minimum=0.0, maximum=1e6),
+    ParameterSpec(
+        'friction.stribeck_velocity', Type.DOUBLE_ARRAY, [],
+        'Velocity v_s [rad/s] or [m/s] over which friction falls from F_s to F_c. Empty: 0.05.',
+        read_only=True, minimum=1e-6, maximum=1e3),
+    ParameterSpec(
+        'friction.offset', Type.DOUBLE_ARRAY, [],
+        'Offset F_o [N m] or [N] by which friction differs between the directions; at most F_c '
+        'in size. Empty: 0.', read_only=True, minimum=-1e6, maximum=1e6),
+)
+
+
+def arm_from_parameters(xml: str, values: Values) -> ArmModel:
+    """
+    Return the arm of a URDF with joints, gravity and friction as the parameters say.
+
+    Raises ModelError, or InvalidInputError where the parameters do not fit the arm.
+    """
+    arm = load_arm(xml, values['joints'], values['gravity'])
+    for spec in FRICTION_SPECS:
+        check_order_is_given(values, spec.name, arm)
+    return arm.with_friction(make_friction(
+        arm.joint_names, values['friction.viscous'], values['friction.coulomb'],
+        values['friction.static'], values['friction.stribeck_velocity'],
+        values['friction.offset'], arm.friction))
+
+
+def check_order_is_given(values: Values, name: str, arm: ArmModel) -> None:
+    """Raise InvalidInputError where an array has one value a joint, but `joints` is not set."""
+    if len(values[name]) > 1 and not values['joints'] and arm.joint_count > 1:
+        raise InvalidInputError(
+            f'{name} has {len(values[name])} values, one a joint, but the parameter joints, '
+            'which gives them their order, is not set: expected one value, or joints')
 
 
 def description_from_parameters(values: Values) -> str | None:

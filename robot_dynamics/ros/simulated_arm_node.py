@@ -21,14 +21,15 @@ import threading
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.node import Node
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
+    arm_from_parameters,
     description_from_parameters,
     DESCRIPTION_SPECS,
     embedded_description,
+    FRICTION_SPECS,
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
@@ -38,6 +39,7 @@ from std_srvs.srv import Trigger
 
 SPECS = (
     *DESCRIPTION_SPECS,
+    *FRICTION_SPECS,
     ParameterSpec(
         'rate', Type.DOUBLE, 500.0,
         'Joint states a second [Hz]; the effort is held in between.',
@@ -87,7 +89,7 @@ class SimulatedArmNode(Node):
         parameters = DeclaredParameters(self, SPECS, _check, self._apply)
         values = parameters.values
         xml = description_from_parameters(values) or embedded_description()
-        self._arm = load_arm(xml, values['joints'], values['gravity'])
+        self._arm = arm_from_parameters(xml, values)
         simulation = ArmSimulation(
             self._arm,
             values['initial_position'] or None, values['initial_velocity'] or None,

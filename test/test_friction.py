@@ -1,0 +1,197 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Friction: its curve, its checks, and what it does to an arm in motion."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.friction import JointFriction, make_friction, sigmoid
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+
+laws = settings(deadline=None, derandomize=True, max_examples=100)
+
+NAMES = ('joint1', 'joint2')
+MASS, COM, INERTIA = 2.0, 0.5, 0.1
+ABOUT_JOINT = INERTIA + MASS * COM**2
+
+
+def one_link(gravity: float = 0.0, **friction: float) -> ArmModel:
+    arm = load_arm(
+        planar_arm_urdf([MASS], [1.0], [COM], [INERTIA]), gravity=(0.0, 0.0, -gravity))
+    return arm.with_friction(make_friction(
+        arm.joint_names, **{name: [value] for name, value in friction.items()}))
+
+
+def two_links(**friction: list[float]) -> ArmModel:
+    arm = load_arm(planar_arm_urdf([5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05]))
+    return arm.with_friction(make_friction(arm.joint_names, **friction))
+
+
+def released(arm: ArmModel, position: object, velocity: object = None,
+             max_step: float = 1e-3) -> ArmSimulation:
+    simulation = ArmSimulation(arm, position, velocity, max_step)
+    simulation.release()
+    return simulation
+
+
+# --- the curve -----------------------------------------------------------------------------------
+
+def example() -> JointFriction:
+    return make_friction(
+        NAMES, viscous=[0.5, 0.0], coulomb=[2.0, 1.0], static=[3.0, 1.0],
+        stribeck_velocity=[0.1, 0.2], offset=[0.3, -0.2])
+
+
+def test_the_curve_by_hand() -> None:
+    friction = example()
+    v = np.array([0.2, -0.4])
+    by_hand = [0.5 * 0.2 + 2.0 + np.exp(-4.0) + 0.3, -1.0 - 0.2]
+    assert friction.effort(v) == pytest.approx(np.array(by_hand), rel=1e-14)
+    assert friction.dry(np.zeros(2)).tolist() == [3.0, 1.0]
+    assert friction.effort(np.zeros(2)).tolist() == [0.3, -0.2]
+
+
+@laws
+@given(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+def test_friction_takes_power_and_never_gives_any(v1: float, v2: float) -> None:
+    v = np.array([v1, v2])
+    assert (example().effort(v) * v >= 0.0).all()
+
+
+@laws
+@given(st.floats(0.05, 5.0), st.sampled_from([-1.0, 1.0]))
+def test_the_smooth_curve_is_the_curve_away_from_rest(speed: float, sign: float) -> None:
+    v = np.full(2, sign * speed)
+    assert example().smooth_effort(v) == pytest.approx(example().effort(v), rel=1e-3)
+
+
+def test_the_sigmoid_of_identification() -> None:
+    v = np.linspace(-0.1, 0.1, 41)
+    assert sigmoid(v, 0.02) == pytest.approx(2.0 / (1.0 + np.exp(-100.0 * v)) - 1.0, abs=1e-14)
+
+
+@pytest.mark.parametrize(('field', 'value', 'words'), [
+    ('viscous', [-0.1], "friction.viscous of 'joint1' is -0.1, expected a number >= 0"),
+    ('coulomb', [0.1, -1.0], "friction.coulomb of 'joint2' is -1, expected a number >= 0"),
+    ('static', [0.5], "friction.static of 'joint1' is 0.5, expected at least friction.coulomb"),
+    ('stribeck_velocity', [0.0], "friction.stribeck_velocity of 'joint1' is 0, expected a number"),
+    ('offset', [0.0, -1.5], "friction.offset of 'joint2' is -1.5, expected at most"),
+    ('viscous', [1.0, 2.0, 3.0], 'friction.viscous has 3 values, expected 2'),
+    ('offset', [float('nan')], r'friction.offset\[0\] is nan, expected a finite number'),
+])
+def test_what_cannot_be_is_refused_by_name(field: str, value: list[float], words: str) -> None:
+    parameters = {'coulomb': [1.0], field: value}
+    with pytest.raises(InvalidInputError, match=words):
+        make_friction(NAMES, **parameters)
+
+
+def test_what_is_left_out_is_as_in_the_description() -> None:
+    default = example()
+    assert make_friction(NAMES, default=default).static.tolist() == [3.0, 1.0]
+    changed = make_friction(NAMES, coulomb=[4.0], default=default)
+    assert changed.static.tolist() == [4.0, 4.0]  # not below the new Coulomb friction
+    assert changed.viscous.tolist() == [0.5, 0.0]
+
+
+# --- sticking ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('share', [0.0, 0.9, 0.9999, -0.9999])
+def test_no_creep_in_ten_minutes(share: float) -> None:
+    simulation = released(one_link(coulomb=1.0, static=1.5), (0.4,))
+    for _ in range(10):
+        simulation.step(np.array([share * 1.5]), 60.0)
+    assert simulation.q.tolist() == [0.4]
+    assert simulation.v.tolist() == [0.0]
+
+
+def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
+    torque = MASS * 9.81 * COM * np.sin(0.1)
+    holds = one_link(gravity=9.81, coulomb=0.9 * torque, static=1.01 * torque)
+    simulation = released(holds, (0.1,))
+    simulation.step(np.zeros(1), 600.0)
+    assert simulation.q.tolist() == [0.1]
+    falls = released(one_link(gravity=9.81, coulomb=0.9 * torque, static=0.99 * torque), (0.1,))
+    assert falls.step(np.zeros(1), 0.5).velocity[0] > 0.0
+
+
+def test_a_pendulum_comes_to_rest_and_stays() -> None:
+    simulation = released(
+        one_link(gravity=9.81, viscous=0.05, coulomb=0.4, static=0.6), (2.0,))
+    simulation.step(np.zeros(1), 60.0)
+    rest = simulation.q.tolist()
+    assert simulation.v.tolist() == [0.0]
+    assert MASS * 9.81 * COM * abs(np.sin(rest[0])) <= 0.6
+    simulation.step(np.zeros(1), 600.0)
+    assert simulation.q.tolist() == rest
+
+
+def test_stick_slip_breaks_away_at_the_static_friction() -> None:
+    """A spring that is pulled slowly: the torque at each break-away is F_s."""
+    F_s, stiffness, pull = 1.5, 20.0, 0.2
+    simulation = released(one_link(coulomb=0.8, static=F_s, stribeck_velocity=0.02), (0.0,))
+    period, torques, stuck, sticks = 1e-3, [], True, 0
+    for k in range(8000):
+        tau = stiffness * (pull * k * period - simulation.q[0])
+        _, v = simulation.step(np.array([tau]), period)
+        if stuck and v[0] != 0.0:
+            torques.append(tau)
+        sticks += not stuck and v[0] == 0.0
+        stuck = v[0] == 0.0
+    assert len(torques) >= 5
+    assert sticks >= 4
+    assert torques == pytest.approx([F_s] * len(torques), rel=0.01)
+    assert min(torques) >= F_s  # not before
+
+
+# --- energy --------------------------------------------------------------------------------------
+
+def imbalance(simulation: ArmSimulation, before: float) -> float:
+    gained = sum(simulation.energy()) - before
+    size = abs(simulation.work) + simulation.heat + abs(gained)
+    return abs(simulation.work - simulation.heat - gained) / size
+
+
+@pytest.mark.parametrize('friction', [
+    {'viscous': [0.8, 0.3]},
+    {'coulomb': [2.0, 1.0]},
+    {'viscous': [0.5, 0.2], 'coulomb': [1.0, 0.5], 'static': [2.0, 1.0]},
+    {'viscous': [0.5, 0.2], 'coulomb': [1.0, 0.5], 'static': [1.5, 0.7],
+     'stribeck_velocity': [0.01], 'offset': [0.6, -0.4]},
+], ids=['viscous', 'coulomb', 'stribeck', 'all'])
+def test_work_is_energy_gained_and_heat(friction: dict[str, list[float]]) -> None:
+    simulation = released(two_links(**friction), (1.0, 0.5), (0.5, -1.0))
+    before = sum(simulation.energy())
+    for k in range(1000):
+        tau = np.array([20.0 * np.sin(0.02 * k), 5.0 * np.cos(0.05 * k)])
+        heat = simulation.heat
+        simulation.step(tau, 2e-3)
+        assert simulation.heat >= heat - 1e-9
+        assert imbalance(simulation, before) < 1e-6
+    assert simulation.heat > 1.0
+
+
+def test_the_stribeck_effect_does_not_cost_the_method_its_accuracy() -> None:
+    arm = two_links(
+        viscous=[0.5, 0.2], coulomb=[1.0, 0.5], static=[2.0, 1.0], stribeck_velocity=[0.02])
+
+    def end(step: float) -> np.ndarray:
+        simulation = released(arm, (2.5, 0.8), (0.5, -1.0), max_step=step)
+        return np.concatenate(simulation.step(np.zeros(2), 1.2))
+
+    assert end(2e-3) == pytest.approx(end(2e-4), abs=1e-6)
