@@ -14,6 +14,7 @@
 
 """A load that is fixed to a link, in addition to the link's own inertia."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,7 +53,7 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
     if abs(tensor - tensor.T).max() > _INERTIA_TOLERANCE * abs(tensor).max():
         raise InvalidInputError(
             f'payload.inertia is {tensor.tolist()}, expected a symmetric tensor')
-    tensor = 0.5 * (tensor + tensor.T)
+    tensor = 0.5 * tensor + 0.5 * tensor.T  # halves first: the largest numbers stay finite
     if mass == 0.0 and tensor.any():
         raise InvalidInputError(
             'payload.inertia.m is 0 with a moment of inertia, expected a mass > 0, '
@@ -61,14 +62,37 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
     return Payload(link, mass, com.copy(), tensor)
 
 
+def merged(payloads: Iterable[Payload]) -> tuple[Payload, ...]:
+    """Return the same loads as one body a link, which no effort tells from them."""
+    bodies: dict[str, Payload] = {}
+    for payload in payloads:
+        other = bodies.get(payload.link)
+        bodies[payload.link] = payload if other is None else _together(other, payload)
+    return tuple(bodies.values())
+
+
+def _together(one: Payload, other: Payload) -> Payload:
+    mass = one.mass + other.mass
+    if mass == 0.0:
+        return one
+    com = (one.mass * one.com + other.mass * other.com) / mass
+    # Of the lever between the two centres of mass, by Huygens and Steiner.
+    d = other.com - one.com
+    about_com = one.mass * other.mass / mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return Payload(one.link, mass, com, one.inertia + other.inertia + about_com)
+
+
 def _check_physical(tensor: FloatArray) -> None:
-    moments = np.linalg.eigvalsh(tensor)
+    scale = abs(tensor).max()
+    if scale == 0.0:
+        return
+    # In units of the largest entry, where no sum of finite numbers overflows.
+    moments = np.linalg.eigvalsh(tensor / scale)
+    in_words = f'payload.inertia has the principal moments {(scale * moments).tolist()} kg·m²'
     slack = _INERTIA_TOLERANCE * abs(moments).max()
     if moments[0] < -slack:
         raise InvalidInputError(
-            f'payload.inertia has the principal moments {moments.tolist()} kg·m², '
-            'expected none below 0')
+            f'{in_words}, expected none below 0')
     if moments[2] > moments[0] + moments[1] + slack:
         raise InvalidInputError(
-            f'payload.inertia has the principal moments {moments.tolist()} kg·m², '
-            'expected each to be at most the sum of the other two (triangle inequality)')
+            f'{in_words}, expected each to be at most the sum of the other two (triangle inequality)')

@@ -17,7 +17,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from robot_dynamics.payload import Payload
+from robot_dynamics.payload import merged, Payload
 
 
 class PayloadTransition:
@@ -39,7 +39,7 @@ class PayloadTransition:
         """Take the loads in force, the load to reach (None for none) and the time for it [s]."""
         self.target = target
         self.when_done = when_done
-        self._old = tuple(old)
+        self._old = merged(old)  # or transitions that cut each other short would pile up loads
         self._duration = transition_time
         self._start_ns: int | None = None
         self.done = False

@@ -23,13 +23,18 @@ eqs. (7.43) to (7.45). Friction is not part of it: see `arm_dynamics`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import FloatArray
+
+HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
+"""Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""
+_BATCH = 500
+"""Samples that are worked on in one go."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +76,7 @@ class RigidBody:
         self._zero = np.zeros(self._model.nv)
         self._weightless = self._model.copy()
         self._weightless.gravity.linear = np.zeros(3)
-        self._pool: pin.ModelPool | None = None
+        self._pool: Any = None
 
     # ------------------------------------------------------------------ efforts
 
@@ -121,18 +126,37 @@ class RigidBody:
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
     ) -> FloatArray:
-        """Return the efforts of many states; all arrays are (samples, n)."""
-        if q.shape[0] == 0:
-            return np.zeros_like(q)
+        """
+        Return the efforts of many states; all arrays are (samples, n).
+
+        `threads` share the work where Pinocchio was built with OpenMP; elsewhere there is one.
+        """
+        x = self._x
+        q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
+        tau = np.zeros_like(q_tree)
+        # In parts: Pinocchio does not let other threads of Python run before it returns.
+        for i in range(0, len(q), _BATCH):
+            part = slice(i, i + _BATCH)
+            states = q_tree[part], v_tree[part], a_tree[part]
+            tau[part] = (
+                self._rnea_in_parallel(*states, threads) if HAS_PARALLEL_RNEA else
+                self._rnea_one_by_one(*states))
+        return x.effort(tau)
+
+    def _rnea_in_parallel(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int,
+    ) -> FloatArray:
         if self._pool is None or self._pool.size() < threads:
             self._pool = pin.ModelPool(self._model, threads)
-        x = self._x
-        # Pinocchio takes one sample a column.
-        q_tree, v_tree, a_tree = (
-            np.asfortranarray(rows.T) for rows in (x.position(q), x.rate(v), x.rate(a)))
-        tau = pin.rneaInParallel(threads, self._pool, q_tree, v_tree, a_tree)
-        # One joint or one sample comes back as a flat array.
-        return x.effort(np.ascontiguousarray(tau.reshape(q_tree.shape).T))
+        # Pinocchio takes one sample a column, and gives a flat array back for one joint or one
+        # sample.
+        columns = (np.asfortranarray(rows.T) for rows in (q, v, a))
+        tau = pin.rneaInParallel(threads, self._pool, *columns)
+        return np.asarray(tau.reshape(q.shape[::-1]).T)
+
+    def _rnea_one_by_one(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        model, data = self._model, self._data
+        return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a)])
 
     # ------------------------------------------------------------------ matrices
 

@@ -31,6 +31,7 @@ import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.damped_step import Acceleration, damped_step, damping_rate
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.sticking import choose_modes, hold, Modes
@@ -132,21 +133,42 @@ class ArmSimulation:
     def step(
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),
     ) -> ArmState:
-        """Return the state after `duration` [s] under the constant effort tau."""
+        """
+        Return the state after `duration` [s] under the constant effort tau.
+
+        Raises InvalidInputError where the motion is not finite, and keeps the state before: a
+        joint that moves no mass, or an effort that flings the arm away.
+        """
         if self.braked:
             return self.state
+        try:
+            return self._step(tau, duration, wrenches)
+        except np.linalg.LinAlgError as error:
+            raise self._not_finite(str(error)) from None
+
+    def _step(
+        self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench],
+    ) -> ArmState:
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
-        motion, q = _Motion(self._dynamics, tau, wrenches), self.q
+        motion, heat = _Motion(self._dynamics, tau, wrenches), 0.0
         state = ArmState(self.q, self.v)
         for _ in range(steps):
             before = state
-            state, heat = motion.step(before, duration / steps)
-            self.heat += heat
+            state, lost = motion.step(before, duration / steps)
+            heat += lost
             if state is before:  # it sticks, and nothing changes any more
                 break
+        if not np.isfinite(state).all():
+            raise self._not_finite('the state overflows')
+        self.heat += heat
+        self.work += float(tau @ (state.position - self.q))
         self.q, self.v = state
-        self.work += float(tau @ (self.q - q))
         return self.state
+
+    def _not_finite(self, reason: str) -> InvalidInputError:
+        return InvalidInputError(
+            f'the motion from position {self.q.tolist()} has no finite solution ({reason}), '
+            'expected every joint to move some mass or inertia, and efforts that it can bear')
 
 
 class Leg(NamedTuple):
@@ -272,10 +294,14 @@ class _Motion:
 
     def _lost(self, before: ArmState, after: ArmState) -> float:
         """Return the work less the gain in energy: what friction took, by energy balance [J]."""
-        body, work = self._body, float(self._tau @ (after.position - before.position))
-        return work + body.kinetic_energy(*before) - body.kinetic_energy(*after) + (
-            body.potential_energy(before.position) - body.potential_energy(after.position)) + (
-            float(self._friction.offset @ (after.position - before.position)))
+        body, way = self._body, after.position - before.position
+        effort = self._tau + self._friction.offset
+        if self._wrenches:  # at both ends: of the order of the step that this is the balance of
+            effort = effort - 0.5 * sum(
+                body.external(q, self._wrenches) for q, _ in (before, after))
+        return float(effort @ way) + (
+            body.kinetic_energy(*before) - body.kinetic_energy(*after)) + (
+            body.potential_energy(before.position) - body.potential_energy(after.position))
 
 
 class RungeKuttaStep(NamedTuple):

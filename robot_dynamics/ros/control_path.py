@@ -88,6 +88,7 @@ class ControlPath:
     def _answer(self, message: JointState) -> None:
         if self._served is None:
             self.counters.dropped['no model yet'] += 1
+            self.counters.last_drop = 'Dropped a joint state: no model yet'
             return
         controller, reader, names = self._served
         q, v = reader.read(message)

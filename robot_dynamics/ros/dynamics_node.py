@@ -235,11 +235,12 @@ class StateReport:
         counters = self._path.counters
         then, states = self._last
         now = time.monotonic()
-        fresh_drops = False
+        # A copy, made in one go: the control path counts in a thread of its own.
+        counts = dict(counters.dropped)
         if now - then >= 1.0:
             self._rate = (counters.states - states) / (now - then)
             self._last = (now, counters.states)
-        dropped = sum(counters.dropped.values()) - counters.dropped['other joints']
+        dropped = sum(counts.values()) - counts.get('other joints', 0)
         fresh_drops = dropped > self._dropped_before
         self._dropped_before = dropped
         level, words = OK, 'arriving'
@@ -247,7 +248,7 @@ class StateReport:
             level, words = ERROR, counters.last_drop
         elif self._rate == 0.0:
             level, words = WARN, 'none arrive'
-        drops = {f'dropped: {reason}': count for reason, count in counters.dropped.items()}
+        drops = {f'dropped: {reason}': count for reason, count in counts.items()}
         return Status(
             'joint states', level, words,
             {'answered': counters.states, 'rate [Hz]': f'{self._rate:.1f}', **drops})
