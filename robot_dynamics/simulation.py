@@ -31,6 +31,7 @@ import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.damped_step import Acceleration, damped_step, damping_rate
+from robot_dynamics.drive import Drive
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.sticking import choose_modes, hold, Modes
@@ -107,6 +108,10 @@ class ArmSimulation:
         """Go back to the initial state, brakes on."""
         self.q, self.v = self._initial.position.copy(), self._initial.velocity.copy()
         self.braked = True
+        self.effort = np.zeros_like(self.q)
+        """What the actuators delivered last, (n,) [N·m] or [N]."""
+        self._drive = None if self.arm.actuators is None else Drive(self.arm.actuators)
+        self._a = np.zeros_like(self.q)
         self.work = 0.0
         """Work of the efforts since the start [J]."""
         self.heat = 0.0
@@ -136,16 +141,22 @@ class ArmSimulation:
         if self.braked:
             return self.state
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
-        motion, q = _Motion(self._dynamics, tau, wrenches), self.q
+        h = duration / steps
+        motion, effort = _Motion(self._dynamics, tau, wrenches), tau
         state = ArmState(self.q, self.v)
         for _ in range(steps):
             before = state
-            state, heat = motion.step(before, duration / steps)
+            if self._drive is not None:
+                effort = self._drive.effort_over_step(
+                    tau, before.velocity + 0.5 * h * self._a, self._a, h)
+                motion = _Motion(self._dynamics, effort, wrenches)
+            state, heat = motion.step(before, h)
             self.heat += heat
-            if state is before:  # it sticks, and nothing changes any more
-                break
-        self.q, self.v = state
-        self.work += float(tau @ (self.q - q))
+            self.work += float(effort @ (state.position - before.position))
+            if self._drive is None and state is before:
+                break  # it sticks, and nothing changes any more
+            self._a = (state.velocity - before.velocity) / h
+        self.q, self.v, self.effort = *state, effort
         return self.state
 
 

@@ -46,6 +46,7 @@ from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.message_loop import MessageLoop
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
+    ACTUATOR_SPECS,
     arm_from_parameters,
     check_order_is_given,
     description_from_parameters,
@@ -64,6 +65,7 @@ NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
+    *ACTUATOR_SPECS,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '

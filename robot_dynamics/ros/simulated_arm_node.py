@@ -25,6 +25,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
+    ACTUATOR_SPECS,
     arm_from_parameters,
     description_from_parameters,
     DESCRIPTION_SPECS,
@@ -40,6 +41,7 @@ from std_srvs.srv import Trigger
 SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
+    *ACTUATOR_SPECS,
     ParameterSpec(
         'rate', Type.DOUBLE, 500.0,
         'Joint states a second [Hz]; the effort is held in between.',

@@ -88,7 +88,7 @@ class Plant:
             q = q + self.position_noise * self._noise.standard_normal(n)
         if self.velocity_noise > 0.0:
             v = v + self.velocity_noise * self._noise.standard_normal(n)
-        return q, v, self.effort
+        return q, v, self.simulation.effort
 
 
 class ArmTopics:
