@@ -86,7 +86,7 @@ class Actuators:
     def voltage(
         self, current: FloatArray, v: FloatArray, current_rate: FloatArray | float = 0.0,
     ) -> FloatArray:
-        """Return the voltage V, (..., n) [V], at a current that changes with current_rate [A/s]."""
+        """Return the voltage V, (..., n) [V], at a current that changes by current_rate [A/s]."""
         return np.asarray(
             self.resistance * current + self.inductance * current_rate
             + self.back_emf_constant * self.gear_ratio * v)

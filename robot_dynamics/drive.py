@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The electrical side of simulated actuators: a current loop within the limits of current and voltage.
+The electrical side of simulated actuators: a current loop within its current and voltage.
 
 The drive turns a joint effort into a current to reach, and its loop brings the current there with
 the time constant T_c, as long as the voltage for it is within the limit:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Draw docs/images/actuator.png: torque–speed envelope, efficiency, and a motor's step response."""
+"""Draw docs/images/actuator.png: torque–speed envelope, efficiency, a current loop at work."""
 
 from pathlib import Path
 import sys
