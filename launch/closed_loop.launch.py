@@ -22,6 +22,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from robot_dynamics.ros.robot_description import embedded_description, read_description_file
 
 from launch import LaunchDescription
@@ -30,8 +31,9 @@ from launch import LaunchDescription
 def _nodes(context, *_):
     robot = LaunchConfiguration('robot').perform(context)
     params = LaunchConfiguration('params').perform(context)
-    description = {
-        'robot_description': read_description_file(robot) if robot else embedded_description()}
+    xml = read_description_file(robot) if robot else embedded_description()
+    # Said to be text, or launch takes it for YAML, to which ': ' and ' #' mean something.
+    description = {'robot_description': ParameterValue(xml, value_type=str)}
     parameters = [*([params] if params else []), description]
     return [
         Node(package='robot_dynamics', executable='simulated_arm', parameters=parameters),

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.actuator import Actuators
 from robot_dynamics.coordinates import JointCoordinates
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.friction import JointFriction, make_friction
@@ -70,6 +71,7 @@ class ArmModel:
     engine: pin.Model
     bare_engine: pin.Model
     payloads: tuple[Payload, ...] = ()
+    actuators: Actuators | None = None
 
     @property
     def joint_count(self) -> int:
@@ -85,6 +87,14 @@ class ArmModel:
     def with_friction(self, friction: JointFriction) -> 'ArmModel':
         """Return this arm with this friction in place of that of the URDF."""
         return replace(self, friction=friction)
+
+    def with_actuators(self, actuators: Actuators) -> 'ArmModel':
+        """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""
+        engines = self.engine.copy(), self.bare_engine.copy()
+        for engine in engines:
+            for name, inertia in zip(self.joint_names, actuators.reflected_inertia):
+                engine.armature[engine.joints[engine.getJointId(name)].idx_v] = inertia
+        return replace(self, engine=engines[0], bare_engine=engines[1], actuators=actuators)
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
         """

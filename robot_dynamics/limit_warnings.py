@@ -17,6 +17,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from robot_dynamics.actuator import ActuatorLoad
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.validation import FloatArray
 
@@ -32,6 +33,17 @@ def limit_warnings(
         *([] if effort is None else _outside(
             'effort', arm.joint_names, effort, -limits.effort, limits.effort)),
     ]
+
+
+def motor_warnings(arm: ArmModel, load: ActuatorLoad) -> list[str]:
+    """Return one line for each motor that would need more current or voltage than it may have."""
+    return [
+        f'{field} of the motor of {name!r} is {value:.6g} {unit}, {ratio:.3g} times its limit'
+        for field, unit, values, ratios in (
+            ('current', 'A', load.current, load.current_ratio),
+            ('voltage', 'V', load.voltage, load.voltage_ratio))
+        for name, value, ratio in zip(arm.joint_names, values.tolist(), ratios.tolist())
+        if ratio > 1.0]
 
 
 def _outside(

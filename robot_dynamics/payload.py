@@ -95,4 +95,5 @@ def _check_physical(tensor: FloatArray) -> None:
             f'{in_words}, expected none below 0')
     if moments[2] > moments[0] + moments[1] + slack:
         raise InvalidInputError(
-            f'{in_words}, expected each to be at most the sum of the other two (triangle inequality)')
+            f'{in_words}, expected each to be at most the sum of the other two '
+            '(triangle inequality)')

@@ -31,6 +31,7 @@ import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.damped_step import Acceleration, damped_step, damping_rate
+from robot_dynamics.drive import Drive
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
@@ -108,6 +109,10 @@ class ArmSimulation:
         """Go back to the initial state, brakes on."""
         self.q, self.v = self._initial.position.copy(), self._initial.velocity.copy()
         self.braked = True
+        self.effort = np.zeros_like(self.q)
+        """What the actuators delivered last, (n,) [N·m] or [N]."""
+        self._drive = None if self.arm.actuators is None else Drive(self.arm.actuators)
+        self._a = np.zeros_like(self.q)
         self.work = 0.0
         """Work of the efforts since the start [J]."""
         self.heat = 0.0
@@ -150,19 +155,24 @@ class ArmSimulation:
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench],
     ) -> ArmState:
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
-        motion, heat = _Motion(self._dynamics, tau, wrenches), 0.0
-        state = ArmState(self.q, self.v)
+        h = duration / steps
+        motion, effort, a = _Motion(self._dynamics, tau, wrenches), tau, self._a
+        state, heat, work = ArmState(self.q, self.v), 0.0, 0.0
         for _ in range(steps):
             before = state
-            state, lost = motion.step(before, duration / steps)
+            if self._drive is not None:
+                effort = self._drive.effort_over_step(tau, before.velocity + 0.5 * h * a, a, h)
+                motion = _Motion(self._dynamics, effort, wrenches)
+            state, lost = motion.step(before, h)
             heat += lost
-            if state is before:  # it sticks, and nothing changes any more
-                break
+            work += float(effort @ (state.position - before.position))
+            if self._drive is None and state is before:
+                break  # it sticks, and nothing changes any more
+            a = (state.velocity - before.velocity) / h
         if not np.isfinite(state).all():
             raise self._not_finite('the state overflows')
-        self.heat += heat
-        self.work += float(tau @ (state.position - self.q))
-        self.q, self.v = state
+        self.heat, self.work = self.heat + heat, self.work + work
+        self.q, self.v, self._a, self.effort = *state, a, effort
         return self.state
 
     def _not_finite(self, reason: str) -> InvalidInputError:

@@ -35,9 +35,9 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'coordinates', 'damped_step', 'exceptions', 'filtering', 'friction', 'payload',
-        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'sticking', 'trajectory',
-        'trajectory_checks', 'urdf', 'validation',
+        'actuator', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
+        'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
+        'sticking', 'trajectory', 'trajectory_checks', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.payload import make_payload, merged, Payload
 from robot_dynamics.payload_transition import PayloadTransition, scaled
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
@@ -106,3 +106,39 @@ def test_a_share_of_a_load_leaves_the_load() -> None:
     half = scaled(OLD, 0.5)
     assert (half.mass, OLD.mass) == (1.5, 3.0)
     assert half.inertia == pytest.approx(0.5 * OLD.inertia)
+
+
+def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:
+    loads = [OLD]
+    for i in range(100):
+        way = transition(loads, (OLD, NEW)[i % 2])
+        way.payloads(0)
+        loads = way.payloads(SECOND // 10)
+    # one on each of the two links, from all that came before, and the newest target
+    assert len(loads) == 3
+    assert all(load.mass > 0.0 for load in loads)
+
+
+@laws
+@given(
+    st.integers(0, 10**6),
+    st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
+def test_merged_loads_take_the_same_efforts(seed: int, motion: list[float]) -> None:
+    arm = load_arm(default_arm_urdf())
+    rng = np.random.default_rng(seed)
+    loads = [
+        make_payload(link, rng.uniform(0.1, 5.0), rng.uniform(-0.5, 0.5, 3),
+                     rng.uniform(0.0, 0.1) * np.eye(3))
+        for link in ('tool0', 'link1', 'tool0', 'tool0')]
+    together = merged(loads)
+    assert [load.link for load in together] == ['tool0', 'link1']
+    q, v, a = np.array(motion).reshape(3, 2)
+    assert RigidBody(arm.with_payloads(together)).inverse_dynamics(q, v, a) == pytest.approx(
+        RigidBody(arm.with_payloads(loads)).inverse_dynamics(q, v, a), rel=1e-9, abs=1e-9)
+
+
+def test_loads_without_mass_merge_to_none() -> None:
+    nothing = scaled(OLD, 0.0)
+    load, = merged([nothing, nothing])
+    assert load.mass == 0.0
+    assert np.isfinite(load.com).all()

@@ -24,6 +24,7 @@ from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
@@ -31,8 +32,6 @@ from std_msgs.msg import Float64MultiArray
 
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
-LOG_PERIOD = 5.0
-"""[s] between warnings of one kind."""
 
 
 @dataclass

@@ -33,9 +33,9 @@ from robot_dynamics.controller import (
     ControllerOptions,
     FRICTION_MODES,
 )
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
-from robot_dynamics.ros.control_path import ControlPath
+from robot_dynamics.ros.control_path import ControlCounters, ControlPath
 from robot_dynamics.ros.conversions import (
     payload_to_ros,
     stamp_from_ros,
@@ -46,6 +46,7 @@ from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.message_loop import MessageLoop
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
+    ACTUATOR_SPECS,
     arm_from_parameters,
     check_order_is_given,
     description_from_parameters,
@@ -53,7 +54,7 @@ from robot_dynamics.ros.robot_description import (
     embedded_description,
     FRICTION_SPECS,
 )
-from robot_dynamics.ros.running import run_node
+from robot_dynamics.ros.running import reason_of, run_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -64,6 +65,7 @@ NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
+    *ACTUATOR_SPECS,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '
@@ -115,7 +117,7 @@ class DynamicsNode(Node):
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
         self._load_first_model()
         self.create_subscription(JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10)
-        self._report = StateReport(self._path)
+        self._report = StateReport(self._path.counters)
         Diagnostics(self, self._statuses)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state,
@@ -155,8 +157,8 @@ class DynamicsNode(Node):
             return
         try:
             self._use_model(message.data)
-        except RobotDynamicsError as error:
-            self.get_logger().error(f'Kept the model in use: {error}')
+        except Exception as error:  # rclpy ends its spin at anything that is raised here
+            self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
 
     def _use_model(self, xml: str) -> None:
         values = self._settings.values
@@ -198,9 +200,9 @@ class DynamicsNode(Node):
             trajectory = trajectory_from_ros(message, controller.arm.joint_names)
             controller.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
-        except RobotDynamicsError as error:
-            self._refused, self._refusal = self._refused + 1, str(error)
-            self.get_logger().error(f'Refused a joint trajectory: {error}')
+        except Exception as error:  # rclpy ends its spin at anything that is raised here
+            self._refused, self._refusal = self._refused + 1, reason_of(error)
+            self.get_logger().error(f'Refused a joint trajectory: {self._refusal}')
 
     # ------------------------------------------------------------------ diagnostics
 
@@ -224,15 +226,15 @@ class DynamicsNode(Node):
 class StateReport:
     """Tells whether joint states arrive, at which rate, and why any were dropped."""
 
-    def __init__(self, path: ControlPath) -> None:
-        self._path = path
+    def __init__(self, counters: ControlCounters) -> None:
+        self._counters = counters
         self._last = (time.monotonic(), 0)
         self._rate = 0.0
         self._dropped_before = 0
 
     def status(self) -> Status:
         """Return the status now; the rate is that of the last second or so."""
-        counters = self._path.counters
+        counters = self._counters
         then, states = self._last
         now = time.monotonic()
         # A copy, made in one go: the control path counts in a thread of its own.

@@ -20,10 +20,11 @@ from typing import Any
 
 from rclpy.node import Node
 from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.joint_order import JointOrder
-from robot_dynamics.limit_warnings import limit_warnings
+from robot_dynamics.limit_warnings import limit_warnings, motor_warnings
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
@@ -35,7 +36,7 @@ from robot_dynamics.ros.conversions import (
     wrenches_from_ros,
 )
 from robot_dynamics.trajectory_efforts import trajectory_efforts
-from robot_dynamics.validation import check_scalar
+from robot_dynamics.validation import check_scalar, FloatArray
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,
@@ -121,6 +122,7 @@ class DynamicsServices:
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
         response.terms.header.stamp = self._node.get_clock().now().to_msg()
         response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)
+        response.warnings += _fill_motors(response, order, dynamics.arm, terms.effort, v, a)
 
     def _batch(
         self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
@@ -159,9 +161,11 @@ class DynamicsServices:
         tau = order.effort(request.effort)
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
         response.joint_names = list(order.names)
-        response.acceleration = floats_to_ros(
-            order.answer(dynamics.forward_dynamics(q, v, tau, wrenches)))
-        response.message = '; '.join(limit_warnings(dynamics.arm, q, v, tau))
+        a = dynamics.forward_dynamics(q, v, tau, wrenches)
+        response.acceleration = floats_to_ros(order.answer(a))
+        response.message = '; '.join([
+            *limit_warnings(dynamics.arm, q, v, tau),
+            *_fill_motors(response, order, dynamics.arm, tau, v, a)])
 
     def _manipulator_equation(
         self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
@@ -193,3 +197,18 @@ class DynamicsServices:
             served.controller.arm.with_payloads([payload] if payload else []))
         response.message = (
             'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
+
+
+def _fill_motors(
+    response: Any, order: JointOrder, arm: ArmModel, effort: FloatArray, v: FloatArray,
+    a: FloatArray,
+) -> list[str]:
+    """Fill in what an effort asks of the motors, where there are any; return warnings."""
+    if arm.actuators is None:
+        return []
+    load = arm.actuators.load(effort, v, a)
+    response.motor_current = floats_to_ros(order.answer(load.current))
+    response.motor_voltage = floats_to_ros(order.answer(load.voltage))
+    response.current_ratio = floats_to_ros(order.answer(load.current_ratio))
+    response.voltage_ratio = floats_to_ros(order.answer(load.voltage_ratio))
+    return motor_warnings(arm, load)

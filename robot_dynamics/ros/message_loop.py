@@ -34,6 +34,8 @@ from rclpy.qos import QoSProfile
 
 FOREVER = -1
 """Time to wait [ns]."""
+LOG_PERIOD = 5.0
+"""[s] between warnings of one kind."""
 
 
 class _LeftToTheLoop(CallbackGroup):
@@ -61,7 +63,7 @@ class MessageLoop:
         callback: Callable[[Any], None], in_thread: bool = True,
     ) -> None:
         """Subscribe; the callback must not raise."""
-        self._context = node.context
+        self._node, self._context = node, node.context
         self._callback = callback
         self._stop = False
         group = LEFT_TO_THE_LOOP if in_thread else None
@@ -93,6 +95,17 @@ class MessageLoop:
             wait_set.wait(FOREVER)
             if self._stop or not wait_set.get_ready_entities('subscription'):
                 continue
-            taken = subscription.take_message(self._subscription.msg_type, False)
-            if taken is not None:
-                self._callback(taken[0])
+            message = self._take()
+            if message is not None:
+                self._callback(message)
+
+    def _take(self) -> Any:
+        """Return the newest message, or None where it was taken back or cannot be read."""
+        try:
+            taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
+        except Exception as error:  # nothing that arrives may end the thread
+            self._node.get_logger().warning(
+                f'Cannot read a message of {self._subscription.topic_name}: {error!r}',
+                throttle_duration_sec=LOG_PERIOD)
+            return None
+        return None if taken is None else taken[0]

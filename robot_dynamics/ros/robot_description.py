@@ -16,6 +16,7 @@
 
 from pathlib import Path
 
+from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, ModelError
 from robot_dynamics.friction import make_friction
@@ -64,19 +65,48 @@ FRICTION_SPECS = (
 )
 
 
+def _actuator_spec(field: str, description: str, low: float, high: float) -> ParameterSpec:
+    return ParameterSpec(
+        f'actuator.{field}', Type.DOUBLE_ARRAY, [], f'{description}, one a joint or one for all.',
+        read_only=True, minimum=low, maximum=high)
+
+
+ACTUATOR_SPECS = (
+    _actuator_spec(
+        'torque_constant', 'K_t [N m/A]; with gear_ratio turns the actuators on', 0, 1e6),
+    _actuator_spec('gear_ratio', 'N, turns of the motor a turn of the joint', -1e6, 1e6),
+    _actuator_spec('back_emf_constant', 'K_e [V s/rad]. Empty: K_t', 0, 1e6),
+    _actuator_spec('resistance', 'R [Ohm]. Empty: 0', 0, 1e6),
+    _actuator_spec('inductance', 'L [H]. Empty: 0', 0, 1e6),
+    _actuator_spec('rotor_inertia', 'J_r [kg m^2]. Empty: 0', 0, 1e6),
+    _actuator_spec('efficiency', 'Efficiency of the gearbox in (0, 1]. Empty: 1', 0, 1),
+    _actuator_spec('current_limit', 'Largest current [A]. Empty: none', 0, 1e6),
+    _actuator_spec('voltage_limit', 'Largest voltage [V]. Empty: none', 0, 1e6),
+    _actuator_spec(
+        'current_time_constant', 'T_c [s] of the current loop, for simulated_arm. Empty: 0.0002',
+        0, 10),
+)
+
+
 def arm_from_parameters(xml: str, values: Values) -> ArmModel:
     """
-    Return the arm of a URDF with joints, gravity and friction as the parameters say.
+    Return the arm of a URDF with joints, gravity, friction and motors as the parameters say.
 
     Raises ModelError, or InvalidInputError where the parameters do not fit the arm.
     """
     arm = load_arm(xml, values['joints'], values['gravity'])
     for spec in FRICTION_SPECS:
         check_order_is_given(values, spec.name, arm)
-    return arm.with_friction(make_friction(
+    arm = arm.with_friction(make_friction(
         arm.joint_names, values['friction.viscous'], values['friction.coulomb'],
         values['friction.static'], values['friction.stribeck_velocity'],
         values['friction.offset'], arm.friction))
+    motors = [values[spec.name] for spec in ACTUATOR_SPECS]
+    if not any(motors):
+        return arm
+    for spec in ACTUATOR_SPECS:
+        check_order_is_given(values, spec.name, arm)
+    return arm.with_actuators(make_actuators(arm.joint_names, *motors))
 
 
 def check_order_is_given(values: Values, name: str, arm: ArmModel) -> None:

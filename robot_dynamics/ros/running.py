@@ -25,6 +25,11 @@ from rclpy.node import Node
 from robot_dynamics.exceptions import RobotDynamicsError
 
 
+def reason_of(error: Exception) -> str:
+    """Return what is wrong in words; of an error that nobody foresaw, its type too."""
+    return str(error) if isinstance(error, RobotDynamicsError) else f'internal error: {error!r}'
+
+
 def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """
     Run a node until it is told to stop; return the exit status.
@@ -47,6 +52,9 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
         return 1
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except rclpy_implementation.RCLError:
+        if rclpy.ok():
+            raise  # else a callback was about to publish when the node was told to stop
     finally:
         # Ctrl-C under `ros2 launch` arrives twice; the second must not cut this short.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -21,17 +21,18 @@ import threading
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.node import Node
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
+    ACTUATOR_SPECS,
     arm_from_parameters,
     description_from_parameters,
     DESCRIPTION_SPECS,
     embedded_description,
     FRICTION_SPECS,
 )
-from robot_dynamics.ros.running import run_node
+from robot_dynamics.ros.running import reason_of, run_node
 from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
 from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics_interfaces.srv import SetPayload
@@ -40,6 +41,7 @@ from std_srvs.srv import Trigger
 SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
+    *ACTUATOR_SPECS,
     ParameterSpec(
         'rate', Type.DOUBLE, 500.0,
         'Joint states a second [Hz]; the effort is held in between.',
@@ -126,8 +128,8 @@ class SimulatedArmNode(Node):
         """Take the wrench on this link from now on; all zeros lift it."""
         try:
             wrench, = wrenches_from_ros(self._arm, [message])
-        except RobotDynamicsError as error:
-            self.get_logger().error(f'Refused an external wrench: {error}')
+        except Exception as error:  # rclpy ends its spin at anything that is raised here
+            self.get_logger().error(f'Refused an external wrench: {reason_of(error)}')
             return
         with self._lock:
             self._plant.wrenches[wrench.link] = wrench
@@ -149,8 +151,8 @@ class SimulatedArmNode(Node):
                     'the simulated arm, or it is not')
             with self._lock:
                 self._plant.simulation.set_payload(payload)
-        except RobotDynamicsError as error:
-            response.success, response.message = False, str(error)
+        except Exception as error:  # rclpy ends its spin at anything that is raised here
+            response.success, response.message = False, reason_of(error)
             return response
         response.success = True
         response.message = (

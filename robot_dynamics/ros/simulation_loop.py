@@ -33,7 +33,8 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.joint_states import JointStateReader
-from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
+from robot_dynamics.ros.running import reason_of
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock
@@ -47,7 +48,6 @@ FASTEST_PERIOD = 0.8
 """Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """[s] after which lock-step says its state again: the first time nobody may have listened."""
-LOG_PERIOD = 5.0
 
 
 class Plant:
@@ -88,7 +88,7 @@ class Plant:
             q = q + self.position_noise * self._noise.standard_normal(n)
         if self.velocity_noise > 0.0:
             v = v + self.velocity_noise * self._noise.standard_normal(n)
-        return q, v, self.effort
+        return q, v, self.simulation.effort
 
 
 class ArmTopics:
@@ -110,19 +110,19 @@ class ArmTopics:
 
     def take_effort(self) -> tuple[FloatArray, int] | None:
         """Return the newest effort that has arrived and its stamp, or None."""
-        taken = self.efforts.handle.take_message(JointState, False)
-        if taken is None:
-            return None
-        message = taken[0]
         try:
+            taken = self.efforts.handle.take_message(JointState, False)
+            if taken is None:
+                return None
+            message = taken[0]
             effort = self._reader.effort(message)
             if effort is None or not np.isfinite(effort).all():
                 raise RobotDynamicsError(
                     f'effort is {list(message.effort)}, expected a finite number for each of '
                     f'{self._names}')
-        except RobotDynamicsError as error:
+        except Exception as error:  # nothing that arrives may end the simulation
             self._node.get_logger().warning(
-                f'Refused an effort: {error}', throttle_duration_sec=LOG_PERIOD)
+                f'Refused an effort: {reason_of(error)}', throttle_duration_sec=LOG_PERIOD)
             return None
         stamp = message.header.stamp
         return effort, stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec
@@ -195,7 +195,8 @@ class _Loop:
             try:
                 self._plant.step(self._period)
             except RobotDynamicsError as error:
-                self._node.get_logger().error(f'Back to the initial pose: {error}')
+                self._node.get_logger().error(
+                    f'Back to the initial pose: {error}', throttle_duration_sec=LOG_PERIOD)
                 self._plant.reset()
             return self._plant.measure()
 

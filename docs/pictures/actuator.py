@@ -1,0 +1,78 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Draw docs/images/actuator.png: torque–speed envelope, efficiency, a current loop at work."""
+
+from pathlib import Path
+import sys
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+import numpy as np
+from robot_dynamics.actuator import Actuators, make_actuators
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.drive import Drive
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.plotting import BLUE, GREEN, ORANGE, STYLE, VERMILION
+
+
+def motor(efficiency: float) -> Actuators:
+    return make_actuators(
+        ('joint1',), [0.05], [100.0], resistance=[0.8], inductance=[1e-2], rotor_inertia=[2e-5],
+        efficiency=[efficiency], current_limit=[16.0], voltage_limit=[24.0],
+        current_time_constant=[1e-3])
+
+
+def main(directory: Path) -> None:
+    """Write the picture into a directory."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(13.0, 3.6), layout='constrained')
+        FigureCanvasAgg(figure)
+        envelope, needed, step = figure.subplots(1, 3)
+
+        v = np.linspace(-7.0, 7.0, 561)[:, None]
+        for efficiency, colour, dash in ((1.0, BLUE, '-'), (0.7, VERMILION, (0, (5, 2)))):
+            low, high = motor(efficiency).effort_range(v)
+            envelope.plot(v, low, color=colour, linestyle=dash)
+            envelope.plot(v, high, color=colour, linestyle=dash, label=f'efficiency {efficiency}')
+        envelope.set(xlabel='joint velocity [rad/s]', ylabel='joint effort [N·m]',
+                     title='What the motor can deliver, steadily')
+        envelope.legend(frameon=False)
+
+        effort = np.linspace(-40.0, 40.0, 401)[:, None]
+        for speed, colour, dash in ((1.0, GREEN, '-'), (-1.0, ORANGE, (0, (5, 2)))):
+            current = motor(0.7).load(effort, np.array([speed]), np.zeros(1)).current
+            needed.plot(effort, current, color=colour, linestyle=dash,
+                        label=f'at {speed:+.0f} rad/s')
+        needed.set(xlabel='joint effort [N·m]', ylabel='current [A]',
+                   title='Efficiency 0.7: driving costs more than being driven')
+        needed.legend(frameon=False)
+
+        arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]))
+        for wanted, colour, dash in ((10.0, GREEN, '-'), (50.0, VERMILION, (0, (5, 2)))):
+            drive, rest, rows = Drive(motor(1.0)), np.zeros(arm.joint_count), []
+            for k in range(200):
+                rows.append((0.1 * k, drive.current[0]))
+                drive.effort_over_step(np.array([wanted]), rest, rest, 1e-4)
+            t, i = np.array(rows).T
+            step.plot(t, i, color=colour, linestyle=dash, label=f'to {wanted:g} N·m')
+        step.set(xlabel='time [ms]', ylabel='current [A]',
+                 title='The current loop: 1 ms, or as fast as 24 V allow')
+        step.legend(frameon=False)
+        figure.savefig(directory / 'actuator.png')
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]))

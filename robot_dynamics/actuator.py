@@ -1,0 +1,214 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Motors behind gearboxes: joint effort, motor torque, current, voltage, and back.
+
+At each joint an electric motor with rotor inertia J_r drives through a gear ratio N with
+efficiency η. In motor quantities, ω = N v:
+
+    electromagnetic torque  K_t i = J_r N a + τ_gear,   voltage  V = R i + L di/dt + K_e ω
+
+The rotor's reflected inertia N² J_r is part of M(q), so that a joint effort τ includes N² J_r a;
+the rest passes the gearbox, which loses power on the way: τ − N² J_r a = η N τ_gear where the
+motor drives the joint, and N τ_gear / η where the joint drives the motor. Source: B. Siciliano et
+al., *Robotics*, Springer 2009, sections 5.2 and 7.1.1 (motor, reduction); the side on which
+efficiency acts follows from the direction of power.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import check_vector, FloatArray
+
+DEFAULT_CURRENT_TIME_CONSTANT = 2e-4
+"""[s]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Actuators:
+    """
+    Motors and gearboxes of n joints, each parameter (n,).
+
+    `torque_constant` K_t [N·m/A], `back_emf_constant` K_e [V·s/rad], `resistance` R [Ω],
+    `inductance` L [H], `rotor_inertia` J_r [kg·m²], `gear_ratio` N (motor turns a joint turn, or
+    [rad/m]), `efficiency` η, `current_limit` [A] and `voltage_limit` [V], infinite for none;
+    `current_time_constant` T_c [s] of the drive's current loop, for the simulation.
+    """
+
+    torque_constant: FloatArray
+    gear_ratio: FloatArray
+    back_emf_constant: FloatArray
+    resistance: FloatArray
+    inductance: FloatArray
+    rotor_inertia: FloatArray
+    efficiency: FloatArray
+    current_limit: FloatArray
+    voltage_limit: FloatArray
+    current_time_constant: FloatArray
+
+    @property
+    def reflected_inertia(self) -> FloatArray:
+        """Return N² J_r, (n,) [kg·m²] or [kg], on the joint side."""
+        return np.asarray(self.gear_ratio**2 * self.rotor_inertia)
+
+    def motor_torque(self, effort: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return K_t i, (..., n) [N·m], for a joint effort at velocity v and acceleration a."""
+        rotor = self.reflected_inertia * a
+        passed = effort - rotor
+        return np.asarray(
+            rotor / self.gear_ratio + passed / (self.gear_ratio * self._gain(passed, v)))
+
+    def effort(self, motor_torque: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the joint effort, (..., n) [N·m] or [N], of a motor torque: the way back."""
+        rotor = self.reflected_inertia * a
+        at_gear = motor_torque * self.gear_ratio - rotor
+        return np.asarray(rotor + at_gear * self._gain(at_gear, v))
+
+    def current(self, motor_torque: FloatArray) -> FloatArray:
+        """Return the current i, (..., n) [A]."""
+        return np.asarray(motor_torque / self.torque_constant)
+
+    def voltage(
+        self, current: FloatArray, v: FloatArray, current_rate: FloatArray | float = 0.0,
+    ) -> FloatArray:
+        """Return the voltage V, (..., n) [V], at a current that changes by current_rate [A/s]."""
+        return np.asarray(
+            self.resistance * current + self.inductance * current_rate
+            + self.back_emf_constant * self.gear_ratio * v)
+
+    def current_range(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest steady current (..., n) [A] within both limits."""
+        back_emf = self.back_emf_constant * self.gear_ratio * v
+        with np.errstate(divide='ignore', invalid='ignore'):
+            low = np.where(
+                np.isfinite(self.voltage_limit), (-self.voltage_limit - back_emf)
+                / self.resistance, -np.inf)
+            high = np.where(
+                np.isfinite(self.voltage_limit), (self.voltage_limit - back_emf)
+                / self.resistance, np.inf)
+        limit = self.current_limit
+        return np.clip(low, -limit, limit), np.clip(high, -limit, limit)
+
+    def effort_range(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the torque–speed envelope: efforts (..., n) that are steady at the velocity v."""
+        low, high = self.current_range(v)
+        zero = np.zeros_like(v)
+        one = self.effort(low * self.torque_constant, v, zero)
+        other = self.effort(high * self.torque_constant, v, zero)
+        # A gearbox that reverses, N < 0, turns the two ends round.
+        return np.minimum(one, other), np.maximum(one, other)
+
+    def load(self, effort: FloatArray, v: FloatArray, a: FloatArray) -> 'ActuatorLoad':
+        """Return what a joint effort asks of the motors."""
+        current = self.current(self.motor_torque(effort, v, a))
+        voltage = self.voltage(current, v)
+        return ActuatorLoad(
+            current, voltage, np.abs(current) / self.current_limit,
+            np.abs(voltage) / self.voltage_limit)
+
+    def _gain(self, effort: FloatArray, v: FloatArray) -> FloatArray:
+        """Return η where power goes to the joint, or there is none (the worse case), else 1/η."""
+        absorbs = np.sign(effort) * np.sign(v) < 0.0
+        return np.where(absorbs, 1.0 / self.efficiency, self.efficiency)
+
+
+class ActuatorLoad(NamedTuple):
+    """
+    Steady current [A] and voltage [V] of each motor, (n,), and their share of the limits.
+
+    A share is 0 where there is no limit.
+    """
+
+    current: FloatArray
+    voltage: FloatArray
+    current_ratio: FloatArray
+    voltage_ratio: FloatArray
+
+
+def make_actuators(
+    joint_names: Sequence[str],
+    torque_constant: Any,
+    gear_ratio: Any,
+    back_emf_constant: Any = (),
+    resistance: Any = (),
+    inductance: Any = (),
+    rotor_inertia: Any = (),
+    efficiency: Any = (),
+    current_limit: Any = (),
+    voltage_limit: Any = (),
+    current_time_constant: Any = (),
+) -> Actuators:
+    """
+    Return checked actuators; each parameter is (n,), one value for all joints, or empty.
+
+    Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
+    no limits. Raises InvalidInputError, naming field, joint and value, on another number of
+    values, N = 0, η outside (0, 1], or a value that must not be negative or zero.
+    """
+    n = len(joint_names)
+
+    def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
+        if len(value) == 0:
+            return otherwise
+        given = check_vector(f'actuator.{field}', value, 1) if len(value) == 1 else (
+            check_vector(f'actuator.{field}', value, n, joint_names))
+        return np.array(np.broadcast_to(given, (n,)))
+
+    for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
+        if len(value) == 0:
+            raise InvalidInputError(
+                f'actuator.{field} is empty, expected one value for all of {list(joint_names)} or '
+                'one a joint')
+    nothing, unlimited = np.zeros(n), np.full(n, np.inf)
+    K_t = values('torque_constant', torque_constant, nothing)
+    actuators = Actuators(
+        K_t, values('gear_ratio', gear_ratio, nothing),
+        values('back_emf_constant', back_emf_constant, K_t),
+        values('resistance', resistance, nothing), values('inductance', inductance, nothing),
+        values('rotor_inertia', rotor_inertia, nothing),
+        values('efficiency', efficiency, np.ones(n)),
+        values('current_limit', current_limit, unlimited),
+        values('voltage_limit', voltage_limit, unlimited),
+        values('current_time_constant', current_time_constant,
+               np.full(n, DEFAULT_CURRENT_TIME_CONSTANT)))
+    _check(joint_names, actuators)
+    return actuators
+
+
+def _check(names: Sequence[str], actuators: Actuators) -> None:
+    eta = actuators.efficiency
+    bad = {
+        'torque_constant': (actuators.torque_constant <= 0.0, 'a number > 0'),
+        'gear_ratio': (actuators.gear_ratio == 0.0, 'a number other than 0'),
+        'efficiency': ((eta <= 0.0) | (eta > 1.0), 'a number in (0, 1]'),
+        'current_limit': (actuators.current_limit <= 0.0, 'a number > 0'),
+        'voltage_limit': (actuators.voltage_limit <= 0.0, 'a number > 0'),
+        'current_time_constant': (actuators.current_time_constant <= 0.0, 'a number > 0'),
+        'resistance': (
+            (actuators.resistance < 0.0) | (
+                (actuators.resistance == 0.0) & np.isfinite(actuators.voltage_limit)),
+            'a number > 0 where there is a voltage_limit, >= 0 elsewhere'),
+    }
+    for field in fields(actuators):
+        values = getattr(actuators, field.name)
+        wrong, expected = bad.get(field.name, (values < 0.0, 'a number >= 0'))
+        if wrong.any():
+            joint = int(np.argmax(wrong))
+            raise InvalidInputError(
+                f'actuator.{field.name} of {names[joint]!r} is {values[joint]:g}, '
+                f'expected {expected}')

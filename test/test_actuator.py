@@ -1,0 +1,182 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Motors and gearboxes: the maps and their inverses, power, limits, and how they move an arm."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.actuator import Actuators, make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+from scipy.linalg import expm
+
+laws = settings(deadline=None, derandomize=True, max_examples=200)
+numbers = st.floats(-10.0, 10.0)
+
+NAMES = ('joint1',)
+MASS, COM, INERTIA = 2.0, 0.5, 0.1
+ABOUT_JOINT = INERTIA + MASS * COM**2
+
+
+def motor(**changes: list[float]) -> Actuators:
+    return make_actuators(NAMES, **{
+        'torque_constant': [0.05], 'gear_ratio': [100.0], 'resistance': [0.8],
+        'inductance': [4e-4], 'rotor_inertia': [2e-5], 'efficiency': [0.7], **changes})
+
+
+def one_link(actuators: Actuators | None = None) -> ArmModel:
+    arm = load_arm(
+        planar_arm_urdf([MASS], [1.0], [COM], [INERTIA]), gravity=(0.0, 0.0, 0.0))
+    return arm if actuators is None else arm.with_actuators(actuators)
+
+
+# --- the maps ------------------------------------------------------------------------------------
+
+@laws
+@given(numbers, numbers, numbers)
+def test_from_effort_to_motor_and_back(tau: float, v: float, a: float) -> None:
+    actuators = motor()
+    effort, v_, a_ = np.array([tau]), np.array([v]), np.array([a])
+    there = actuators.motor_torque(effort, v_, a_)
+    assert actuators.effort(there, v_, a_) == pytest.approx(effort, abs=1e-12)
+
+
+@laws
+@given(numbers, numbers)
+def test_the_gearbox_loses_power_whichever_side_drives(tau: float, v: float) -> None:
+    actuators = motor(rotor_inertia=[0.0])
+    effort, v_, zero = np.array([tau]), np.array([v]), np.zeros(1)
+    motor_power = (actuators.motor_torque(effort, v_, zero) * 100.0 * v_)[0]
+    joint_power = tau * v
+    assert motor_power >= joint_power - 1e-12
+    if joint_power > 0.0:  # the motor drives
+        assert joint_power == pytest.approx(0.7 * motor_power)
+    if joint_power < 0.0:  # the joint drives
+        assert motor_power == pytest.approx(0.7 * joint_power)
+
+
+def test_current_and_voltage_by_hand() -> None:
+    load = motor(current_limit=[10.0], voltage_limit=[24.0]).load(
+        np.array([14.0]), np.array([2.0]), np.zeros(1))
+    current = 14.0 / (100.0 * 0.7) / 0.05
+    assert load.current == pytest.approx([current])
+    assert load.voltage == pytest.approx([0.8 * current + 0.05 * 100.0 * 2.0])
+    assert load.current_ratio == pytest.approx([current / 10.0])
+    assert load.voltage_ratio == pytest.approx([(0.8 * current + 10.0) / 24.0])
+
+
+def test_the_rotor_does_not_pass_the_gearbox() -> None:
+    actuators = motor()
+    a = np.array([3.0])
+    only_rotor = actuators.reflected_inertia * a
+    assert actuators.motor_torque(only_rotor, np.ones(1), a) == pytest.approx(2e-5 * 100.0 * a)
+
+
+def test_the_envelope_falls_from_stall_to_no_load() -> None:
+    actuators = motor(voltage_limit=[24.0], current_limit=[20.0], efficiency=[1.0])
+    _, stall = actuators.effort_range(np.zeros(1))
+    assert stall == pytest.approx([20.0 * 0.05 * 100.0])  # the current limit
+    no_load_speed = 24.0 / (0.05 * 100.0)
+    _, none = actuators.effort_range(np.array([no_load_speed]))
+    assert none == pytest.approx([0.0], abs=1e-12)
+    _, half = actuators.effort_range(np.array([0.9 * no_load_speed]))
+    assert half == pytest.approx([0.1 * 24.0 / 0.8 * 0.05 * 100.0])
+
+
+@pytest.mark.parametrize(('field', 'value', 'words'), [
+    ('gear_ratio', [0.0], "actuator.gear_ratio of 'joint1' is 0, expected a number other than 0"),
+    ('efficiency', [0.0], r"actuator.efficiency of 'joint1' is 0, expected a number in \(0, 1\]"),
+    ('efficiency', [1.1], r"actuator.efficiency of 'joint1' is 1.1, expected .* in \(0, 1\]"),
+    ('torque_constant', [], 'actuator.torque_constant is empty, expected one value'),
+    ('inductance', [-1.0], "actuator.inductance of 'joint1' is -1, expected a number >= 0"),
+    ('resistance', [float('nan')], r'actuator.resistance\[0\] is nan'),
+    ('rotor_inertia', [1.0, 2.0], r'actuator.rotor_inertia has 2 values, expected 1'),
+])
+def test_what_cannot_be_is_refused_by_name(field: str, value: list[float], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        motor(**{field: value})
+
+
+# --- the arm -------------------------------------------------------------------------------------
+
+def test_reflected_inertia_is_part_of_the_mass_matrix_and_of_the_energy() -> None:
+    arm, geared = one_link(), one_link(motor())
+    reflected = 100.0**2 * 2e-5
+    body, with_rotor = ArmDynamics(arm).rigid_body, ArmDynamics(geared).rigid_body
+    q, v = np.array([0.3]), np.array([2.0])
+    assert with_rotor.mass_matrix(q) - body.mass_matrix(q) == pytest.approx(
+        np.array([[reflected]]))
+    assert with_rotor.kinetic_energy(q, v) - body.kinetic_energy(q, v) == pytest.approx(
+        0.5 * reflected * 4.0)
+    tau = with_rotor.inverse_dynamics(q, v, np.array([1.5]))
+    assert with_rotor.forward_dynamics(q, v, tau) == pytest.approx([1.5])
+
+
+def step_response(step: float, duration: float) -> tuple[float, float]:
+    """Return velocity and current of a motor that is given all of its voltage."""
+    actuators = motor(efficiency=[1.0], voltage_limit=[24.0], inductance=[0.05])
+    simulation = ArmSimulation(one_link(actuators), max_step=step)
+    simulation.release()
+    simulation.step(np.array([1e6]), duration)  # more than it can: the voltage is at its limit
+    assert simulation._drive is not None
+    return float(simulation.v[0]), float(simulation._drive.current[0])
+
+
+def test_a_motors_step_response_is_that_of_its_linear_equations() -> None:
+    """L di/dt = V − R i − K_e N v and (J + N² J_r) dv/dt = N K_t i, by matrix exponential."""
+    K, N, R, L, V, t = 0.05, 100.0, 0.8, 0.05, 24.0, 0.15
+    J = ABOUT_JOINT + N**2 * 2e-5
+    A = np.array([[0.0, N * K / J, 0.0], [-K * N / L, -R / L, V / L], [0.0, 0.0, 0.0]])
+    v, i, _ = expm(A * t) @ np.array([0.0, 0.0, 1.0])
+    errors = []
+    for step in (2e-3, 1e-3, 5e-4):
+        speed, current = step_response(step, t)
+        errors.append(max(abs(speed - v) / abs(v), abs(current - i) / abs(i)))
+    assert errors[1] < 2e-3, errors
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 0.8).all(), (orders, errors)
+
+
+def test_the_current_follows_its_loop_however_long_the_step() -> None:
+    """Within its voltage, the mean effort lags by the loop's time constant, exactly."""
+    T_c = 5e-4
+    actuators = motor(efficiency=[1.0], current_time_constant=[T_c], rotor_inertia=[0.0])
+    simulation = ArmSimulation(one_link(actuators), max_step=0.01)
+    simulation.release()
+    simulation.step(np.array([1.0]), 0.01)
+    lag = T_c / 0.01 * (1.0 - np.exp(-0.01 / T_c))
+    assert simulation.effort == pytest.approx([1.0 - lag], rel=1e-9)
+
+
+def test_the_current_limit_holds() -> None:
+    actuators = motor(current_limit=[2.0], efficiency=[1.0])
+    simulation = ArmSimulation(one_link(actuators))
+    simulation.release()
+    simulation.step(np.array([1000.0]), 0.05)
+    assert simulation.effort == pytest.approx([2.0 * 0.05 * 100.0], rel=1e-6)
+
+
+def test_no_motor_delivers_more_power_than_it_takes() -> None:
+    actuators = motor(voltage_limit=[24.0], current_limit=[20.0])
+    simulation = ArmSimulation(one_link(actuators))
+    simulation.release()
+    for _ in range(400):
+        simulation.step(np.array([50.0]), 1e-3)
+    assert simulation.v[0] < 24.0 / (0.05 * 100.0)  # the no-load speed
+    assert simulation.work == pytest.approx(sum(simulation.energy()), rel=1e-6)
