@@ -280,7 +280,9 @@ class TrajectoryFollower:
 
     def _state_at(self, now_ns: int, position: Any, velocity: Any) -> Reference:
         if self.active is not None:
-            return self.active.sample(now_ns)
+            reference = self.active.sample(now_ns)
+            if all(np.isfinite(values).all() for values in reference):
+                return reference
         n, names = len(self.joint_names), self.joint_names
         q = check_vector('position', position, n, names)
         v = check_vector('velocity', velocity, n, names)

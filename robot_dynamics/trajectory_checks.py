@@ -37,6 +37,9 @@ _LONGEST_TIME = 2.0 ** 31
 # What joint_trajectory_controller takes for zero: the epsilon of a 32-bit float.
 _ZERO_VELOCITY = float(np.finfo(np.float32).eps)
 
+LARGEST_VALUE = 1e9
+"""[rad] or [m], per second and per second²: interpolation of what is larger may overflow."""
+
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryPoint:
@@ -185,6 +188,9 @@ def _check_field(
         return [None] * count
     matrix = _stack(field, [
         np.zeros(len(names)) if empty else row for row, empty in zip(rows, absent)], names)
+    for i, j in np.argwhere(np.abs(matrix) > LARGEST_VALUE):
+        check_scalar(
+            f'points[{i}].{field}[{j}] ({names[j]})', matrix[i, j], -LARGEST_VALUE, LARGEST_VALUE)
     matrix = matrix[:, [names.index(name) for name in expected]]
     matrix.setflags(write=False)
     return [None if empty else row for row, empty in zip(matrix, absent)]

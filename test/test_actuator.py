@@ -99,6 +99,18 @@ def test_the_envelope_falls_from_stall_to_no_load() -> None:
     assert half == pytest.approx([0.1 * 24.0 / 0.8 * 0.05 * 100.0])
 
 
+@laws
+@given(numbers)
+def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
+    limits = {'voltage_limit': [24.0], 'current_limit': [20.0]}
+    v = np.array([velocity])
+    low, high = motor(**limits).effort_range(v)
+    low_reversed, high_reversed = motor(gear_ratio=[-100.0], **limits).effort_range(v)
+    assert low_reversed == pytest.approx(low)
+    assert high_reversed == pytest.approx(high)
+    assert low <= high
+
+
 @pytest.mark.parametrize(('field', 'value', 'words'), [
     ('gear_ratio', [0.0], "actuator.gear_ratio of 'joint1' is 0, expected a number other than 0"),
     ('efficiency', [0.0], r"actuator.efficiency of 'joint1' is 0, expected a number in \(0, 1\]"),

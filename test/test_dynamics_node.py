@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+import threading
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
@@ -25,6 +26,8 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.ros.control_path import ControlCounters
+from robot_dynamics.ros.dynamics_node import StateReport
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_urdf
 from ros_harness import BEST_EFFORT, Collector, DYNAMICS, LATCHED, NodeProcess, RosClient
@@ -370,3 +373,19 @@ def test_it_works_in_the_executor_of_the_node_too(client: RosClient) -> None:
     with NodeProcess(DYNAMICS, {'state_thread': False}, namespace='/in_executor') as node:
         bench = make_bench(client, node, '/in_executor')
         assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
+
+
+def test_drops_may_be_counted_while_they_are_reported() -> None:
+    counters = ControlCounters()
+    report = StateReport(counters)
+
+    def drop() -> None:
+        for i in range(30_000):
+            counters.dropped[f'reason {i}'] += 1
+
+    thread = threading.Thread(target=drop)
+    thread.start()
+    while thread.is_alive():
+        report.status()
+    thread.join()
+    assert report.status().values['dropped: reason 29999'] == 1

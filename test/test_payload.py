@@ -232,6 +232,15 @@ def test_a_flat_plate_is_a_body_though_it_has_no_slack():
     make_payload('hand', 1.0, inertia=np.diag([0.1, 0.2, 0.1 + 0.2 + 1e-8]))
 
 
+@pytest.mark.parametrize('size', [1e-300, 1e308])
+def test_no_finite_inertia_is_too_large_or_too_small_to_be_judged(size):
+    assert np.array_equal(make_payload('hand', 1.0, inertia=size * np.eye(3)).inertia,
+                          size * np.eye(3))
+    off_diagonal = size * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    with pytest.raises(InvalidInputError, match='expected none below 0'):
+        make_payload('hand', 1.0, inertia=off_diagonal)
+
+
 @pytest.mark.parametrize(('arguments', 'message'), [
     ({'mass': -0.5}, 'payload.inertia.m is -0.5, expected a number >= 0'),
     ({'mass': np.nan}, 'payload.inertia.m is nan, expected a number >= 0'),

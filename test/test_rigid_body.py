@@ -31,6 +31,7 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robots import robot_urdf
 
@@ -436,6 +437,17 @@ def batch_is_the_single_ones(case):
         batch = dynamics.inverse_dynamics_batch(q, v, a, threads)
         npt.assert_allclose(batch, expected, rtol=0, atol=1e-11 * max(1.0, abs(expected).max()))
     assert dynamics.inverse_dynamics_batch(q[:0], v[:0], a[:0]).shape == (0, n)
+
+
+@pytest.mark.parametrize('samples', [1, 500, 501, 1203])
+def test_a_batch_of_any_size_is_the_single_ones(samples):
+    body = RigidBody(load_arm(default_arm_urdf()))
+    q, v, a = np.random.default_rng(samples).normal(0, 2, (3, samples, 2))
+    # as it is done by a Pinocchio without OpenMP
+    one_by_one = body._rnea_one_by_one(q, v, a)
+    assert one_by_one.shape == (samples, 2)
+    npt.assert_array_equal(one_by_one[-1], body.inverse_dynamics(q[-1], v[-1], a[-1]))
+    npt.assert_allclose(body.inverse_dynamics_batch(q, v, a), one_by_one, rtol=0, atol=1e-11)
 
 
 def order_of_joints_is_the_order_of_everything(case):

@@ -376,3 +376,49 @@ def test_an_arm_flung_to_infinity_says_so() -> None:
     simulation = released(two_link(), (1.0, 0.5))
     with np.errstate(all='ignore'), pytest.raises(InvalidInputError, match='no finite solution'):
         simulation.step(np.array([1e200, -1e200]), 1.0)
+
+
+MASSLESS_WHERE_IT_MATTERS = """
+<robot name="r">
+  <link name="base"/>
+  <link name="bead">
+    <inertial>
+      <mass value="1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>
+    </inertial>
+  </link>
+  <joint name="j" type="revolute">
+    <parent link="base"/><child link="bead"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+    <dynamics damping="{viscous}" friction="{coulomb}"/>
+  </joint>
+</robot>
+"""
+
+
+@pytest.mark.parametrize('viscous', [0.0, 1.0])
+@pytest.mark.parametrize('coulomb', [0.0, 1.0])
+def test_a_joint_that_moves_no_mass_says_so_with_any_friction(
+    viscous: float, coulomb: float,
+) -> None:
+    simulation = released(load_arm(
+        MASSLESS_WHERE_IT_MATTERS.format(viscous=viscous, coulomb=coulomb)))
+    with pytest.raises(InvalidInputError, match='no finite solution'):
+        simulation.step(np.array([5.0]), 0.002)
+    assert simulation.q.tolist() == [0.0]
+
+
+@pytest.mark.parametrize('viscous', [1.0, 5000.0])
+def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
+    # a push at the tip that the stiff and the soft way of integration both have to account for
+    arm = load_arm(
+        planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [0.0]),
+        gravity=(0.0, 0.0, 0.0))
+    simulation = released(arm)
+    push = ExternalWrench('tool0', np.array([50.0, 0.0, 0.0]), np.zeros(3))
+    for _ in range(400):
+        simulation.step(np.zeros(1), 0.005, [push])
+    # The push stays across the link: its moment is the same all the way.
+    work = 50.0 * LENGTH * float(simulation.q[0])
+    kinetic, _ = simulation.energy()
+    assert work > 0.1
+    assert simulation.heat == pytest.approx(work - kinetic, rel=1e-6)
