@@ -1,0 +1,89 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The services speak of motors where there are any, in the order of the request."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics
+from ros_harness import DYNAMICS, NodeProcess, RosClient
+
+NAMES = ['joint1', 'joint2']
+MOTORS = {
+    'torque_constant': [0.1, 0.05], 'gear_ratio': [100.0, 50.0], 'rotor_inertia': [1e-5, 2e-5],
+    'resistance': [0.5, 0.8], 'efficiency': [0.8, 0.9], 'current_limit': [3.0, 50.0],
+    'voltage_limit': [48.0, 48.0]}
+PARAMETERS = {'joints': NAMES, **{f'actuator.{name}': value for name, value in MOTORS.items()}}
+Q, V, A = [0.8, 0.5], [0.5, -0.3], [0.1, 0.2]
+
+
+@pytest.fixture(scope='module', autouse=True)
+def node() -> Iterator[None]:
+    with NodeProcess(DYNAMICS, PARAMETERS):
+        yield
+
+
+@pytest.fixture(scope='module')
+def dynamics() -> ArmDynamics:
+    arm = load_arm(default_arm_urdf())
+    return ArmDynamics(arm.with_actuators(make_actuators(NAMES, **MOTORS)))
+
+
+def test_inverse_dynamics_tells_what_it_asks_of_the_motors(
+        client: RosClient, dynamics: ArmDynamics) -> None:
+    answer = client.call(InverseDynamics, '/dynamics/inverse_dynamics', InverseDynamics.Request(
+        joint_names=NAMES[::-1], position=Q[::-1], velocity=V[::-1], acceleration=A[::-1]))
+    q, v, a = (np.array(x) for x in (Q, V, A))
+    effort = dynamics.inverse_dynamics(q, v, a)
+    bare = ArmDynamics(load_arm(default_arm_urdf())).inverse_dynamics(q, v, a)
+    assert effort - bare == pytest.approx(np.array([0.1, 0.05]) * a)  # the reflected inertia
+    actuators = dynamics.arm.actuators
+    assert actuators is not None
+    load = actuators.load(effort, v, a)
+    assert list(answer.effort) == pytest.approx(effort[::-1])
+    assert list(answer.motor_current) == pytest.approx(load.current[::-1])
+    assert list(answer.motor_voltage) == pytest.approx(load.voltage[::-1])
+    assert list(answer.current_ratio) == pytest.approx(load.current_ratio[::-1])
+    assert list(answer.voltage_ratio) == pytest.approx(load.voltage_ratio[::-1])
+    assert load.current_ratio[0] > 1.0
+    assert any("current of the motor of 'joint1'" in words for words in answer.warnings)
+
+
+def test_forward_dynamics_takes_the_rotors_along(
+        client: RosClient, dynamics: ArmDynamics) -> None:
+    effort = dynamics.inverse_dynamics(*(np.array(x) for x in (Q, V, A)))
+    answer = client.call(ForwardDynamics, '/dynamics/forward_dynamics', ForwardDynamics.Request(
+        position=Q, velocity=V, effort=effort.tolist()))
+    assert list(answer.acceleration) == pytest.approx(A)
+    assert len(answer.motor_current) == 2
+    assert "current of the motor of 'joint1'" in answer.message
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'actuator.efficiency': [1.0, 0.0]}, "actuator.efficiency of 'joint2' is 0"),
+    ({'actuator.gear_ratio': [0.0]}, "actuator.gear_ratio of 'joint1' is 0"),
+    ({'actuator.resistance': [1.0, 2.0, 3.0]}, 'actuator.resistance has 3 values, expected 2'),
+    ({'friction.coulomb': [1.0], 'friction.static': [0.5]}, "friction.static of 'joint1' is 0.5"),
+])
+def test_bad_parameters_are_refused(changes: dict[str, list[float]], words: str) -> None:
+    node = NodeProcess(DYNAMICS, {**PARAMETERS, **changes}, node_name='refused', ready=None).start()
+    assert node.wait() == 1
+    assert words in node.log
+    assert 'Traceback' not in node.log
