@@ -39,20 +39,20 @@ class Drive:
         self.current = np.zeros_like(actuators.gear_ratio)
 
     def effort_over_step(
-        self, effort: FloatArray, v: FloatArray, a: FloatArray, h: float,
+        self, effort: FloatArray, v: FloatArray, h: float,
     ) -> FloatArray:
         """
         Return the mean joint effort (n,) over a step of h [s], and advance the current.
 
-        `effort` is what is asked for, v and a the joints' velocity and acceleration in the middle
-        of the step.
+        `effort` is what is asked for, v the joints' velocity in the middle of the step. The drive
+        does not know the acceleration: what the rotor takes is scaled by the efficiency too.
         """
-        motors = self.actuators
+        motors, unknown = self.actuators, np.zeros_like(v)
         wanted = np.clip(
-            motors.current(motors.motor_torque(effort, v, a)),
+            motors.current(motors.motor_torque(effort, v, unknown)),
             -motors.current_limit, motors.current_limit)
         mean = self._settle(wanted, v, h)
-        return motors.effort(motors.torque_constant * mean, v, a)
+        return motors.effort(motors.torque_constant * mean, v, unknown)
 
     def _settle(self, wanted: FloatArray, v: FloatArray, h: float) -> FloatArray:
         """Return the mean current (n,) over h [s] on the way to the wanted one."""

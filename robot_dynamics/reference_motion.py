@@ -88,11 +88,14 @@ def make_reference_motion(
     T = check_scalar('duration', duration, SHORTEST_DURATION)
     dynamics = ArmDynamics(arm)
     q0 = start_pose(dynamics) if start is None else _checked_start(arm, start)
-    gravity = _effort_ratio(arm, dynamics.rigid_body.gravity(q0))
+    holding = dynamics.rigid_body.gravity(q0)
+    gravity = _effort_ratio(arm, holding)
     if gravity >= 1.0:
+        worst = int(np.argmax(np.abs(holding) / arm.limits.effort))
         raise InvalidInputError(
-            f'arm {arm.name!r} needs {gravity:.2f} times its effort limit to hold itself at '
-            f'{q0.tolist()}, expected less than once')
+            f'arm {arm.name!r} cannot hold itself up: joint {arm.joint_names[worst]!r} needs '
+            f'{gravity:.2f} times its effort limit of {arm.limits.effort[worst]:g} at the start '
+            'pose, expected less than once')
     allowed = max(SHARE_OF_LIMITS, 0.5 * (gravity + 1.0) if gravity > SHARE_OF_LIMITS else 0.0)
     pattern = _pattern(arm.joint_count, T)
     swing, scale = _swing_within_limits(arm, q0, pattern, T), 1.0

@@ -32,7 +32,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.damped_step import Acceleration, damped_step, damping_rate
 from robot_dynamics.drive import Drive
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.sticking import choose_modes, hold, Modes
@@ -101,6 +101,17 @@ class ArmSimulation:
         self._dynamics = ArmDynamics(arm)
         self.reset()
 
+    def check_inertia(self) -> None:
+        """Raise ModelError where a joint moves no mass: no effort accelerates it finitely."""
+        inertia = np.diag(self._dynamics.rigid_body.mass_matrix(self._initial.position))
+        massless = [
+            name for name, value in zip(self.arm.joint_names, inertia) if value == 0.0]
+        if massless:
+            raise ModelError(
+                f'joints {massless} of robot {self.arm.name!r} move no mass or inertia, so that '
+                'it cannot be simulated, expected an <inertial> on the links that they move, or '
+                'these joints left out of the parameter joints')
+
     @property
     def arm(self) -> ArmModel:
         return self._dynamics.arm
@@ -161,7 +172,7 @@ class ArmSimulation:
         for _ in range(steps):
             before = state
             if self._drive is not None:
-                effort = self._drive.effort_over_step(tau, before.velocity + 0.5 * h * a, a, h)
+                effort = self._drive.effort_over_step(tau, before.velocity + 0.5 * h * a, h)
                 motion = _Motion(self._dynamics, effort, wrenches)
             state, lost = motion.step(before, h)
             heat += lost

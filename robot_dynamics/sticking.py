@@ -32,6 +32,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Relative slack, so that rounding does not break a joint away.
 _HOLD_TOLERANCE = 1e-12
+# After so many changes of mode the last choice stands; two or three are the rule.
+_CHANGES_PER_JOINT = 20
 
 
 class Modes(NamedTuple):
@@ -71,13 +73,21 @@ def choose_modes(
 
     `effort` (n,) is what would accelerate the arm if there were no dry friction, `sliding` (n,)
     the size of dry friction where a joint slides at v, `static` (n,) F_s. Of joints that cannot be
-    held, the one that is furthest beyond breaks away first, and the rest is weighed anew.
+    held, the one that is furthest beyond breaks away first, and the rest is weighed anew. A joint
+    that broke away, and that others then push back the other way, sticks again: friction never
+    drives.
     """
     dry = static > 0.0
+    at_rest = dry & (v == 0.0)
     direction = np.where(dry, np.sign(v), 0.0)
-    stuck = dry & (v == 0.0)
-    while stuck.any():
-        friction = hold(M, effort - direction * sliding, stuck).friction
+    stuck = at_rest.copy()
+    for _ in range(_CHANGES_PER_JOINT * int(at_rest.sum())):
+        a, friction = hold(M, effort - direction * sliding, stuck)
+        forward = np.where(at_rest & ~stuck, a * direction, 0.0)
+        hindmost = int(np.argmin(forward))
+        if forward[hindmost] < -_HOLD_TOLERANCE * np.abs(a).max():
+            direction[hindmost], stuck[hindmost] = 0.0, True
+            continue
         excess = np.where(stuck, np.abs(friction) - static * (1.0 + _HOLD_TOLERANCE), -np.inf)
         worst = int(np.argmax(excess))
         if excess[worst] <= 0.0:

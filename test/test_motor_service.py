@@ -83,7 +83,8 @@ def test_forward_dynamics_takes_the_rotors_along(
     ({'friction.coulomb': [1.0], 'friction.static': [0.5]}, "friction.static of 'joint1' is 0.5"),
 ])
 def test_bad_parameters_are_refused(changes: dict[str, list[float]], words: str) -> None:
-    node = NodeProcess(DYNAMICS, {**PARAMETERS, **changes}, node_name='refused', ready=None).start()
+    parameters = {**PARAMETERS, **changes}
+    node = NodeProcess(DYNAMICS, parameters, node_name='refused', ready=None).start()
     assert node.wait() == 1
     assert words in node.log
     assert 'Traceback' not in node.log

@@ -353,6 +353,14 @@ def test_the_efforts_of_a_trajectory_are_in_its_own_order(planar: Served) -> Non
         [-11.37087883, -49.52282521], abs=5e-9)
 
 
+def test_a_trajectory_without_names_is_in_the_nodes_order(planar: Served) -> None:
+    response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
+        points=[JointTrajectoryPoint(positions=Q)]))
+    assert response.trajectory.joint_names == list(planar.arm.joint_names)
+    assert response.trajectory.points[0].effort == pytest.approx(
+        [-49.52282521, -11.37087883], abs=5e-9)
+
+
 # --- refusals ------------------------------------------------------------------------------------
 
 NAN = float('nan')
@@ -387,11 +395,14 @@ REFUSALS: list[tuple[str, dict[str, Any], str]] = [
     ('inverse_dynamics_batch', {'position': [1.0] * 4, 'velocity': [1.0] * 2},
      'velocity has 1 samples, expected 2'),
     ('inverse_dynamics_batch', {'position': [1.0, 1.0, NAN, 1.0]}, r'position\[1\]\[0\]'),
-    ('inverse_dynamics_trajectory', {}, 'joint_names is empty'),
+    ('inverse_dynamics_trajectory', {}, 'points is empty'),
     ('inverse_dynamics_trajectory', {'trajectory': JointTrajectory(
         joint_names=['joint1', 'joint2'], points=[
             JointTrajectoryPoint(positions=[0.0, 0.0]),
             JointTrajectoryPoint(positions=[0.0, 0.0])])}, r'points\[1\]\.time_from_start'),
+    ('inverse_dynamics', {'position': Q, 'velocity': [1e200, 0.0]}, 'effort is too large for'),
+    ('inverse_dynamics_batch', {'position': Q, 'velocity': [1e200, 0.0]}, 'effort is too large'),
+    ('manipulator_equation', {'position': Q, 'velocity': [1e200, 0.0]}, 'nonlinear is too large'),
     ('set_payload', {'payload': payload_to_ros(make_payload('hand', 1.0))},
      r"payload\.header\.frame_id is 'hand'"),
     ('set_payload', {'transition_time': -1.0}, 'transition_time is -1, expected'),

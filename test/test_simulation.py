@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench
@@ -378,16 +378,23 @@ def test_an_arm_flung_to_infinity_says_so() -> None:
         simulation.step(np.array([1e200, -1e200]), 1.0)
 
 
-MASSLESS_WHERE_IT_MATTERS = """
+# Two joints about one axis, with nothing in between: each turns the bob, but M is singular.
+TWO_FOR_ONE_MOTION = """
 <robot name="r">
   <link name="base"/>
-  <link name="bead">
+  <link name="nothing"/>
+  <link name="bob">
     <inertial>
-      <mass value="1"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>
+      <mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
     </inertial>
   </link>
-  <joint name="j" type="revolute">
-    <parent link="base"/><child link="bead"/><axis xyz="0 0 1"/>
+  <joint name="one" type="revolute">
+    <parent link="base"/><child link="nothing"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+    <dynamics damping="{viscous}" friction="{coulomb}"/>
+  </joint>
+  <joint name="other" type="revolute">
+    <parent link="nothing"/><child link="bob"/><axis xyz="0 0 1"/>
     <limit lower="-1" upper="1" effort="1" velocity="1"/>
     <dynamics damping="{viscous}" friction="{coulomb}"/>
   </joint>
@@ -397,14 +404,21 @@ MASSLESS_WHERE_IT_MATTERS = """
 
 @pytest.mark.parametrize('viscous', [0.0, 1.0])
 @pytest.mark.parametrize('coulomb', [0.0, 1.0])
-def test_a_joint_that_moves_no_mass_says_so_with_any_friction(
+def test_a_motion_without_inertia_is_refused_with_any_friction(
     viscous: float, coulomb: float,
 ) -> None:
-    simulation = released(load_arm(
-        MASSLESS_WHERE_IT_MATTERS.format(viscous=viscous, coulomb=coulomb)))
+    simulation = released(load_arm(TWO_FOR_ONE_MOTION.format(viscous=viscous, coulomb=coulomb)))
     with pytest.raises(InvalidInputError, match='no finite solution'):
-        simulation.step(np.array([5.0]), 0.002)
-    assert simulation.q.tolist() == [0.0]
+        simulation.step(np.array([5.0, -5.0]), 0.002)
+    assert simulation.q.tolist() == [0.0, 0.0]
+
+
+def test_a_joint_that_moves_no_mass_is_named() -> None:
+    # the bob as a point on its axis
+    urdf = TWO_FOR_ONE_MOTION.format(viscous=0.0, coulomb=0.0).replace('="1" ixy', '="0" ixy')
+    ArmSimulation(load_arm(urdf)).check_inertia()  # it still has an inertia about that axis
+    with pytest.raises(ModelError, match=r"joints \['one', 'other'\] of robot 'r' move no mass"):
+        ArmSimulation(load_arm(urdf.replace('izz="1"', 'izz="0"'))).check_inertia()
 
 
 @pytest.mark.parametrize('viscous', [1.0, 5000.0])

@@ -33,6 +33,19 @@ LOOP = ARM.replace('</robot>', """
 </robot>""")
 
 
+MASSLESS = """<robot name="r">
+  <link name="base"/>
+  <link name="arm">
+    <inertial>
+      <mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+    </inertial>
+  </link>
+  <link name="hand"/>
+  <joint name="joint1" type="continuous"><parent link="base"/><child link="arm"/></joint>
+  <joint name="joint2" type="continuous"><parent link="arm"/><child link="hand"/></joint>
+</robot>"""
+
+
 class Case(NamedTuple):
     parameters: Mapping[str, Any]
     words: str
@@ -46,6 +59,9 @@ CASES = {
     'closed loop': Case(
         {'robot_description': LOOP},
         r"link 'tool0' is the child of two joints, 'tool0_joint' and 'closing'.*expected a tree"),
+    'no mass to simulate': Case(
+        {'robot_description': MASSLESS},
+        r"joints \['joint2'\] of robot 'r' move no mass or inertia", SIMULATED_ARM),
     'not XML': Case(
         {'robot_description': 'joint1, joint2'},
         r"robot_description is not well-formed XML .*it begins with 'joint1, joint2'"),

@@ -53,6 +53,20 @@ def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
     assert (modes.stuck | (modes.direction != 0.0))[dry].all()
 
 
+@laws
+@given(st.integers(0, 2**32 - 1), st.integers(2, 7))
+def test_what_starts_to_slide_goes_the_way_that_friction_resists(seed: int, n: int) -> None:
+    M, _, effort, coulomb = random_case(seed, n)
+    modes = choose_modes(M, np.zeros(n), 2.0 * effort, coulomb, coulomb)
+    sliding = 2.0 * effort - modes.direction * coulomb
+    a, _ = hold(M, sliding, modes.stuck)
+    assert (a * modes.direction >= -1e-12 * np.abs(a).max()).all()
+    # Of all accelerations it is the one that Gauss's principle with dry friction picks.
+    rest = 2.0 * effort - M @ a
+    bound = np.where(a == 0.0, np.abs(rest) - coulomb, np.abs(rest - coulomb * np.sign(a)))
+    assert bound.max() <= 1e-9
+
+
 @pytest.mark.parametrize(('effort', 'sticks'), [(0.999, True), (-1.0, True), (1.001, False)])
 def test_one_joint_breaks_away_at_its_friction_and_not_before(effort: float, sticks: bool) -> None:
     modes = choose_modes(

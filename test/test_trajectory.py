@@ -304,6 +304,26 @@ def test_the_first_trajectory_goes_on_from_the_measured_state():
     assert_same(follower.sample(EPOCH), expected, 1e-14)
 
 
+def test_the_largest_values_that_pass_do_not_overflow():
+    largest = ((1e9, -1e9), (-1e9, 1e9))
+    path = trajectory((0.5, 2.0 ** 31 - 1.0), largest, (largest[0], (0.0, 0.0)), largest)
+    follower = TrajectoryFollower(JOINTS)
+    follower.start(path, EPOCH, (0.0, 0.0), (0.0, 0.0))
+    for seconds in (0, 1, 2 ** 30, 2 ** 31):
+        assert all(np.isfinite(x).all() for x in follower.sample(EPOCH + seconds * SECOND))
+
+
+def test_a_reference_that_overflowed_does_not_outlive_its_replacement():
+    follower = TrajectoryFollower(JOINTS)
+    with np.errstate(all='ignore'):  # a velocity that no arm has
+        follower.start(smooth((1.0, 2.0)), EPOCH, (0.0, 0.0), (1e308, 0.0))
+        assert not np.isfinite(follower.sample(EPOCH + SECOND // 2).position).all()
+        follower.start(smooth((1.0, 2.0)), EPOCH + SECOND // 2, (0.3, 0.4), (0.0, 0.0))
+    assert_same(
+        follower.sample(EPOCH + SECOND // 2),
+        Reference(np.array([0.3, 0.4]), np.zeros(2), np.zeros(2)), 1e-14)
+
+
 def test_after_clear_the_measured_state_counts_again():
     follower = TrajectoryFollower(JOINTS)
     follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
@@ -479,6 +499,9 @@ REFUSALS = [
     ({'q': ((0.1, 0.2), (0.3, 10**400))}, 'points[1].positions is (0.3, 1000'),
     ({'q': ((0.1, math.nan), (0.3, 0.4))},
      'points[0].positions[1] (elbow) is nan, expected a finite number'),
+    ({'q': ((0.1, 0.2), (0.3, 1e308))},
+     'points[1].positions[1] (elbow) is 1e+308, expected a number in [-1e+09, 1e+09]'),
+    ({'v': ((-2e9, 0.2), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -2e+09, expected'),
     ({'v': ((0.1, 0.2, 0.3), (0.0, 0.0))}, 'points[0].velocities has 3 values, expected 2'),
     ({'v': ((-math.inf, 0.0), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -inf'),
     ({'v': ((0.1, 0.2),) * 3}, 'velocities has 3 rows, expected 2, one for each point'),
@@ -511,7 +534,7 @@ def test_the_documented_words_are_the_words():
         TrajectoryFollower(JOINTS).start(
             trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=7 * SECOND)
     spoken.add(str(refusal.value))
-    assert len(documented) == 13
+    assert len(documented) == 14
     assert [words for words in documented if words not in spoken] == []
 
 

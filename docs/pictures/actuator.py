@@ -65,7 +65,7 @@ def main(directory: Path) -> None:
             drive, rest, rows = Drive(motor(1.0)), np.zeros(arm.joint_count), []
             for k in range(200):
                 rows.append((0.1 * k, drive.current[0]))
-                drive.effort_over_step(np.array([wanted]), rest, rest, 1e-4)
+                drive.effort_over_step(np.array([wanted]), rest, 1e-4)
             t, i = np.array(rows).T
             step.plot(t, i, color=colour, linestyle=dash, label=f'to {wanted:g} N·m')
         step.set(xlabel='time [ms]', ylabel='current [A]',

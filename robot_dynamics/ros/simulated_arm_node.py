@@ -96,6 +96,7 @@ class SimulatedArmNode(Node):
             self._arm,
             values['initial_position'] or None, values['initial_velocity'] or None,
             values['max_step'])
+        simulation.check_inertia()
         if not values['brakes']:
             simulation.release()
         self._lock = threading.Lock()

@@ -173,6 +173,7 @@ class _Loop:
         except Exception as error:
             if self._node.context.ok():
                 self._node.get_logger().fatal(f'The simulation ended: {error!r}')
+                self._node.context.try_shutdown()  # a node without a simulation is none
 
     def _run(self) -> None:
         raise NotImplementedError

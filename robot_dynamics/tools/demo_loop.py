@@ -22,6 +22,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.reference_motion import make_reference_motion, ReferenceMotion
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, SIMULATED_ARM
 from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_session import (
@@ -69,6 +70,7 @@ def run_closed_loop(
     An interrupt ends it early, with what there is. Raises DemoError where the loop does not
     close, RobotDynamicsError where there is no motion for the arm.
     """
+    ArmSimulation(arm).check_inertia()  # before any process is started
     run = LoopRun(make_reference_motion(arm, duration), rate)
     print(f'Starting dynamics_node and simulated_arm ({arm.name}, {arm.joint_count} joints, '
           f'{rate:g} Hz) ...', flush=True)
