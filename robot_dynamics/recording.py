@@ -21,8 +21,11 @@ knows: directories of rosbag2, and single files of MCAP or sqlite3.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+import signal
+import threading
 from types import TracebackType
 from typing import Any, NamedTuple
 
@@ -35,6 +38,7 @@ JOINT_STATE = 'sensor_msgs/msg/JointState'
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
 IntArray = npt.NDArray[np.int64]
+_ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 class TopicQos(NamedTuple):
@@ -146,7 +150,8 @@ class RecordingWriter:
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:
         """Write a serialized message (CDR) of a topic under this time [ns]."""
-        self._writer.write(self._connections[topic], time_ns, data)
+        with uninterrupted():
+            self._writer.write(self._connections[topic], time_ns, data)
 
     def write_message(self, topic: str, time_ns: int, message: Any) -> None:
         """Write a message in the form that `Recording` gives it out, or of the same fields."""
@@ -159,9 +164,10 @@ class RecordingWriter:
 
     def close(self) -> None:
         """Finish the files; once is enough."""
-        if self._open:
-            self._open = False
-            self._writer.close()
+        with uninterrupted():
+            if self._open:
+                self._open = False
+                self._writer.close()
 
     def __enter__(self) -> 'RecordingWriter':
         return self
@@ -282,6 +288,30 @@ class Recording:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """
+    Let signals wait until the block is done, so that no half record is left in a file.
+
+    Signals interrupt the main thread alone; in other threads this does nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[tuple[int, Any]] = []
+    before = {
+        number: signal.signal(number, lambda *call: arrived.append(call)) for number in _ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for signum, frame in arrived[:1]:
+            handler = before[signal.Signals(signum)]
+            if callable(handler):
+                handler(signum, frame)
 
 
 def stamp_ns(header: Any) -> int:

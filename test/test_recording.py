@@ -14,7 +14,9 @@
 
 """Recordings: what is written is read back, by this package and by rosbags alone."""
 
+import os
 from pathlib import Path
+import signal
 import tempfile
 
 from hypothesis import given, settings
@@ -283,3 +285,26 @@ def test_an_exception_leaves_a_readable_recording(tmp_path):
         write_and_fail()
     with Recording(tmp_path / 'bag') as opened:
         assert len(opened.joint_series('/joint_states').stamps_ns) == 1
+
+
+def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
+    """A signal amid every write: each ends in KeyboardInterrupt, and the recording is whole."""
+    interrupts = 0
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        writer.add_topic('/text', 'std_msgs/msg/String')
+        whole = writer._writer.write
+
+        def write_and_be_interrupted(*arguments):
+            os.kill(os.getpid(), signal.SIGINT)
+            whole(*arguments)
+
+        writer._writer.write = write_and_be_interrupted
+        for k in range(20):
+            message = writer.make_message('std_msgs/msg/String', data=f'{k}')
+            with pytest.raises(KeyboardInterrupt):
+                writer.write_message('/text', k + 1, message)
+            interrupts += 1
+    assert interrupts == 20
+    with Recording(tmp_path / 'bag') as recording:
+        assert [message.data for _, message in recording.messages('/text')] == [
+            str(k) for k in range(20)]
