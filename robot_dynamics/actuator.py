@@ -47,7 +47,8 @@ class Actuators:
     `torque_constant` K_t [N·m/A], `back_emf_constant` K_e [V·s/rad], `resistance` R [Ω],
     `inductance` L [H], `rotor_inertia` J_r [kg·m²], `gear_ratio` N (motor turns a joint turn, or
     [rad/m]), `efficiency` η, `current_limit` [A] and `voltage_limit` [V], infinite for none;
-    `current_time_constant` T_c [s] of the drive's current loop, for the simulation.
+    For the simulation: `current_time_constant` T_c [s] of the drive's current loop; `backlash`,
+    the whole gap between the teeth [rad] or [m] on the joint side, and their `restitution` e.
     """
 
     torque_constant: FloatArray
@@ -60,6 +61,8 @@ class Actuators:
     current_limit: FloatArray
     voltage_limit: FloatArray
     current_time_constant: FloatArray
+    backlash: FloatArray
+    restitution: FloatArray
 
     @property
     def reflected_inertia(self) -> FloatArray:
@@ -152,13 +155,16 @@ def make_actuators(
     current_limit: Any = (),
     voltage_limit: Any = (),
     current_time_constant: Any = (),
+    backlash: Any = (),
+    restitution: Any = (),
 ) -> Actuators:
     """
     Return checked actuators; each parameter is (n,), one value for all joints, or empty.
 
     Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
-    no limits. Raises InvalidInputError, naming field, joint and value, on another number of
-    values, N = 0, η outside (0, 1], or a value that must not be negative or zero.
+    no limits, no backlash, e = 0. Raises InvalidInputError, naming field, joint and value, on
+    another number of values, N = 0, η outside (0, 1], e outside [0, 1], backlash of a rotor
+    without inertia, or a value that must not be negative or zero.
     """
     n = len(joint_names)
 
@@ -185,13 +191,14 @@ def make_actuators(
         values('current_limit', current_limit, unlimited),
         values('voltage_limit', voltage_limit, unlimited),
         values('current_time_constant', current_time_constant,
-               np.full(n, DEFAULT_CURRENT_TIME_CONSTANT)))
+               np.full(n, DEFAULT_CURRENT_TIME_CONSTANT)),
+        values('backlash', backlash, nothing), values('restitution', restitution, nothing))
     _check(joint_names, actuators)
     return actuators
 
 
 def _check(names: Sequence[str], actuators: Actuators) -> None:
-    eta = actuators.efficiency
+    eta, e = actuators.efficiency, actuators.restitution
     bad = {
         'torque_constant': (actuators.torque_constant <= 0.0, 'a number > 0'),
         'gear_ratio': (actuators.gear_ratio == 0.0, 'a number other than 0'),
@@ -199,6 +206,11 @@ def _check(names: Sequence[str], actuators: Actuators) -> None:
         'current_limit': (actuators.current_limit <= 0.0, 'a number > 0'),
         'voltage_limit': (actuators.voltage_limit <= 0.0, 'a number > 0'),
         'current_time_constant': (actuators.current_time_constant <= 0.0, 'a number > 0'),
+        'restitution': ((e < 0.0) | (e > 1.0), 'a number in [0, 1]'),
+        'rotor_inertia': (
+            (actuators.rotor_inertia < 0.0) | (
+                (actuators.rotor_inertia == 0.0) & (actuators.backlash > 0.0)),
+            'a number > 0 where there is backlash, >= 0 elsewhere'),
         'resistance': (
             (actuators.resistance < 0.0) | (
                 (actuators.resistance == 0.0) & np.isfinite(actuators.voltage_limit)),

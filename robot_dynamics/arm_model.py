@@ -90,11 +90,20 @@ class ArmModel:
 
     def with_actuators(self, actuators: Actuators) -> 'ArmModel':
         """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""
+        return replace(self._with_armature(actuators.reflected_inertia), actuators=actuators)
+
+    def with_rotors_apart(self, apart: FloatArray) -> 'ArmModel':
+        """Return this arm without the rotors of the joints for which `apart` (n,) is true."""
+        if self.actuators is None:
+            return self
+        return self._with_armature(np.where(apart, 0.0, self.actuators.reflected_inertia))
+
+    def _with_armature(self, inertias: FloatArray) -> 'ArmModel':
         engines = self.engine.copy(), self.bare_engine.copy()
         for engine in engines:
-            for name, inertia in zip(self.joint_names, actuators.reflected_inertia):
+            for name, inertia in zip(self.joint_names, inertias):
                 engine.armature[engine.joints[engine.getJointId(name)].idx_v] = inertia
-        return replace(self, engine=engines[0], bare_engine=engines[1], actuators=actuators)
+        return replace(self, engine=engines[0], bare_engine=engines[1])
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
         """

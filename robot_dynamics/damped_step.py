@@ -21,13 +21,10 @@ evenly with time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J
 176, 2002, section 2.2), of order 2, extended to the position.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
+from robot_dynamics.runge_kutta import Acceleration
 from robot_dynamics.validation import FloatArray
-
-Acceleration = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 def damping_rate(M: FloatArray, viscous: FloatArray) -> float:

@@ -206,23 +206,30 @@ class RigidBody:
 
         Raises InvalidInputError where M(q) is singular: a joint that moves no mass.
         """
-        x = self._x
-        if x.is_identity or x.is_permutation:
-            arguments = (self._model, self._data, x.position(q), x.rate(v), tau @ x.G.T)
-            a_tree = pin.aba(*arguments, self._joint_forces(wrenches)) if wrenches else (
-                pin.aba(*arguments))
-            a = x.effort(a_tree)
-        else:
-            rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
-            try:
-                a = np.asarray(np.linalg.solve(self.mass_matrix(q), rest), dtype=np.float64)
-            except np.linalg.LinAlgError:
-                a = np.full_like(rest, np.nan)
+        a = self.acceleration(q, v, tau, wrenches)
         if not np.isfinite(a).all():
             raise InvalidInputError(
                 f'forward dynamics at position {q.tolist()} has no finite solution: the mass '
                 'matrix is singular, expected every joint to move some mass or inertia')
-        return np.asarray(a)
+        return a
+
+    def acceleration(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """Return the same unchecked: not finite where M(q) is singular."""
+        x = self._x
+        if x.is_identity or x.is_permutation:
+            tau_tree = tau if x.is_identity else tau @ x.G.T
+            arguments = (self._model, self._data, x.position(q), x.rate(v), tau_tree)
+            return np.asarray(x.effort(
+                pin.aba(*arguments, self._joint_forces(wrenches)) if wrenches else
+                pin.aba(*arguments)))
+        rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
+        try:
+            return np.asarray(np.linalg.solve(self.mass_matrix(q), rest), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return np.full_like(rest, np.nan)
 
     def kinetic_energy(self, q: FloatArray, v: FloatArray) -> float:
         """Return ½ vᵀ M(q) v [J]."""

@@ -58,6 +58,8 @@ def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
     with the sign of what it resists.
     """
     a, friction = np.zeros_like(effort), np.zeros_like(effort)
+    if not stuck.any():
+        return Holding(np.asarray(np.linalg.solve(M, effort), dtype=np.float64), friction)
     free = ~stuck
     if free.any():
         a[free] = np.linalg.solve(M[np.ix_(free, free)], effort[free])

@@ -35,16 +35,16 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
+        'actuator', 'backlash', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
         'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
-        'sticking', 'trajectory', 'trajectory_checks', 'urdf', 'validation',
+        'runge_kutta', 'sticking', 'trajectory', 'trajectory_checks', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
     # and whatever is not ROS
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'identification',
-        'limit_warnings', 'model_check', 'playback', 'plotting', 'recording',
+        'limit_warnings', 'model_check', 'motion', 'playback', 'plotting', 'recording',
         'reference_motion', 'simulation', 'trajectory_efforts',
     ),
     # and ROS

@@ -89,7 +89,7 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
     twin.release()
     stepped.step(ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist())
     # where the loop was left by another test does not matter: go on from what it says
-    twin.q, twin.v = np.array(stepped.state.position), np.array(stepped.state.velocity)
+    twin.place(np.array(stepped.state.position), np.array(stepped.state.velocity))
     for k in range(20):
         effort = [10.0 * np.sin(k), 5.0 * np.cos(k)]
         stamp = stamp_from_ros(stepped.state.header.stamp)
@@ -175,7 +175,7 @@ def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
         wrench = ExternalWrench('tool0', np.array([force, 0.0, 0.0]), np.zeros(3))
         push.publish(message)
         for _ in range(300):
-            twin.q, twin.v = np.array(stepped.state.position), np.array(stepped.state.velocity)
+            twin.place(np.array(stepped.state.position), np.array(stepped.state.velocity))
             effort = ArmDynamics(ARM).rigid_body.gravity(twin.q)
             state = stepped.step(effort.tolist())
             twin.step(effort, 1.0 / RATE, [wrench])

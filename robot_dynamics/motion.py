@@ -1,0 +1,430 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The motion of an arm while the efforts of its motors stay the same.
+
+The rigid bodies are integrated with `runge_kutta`, viscous friction with them, or where it is too
+stiff for that with `damped_step`. Between events the motion is smooth, so that the method keeps
+its order; a step ends where a joint comes to rest or breaks away (`sticking`), and where teeth
+meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are halved until
+the method's own estimate of the error is small: that part of the motion lasts milliseconds.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.backlash import Backlash
+from robot_dynamics.damped_step import damped_step, damping_rate
+from robot_dynamics.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.runge_kutta import Acceleration, runge_kutta_step, WEIGHTS
+from robot_dynamics.sticking import BoolArray, choose_modes, hold, Modes
+from robot_dynamics.validation import FloatArray
+
+STIFF = 1.0
+"""Relaxation rate × step from which viscous friction is integrated exponentially."""
+_MAX_EVENTS = 60
+_BOUNCES = 40
+"""Events in a step after which teeth stay together where they meet."""
+_SLOW = 1e-3
+"""[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
+_EVENT_ITERATIONS = 60
+_EVENT_TOLERANCE = 1e-12
+_STRIBECK_TOLERANCE = 1e-9
+"""[rad/s] or [m/s] of error a step where friction falls with speed."""
+_MAX_HALVINGS = 10
+
+
+class MotionState(NamedTuple):
+    """
+    Position q and velocity v of the joints, θ and ω of their motors, all (n,), on the joint side.
+
+    Without backlash the motor is where the joint is.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    theta: FloatArray
+    omega: FloatArray
+
+
+class Leg(NamedTuple):
+    """A piece of motion: its end, the heat on the way [J], and whether teeth met."""
+
+    state: MotionState
+    heat: float
+    jolted: bool = False
+
+
+class GearModes(NamedTuple):
+    """The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own."""
+
+    joints: Modes
+    side: FloatArray
+    open: BoolArray
+
+
+class _End(NamedTuple):
+    state: MotionState
+    heat: float
+    a: FloatArray
+    """The joints' acceleration (n,) there."""
+
+
+class Motion:
+    """The motion of one arm, under the efforts and wrenches given last to `drive`."""
+
+    def __init__(self, dynamics: ArmDynamics) -> None:
+        arm, friction = dynamics.arm, dynamics.friction
+        n = arm.joint_count
+        self._arm, self._body, self._friction = arm, dynamics.rigid_body, friction
+        self._bodies: dict[bytes, RigidBody] = {}
+        self._play = Backlash.of(arm.actuators)
+        self._is_damped, self._is_dry = bool(friction.viscous.any()), bool(friction.static.any())
+        self._has_stribeck_effect = friction.has_stribeck_effect
+        self._rubs = friction.static > 0.0
+        self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
+        self._slides = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none)
+        self._slowest_damping = np.inf
+        if arm.actuators is not None:  # M is at least the rotors' share, so that rates have a bound
+            with np.errstate(divide='ignore', invalid='ignore'):
+                rates = friction.viscous / arm.actuators.reflected_inertia
+            self._slowest_damping = float(np.where(friction.viscous > 0.0, rates, 0.0).sum())
+
+    def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
+        """Let these efforts of the motors (n,) and wrenches act from now on."""
+        self._tau, self._wrenches = tau, wrenches
+        self._joint_tau = tau - self._friction.offset
+
+    def kinetic_energy(self, state: MotionState) -> float:
+        """Return that of links and rotors [J]."""
+        energy = self._body.kinetic_energy(state.q, state.v)
+        if self._play is not None:
+            share = self._play.inertia * (state.omega**2 - state.v**2)
+            energy += 0.5 * float(share @ self._play.exists)
+        return energy
+
+    def step(self, state: MotionState, h: float) -> Leg:
+        """Return the state after h [s]; the very same one where the arm sticks."""
+        self._is_stiff = self._is_damped and self._damping_rate(state.q, h) * h > STIFF
+        if self._play is None and not self._is_dry:
+            end = self._advance(state, h, self._slides, None)
+            return Leg(end.state, end.heat)
+        heat, jolted = 0.0, False
+        for event in range(_MAX_EVENTS):
+            if self._play is not None:
+                met = self._meet(state, plastic=event >= _BOUNCES)
+                state, heat, jolted = met.state, heat + met.heat, jolted or met.jolted
+            modes, a = self._choose_modes(state)
+            if modes.joints.stuck.all() and not modes.open.any():
+                return Leg(state, heat, jolted)
+            end = self._advance(state, h, modes, a)
+            if self._margin(end, modes).min() < 0.0:
+                passed, end = self._until_event(state, h, modes, a)
+                h -= passed
+            else:
+                h = 0.0
+            state, heat = end.state, heat + end.heat
+            if h <= 0.0:
+                return Leg(state, heat, jolted)
+        end = self._advance(state, h, modes, None)  # a quiver that friction damps anyway
+        return Leg(end.state, heat + end.heat, jolted)
+
+    # ------------------------------------------------------------------ modes
+
+    def _choose_modes(self, state: MotionState) -> tuple[GearModes, FloatArray | None]:
+        """Return how the joints move on from a state, and their acceleration if it is known."""
+        if self._play is None:
+            return self._slides._replace(joints=self._joint_modes(state, self._none)), None
+        touching = self._play.touching(state.q, state.theta)
+        parted = self._play.exists & (touching == 0.0)
+        opened = self._play.exists & (touching * (state.omega - state.v) < 0.0) | parted
+        J, tau, tried = self._play.inertia, self._tau, 0
+        while True:
+            modes = GearModes(
+                self._joint_modes(state, opened), np.where(opened, 0.0, touching), opened)
+            a = self._joint_acceleration(modes)(state.q, state.v)
+            push = touching * (tau - J * a)
+            wrong = np.where(opened, push, -push)
+            wrong[state.omega != state.v] = 0.0  # teeth that part
+            worst = int(np.argmax(wrong))
+            slack = 1e-12 * float(np.abs(tau).max() + np.abs(J * a).max())
+            if wrong[worst] <= slack or tried > 4 * len(tau):
+                return modes, a
+            opened, tried = opened.copy(), tried + 1
+            opened[worst] = not opened[worst]
+
+    def _joint_modes(self, state: MotionState, opened: BoolArray) -> Modes:
+        v = state.v
+        if not self._is_dry:
+            return self._slides.joints
+        if v.all():
+            return Modes(np.where(self._rubs, np.sign(v), 0.0), self._none)
+        return choose_modes(
+            self._body_with(opened).mass_matrix(state.q), v, self._effort(state.q, v, opened),
+            self._friction.dry(v), self._friction.static)
+
+    def _meet(self, state: MotionState, plastic: bool) -> Leg:
+        """Return the state after all teeth that touch and approach have met."""
+        assert self._play is not None
+        play, (q, v, theta, omega) = self._play, state
+        side = play.touching(q, theta)
+        closing = side * (omega - v)
+        if closing.max() <= 0.0:
+            return Leg(state, 0.0)
+        M = self._body_with(play.exists).mass_matrix(q)
+        heat, meetings = 0.0, 0
+        while closing.max() > 0.0:
+            if plastic or closing.max() < _SLOW or meetings > _BOUNCES:
+                # All at once: one after the other they would lift each other off without end.
+                v, omega, lost = play.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
+            else:
+                j = int(np.argmax(closing))
+                held = (side != 0.0) & (closing == 0.0)
+                v, omega, lost = play.meet(j, M, held, side, v, omega)
+            heat, meetings = heat + lost, meetings + 1
+            closing = side * (omega - v)
+        theta = np.where((side != 0.0) & (closing == 0.0), q + side * play.half_gap, theta)
+        return Leg(MotionState(q, v, theta, omega), heat, True)
+
+    # ------------------------------------------------------------------ events
+
+    def _until_event(
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
+    ) -> tuple[float, _End]:
+        """Return the time [s] until the first event, and the way there."""
+        early, late, time, before = 0.0, h, h, (0.0, np.nan)
+        end = self._advance(state, h, modes, a)
+        margin = self._margin(end, modes)
+        close = _EVENT_TOLERANCE * max(-float(margin.min()), 0.1)
+        for i in range(1, _EVENT_ITERATIONS):
+            j = int(np.argmin(margin))
+            worth = float(margin[j])
+            if abs(worth) <= close or late - early <= _EVENT_TOLERANCE * h:
+                break
+            early, late = (time, late) if worth > 0.0 else (early, time)
+            rate = self._margin_rate(j, worth, end.state, end.a, modes)
+            if rate is None:  # what can be told from the trial before
+                rate = (worth - before[1]) / (time - before[0])
+            guess = time - worth / rate if rate else np.nan
+            if i == 1 and modes.open[j] and a is not None:
+                guess = self._time_across(j, state, a, end.state)
+            before = time, worth
+            # Newton's step, kept between the trials on either side.
+            time = guess if i % 4 and early < guess < late else 0.5 * (early + late)
+            end = self._advance(state, time, modes, a)
+            margin = self._margin(end, modes)
+        q, v, theta, omega = end.state
+        direction = modes.joints.direction
+        onward = np.where(direction != 0.0, direction * v, np.inf)
+        stops = (onward <= 0.0) | (onward == margin.min())
+        stopped = MotionState(
+            q, np.where(stops, 0.0, v), theta, np.where(stops & ~modes.open, 0.0, omega))
+        return time, end._replace(state=stopped)
+
+    def _time_across(
+        self, j: int, state: MotionState, a: FloatArray, after: MotionState,
+    ) -> float:
+        """Return when [s] the teeth of joint j meet, if its accelerations stay the same."""
+        assert self._play is not None
+        side = np.sign(after.theta[j] - after.q[j])
+        distance = self._play.half_gap[j] - side * (state.theta[j] - state.q[j])
+        speed = side * (state.omega[j] - state.v[j])
+        half = 0.5 * side * (self._tau[j] / self._play.inertia[j] - a[j])
+        root = np.sqrt(max(speed * speed + 4.0 * half * distance, 0.0))
+        # The later root of half t² + speed t = distance, in the form without cancellation.
+        return float(2.0 * distance / (speed + root) if speed > 0.0 else (
+            (root - speed) / (2.0 * half) if half else np.nan))
+
+    def _margin_rate(
+        self, j: int, margin: float, state: MotionState, a: FloatArray, modes: GearModes,
+    ) -> float | None:
+        """Return how fast the margin of joint j changes, or None where that is not at hand."""
+        direction = modes.joints.direction[j]
+        if direction * state.v[j] == margin:
+            return float(direction * a[j])
+        if modes.open[j]:
+            return float(-np.sign(state.theta[j] - state.q[j]) * (state.omega[j] - state.v[j]))
+        return None
+
+    def _margin(self, end: _End, modes: GearModes) -> FloatArray:
+        """Return (n,), negative where a joint turned round or slips, or teeth meet or part."""
+        q, v, theta, _ = end.state
+        direction, stuck = modes.joints
+        margin = np.where(direction != 0.0, direction * v, np.inf)
+        if stuck.any():
+            effort = self._effort(q, v, modes.open) - direction * self._friction.dry(v)
+            M = self._body_with(modes.open).mass_matrix(q)
+            friction = hold(M, effort, stuck).friction
+            margin = np.where(
+                stuck, self._friction.static * (1.0 + 1e-9) - np.abs(friction), margin)
+        if self._play is None:
+            return np.asarray(margin)
+        room = np.where(modes.open, self._play.room(q, theta), np.inf)
+        push = modes.side * (self._tau - self._play.inertia * end.a)
+        slack = 1e-9 * (np.abs(self._tau) + 1e-3)
+        return np.minimum(margin, np.where(modes.side != 0.0, push + slack, room))
+
+    # ------------------------------------------------------------------ forces
+
+    def _body_with(self, opened: BoolArray) -> RigidBody:
+        """Return the rigid bodies without the rotors of motors on their own."""
+        if self._play is None or not opened.any():
+            return self._body
+        key = opened.tobytes()
+        if key not in self._bodies:
+            self._bodies[key] = RigidBody(self._arm.with_rotors_apart(opened))
+        return self._bodies[key]
+
+    def _effort(self, q: FloatArray, v: FloatArray, opened: BoolArray) -> FloatArray:
+        """Return what is left to accelerate the joints, but for dry friction."""
+        body = self._body
+        effort = self._joint_tau - body.nonlinear(q, v) - self._friction.viscous * v
+        if opened.any():
+            effort = effort - self._tau * opened
+        return effort - body.external(q, self._wrenches) if self._wrenches else effort
+
+    def _against_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
+        """Return what sliding friction leaves of the efforts at the joints, (..., n), by v."""
+        friction, direction = self._friction, modes.joints.direction
+        tau = self._joint_tau
+        if self._play is not None:
+            tau = np.where(modes.open, -friction.offset, tau)
+        if not (self._is_dry or self._is_damped):
+            return lambda v: tau
+        F_v, base = friction.viscous, tau - direction * friction.coulomb
+        if not self._has_stribeck_effect:
+            return lambda v: base - F_v * v
+        rise, rate = direction * (friction.static - friction.coulomb), (
+            1.0 / friction.stribeck_velocity)
+
+        def remaining(v: FloatArray) -> FloatArray:
+            ratio = v * rate
+            return np.asarray(base - F_v * v - rise * np.exp(-ratio * ratio))
+
+        return remaining
+
+    def _joint_acceleration(self, modes: GearModes) -> Acceleration:
+        """Return the joints' acceleration (n,) in these modes, by q and v."""
+        body, wrenches, stuck = self._body_with(modes.open), self._wrenches, modes.joints.stuck
+        remaining = self._against_friction(modes)
+        if not stuck.any():
+            return lambda q, v: body.acceleration(q, v, remaining(v), wrenches)
+
+        def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
+            effort = remaining(v) - body.nonlinear(q, v)
+            if wrenches:
+                effort = effort - body.external(q, wrenches)
+            return hold(body.mass_matrix(q), effort, stuck).acceleration
+
+        return acceleration
+
+    # ------------------------------------------------------------------ integration
+
+    def _damping_rate(self, q: FloatArray, h: float) -> float:
+        if self._slowest_damping * h <= STIFF:
+            return self._slowest_damping
+        opened = self._none if self._play is None else self._play.exists
+        return damping_rate(self._body_with(opened).mass_matrix(q), self._friction.viscous)
+
+    def _advance(
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
+    ) -> _End:
+        """Return the state after h [s] in these modes; `a` (n,) is the acceleration at first."""
+        n, alone = len(state.q), np.flatnonzero(modes.open)
+        acceleration = self._joint_acceleration(modes)
+        q, v = state.q, state.v
+        if len(alone):  # motors on their own are coordinates of their own
+            assert self._play is not None
+            spin_up = self._tau[alone] / self._play.inertia[alone]
+            of_joints = acceleration
+
+            def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
+                return np.concatenate((of_joints(q[:n], v[:n]), spin_up))
+
+            q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
+            a = None if a is None else np.concatenate((a, spin_up))
+        if self._is_stiff:
+            return self._damped(state, q, v, h, acceleration, modes)
+        halvings = _MAX_HALVINGS if self._has_stribeck_effect else 0
+        return self._runge_kutta(state, q, v, a, h, acceleration, modes, halvings)
+
+    def _gather(
+        self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,
+    ) -> MotionState:
+        """Return the state of joints and motors from the coordinates of `_advance`."""
+        n = len(before.q)
+        if self._play is None:
+            return MotionState(q, v, q, v)
+        joint_q, joint_v = q[:n], v[:n]
+        theta, omega = joint_q + modes.side * self._play.half_gap, joint_v.copy()
+        theta[modes.open], omega[modes.open] = q[n:], v[n:]
+        return MotionState(joint_q, joint_v, theta, omega)
+
+    def _damped(
+        self, state: MotionState, q: FloatArray, v: FloatArray, h: float,
+        acceleration: Acceleration, modes: GearModes,
+    ) -> _End:
+        n, alone = len(state.q), modes.open
+        M, viscous, free = np.zeros((len(q), len(q))), np.zeros(len(q)), np.ones(len(q), bool)
+        M[:n, :n] = self._body_with(alone).mass_matrix(state.q)
+        viscous[:n], free[:n] = self._friction.viscous, ~modes.joints.stuck
+        if len(q) > n:
+            assert self._play is not None
+            np.fill_diagonal(M[n:, n:], self._play.inertia[alone])
+        q, v = damped_step(q, v, h, acceleration, M, viscous, free)
+        after = self._gather(state, q, v, modes)
+        return _End(after, self._lost(state, after), acceleration(q, v)[:n])
+
+    def _runge_kutta(
+        self, state: MotionState, q: FloatArray, v: FloatArray, a: FloatArray | None, h: float,
+        acceleration: Acceleration, modes: GearModes, halvings: int,
+    ) -> _End:
+        step = runge_kutta_step(q, v, h, acceleration, a)
+        if halvings and step.error(h, acceleration) > _STRIBECK_TOLERANCE:
+            first = self._runge_kutta(
+                state, q, v, a, 0.5 * h, acceleration, modes, halvings - 1)
+            second = self._runge_kutta(
+                first.state, *self._coordinates(first.state, modes), None, 0.5 * h, acceleration,
+                modes, halvings - 1)
+            return second._replace(heat=first.heat + second.heat)
+        n = len(state.q)
+        after = self._gather(state, step.position, step.velocity, modes)
+        # The last stage is at the end of the step, but for an error of order h⁵.
+        a_end = step.accelerations[-1, :n]
+        if not (self._is_dry or self._is_damped):
+            return _End(after, 0.0, a_end)
+        joint_v = step.velocities[:, :n]
+        given = np.where(modes.open, 0.0, self._tau)
+        friction = given - self._against_friction(modes)(joint_v)
+        return _End(after, h * float(WEIGHTS @ (friction * joint_v).sum(axis=1)), a_end)
+
+    def _coordinates(
+        self, state: MotionState, modes: GearModes,
+    ) -> tuple[FloatArray, FloatArray]:
+        if not modes.open.any():
+            return state.q, state.v
+        return (np.concatenate((state.q, state.theta[modes.open])),
+                np.concatenate((state.v, state.omega[modes.open])))
+
+    def _lost(self, before: MotionState, after: MotionState) -> float:
+        """Return the work less the gain in energy: what friction took, by energy balance [J]."""
+        body, work = self._body, float(self._tau @ (after.theta - before.theta))
+        if self._wrenches:  # at both ends: of the order of the step that this is the balance of
+            work -= 0.5 * float((after.q - before.q) @ sum(
+                body.external(state.q, self._wrenches) for state in (before, after)))
+        return work + self.kinetic_energy(before) - self.kinetic_energy(after) + (
+            body.potential_energy(before.q) - body.potential_energy(after.q))
