@@ -37,7 +37,7 @@ LAYERS = {
     'core': (
         'actuator', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
         'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
-        'sticking', 'trajectory', 'trajectory_checks', 'urdf', 'validation',
+        'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),

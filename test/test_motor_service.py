@@ -15,6 +15,7 @@
 """The services speak of motors where there are any, in the order of the request."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,6 +33,15 @@ MOTORS = {
     'voltage_limit': [48.0, 48.0]}
 PARAMETERS = {'joints': NAMES, **{f'actuator.{name}': value for name, value in MOTORS.items()}}
 Q, V, A = [0.8, 0.5], [0.5, -0.3], [0.1, 0.2]
+
+
+def with_transmissions(*reductions: object) -> str:
+    """Return the default arm whose transmissions state these, from the first joint on."""
+    elements = ''.join(
+        f'<transmission name="t{i}"><joint name="joint{i}"/><actuator name="m{i}">'
+        f'<mechanicalReduction>{reduction}</mechanicalReduction></actuator></transmission>'
+        for i, reduction in enumerate(reductions, start=1))
+    return default_arm_urdf().replace('</robot>', f'{elements}</robot>')
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -76,13 +86,33 @@ def test_forward_dynamics_takes_the_rotors_along(
     assert "current of the motor of 'joint1'" in answer.message
 
 
+def test_the_urdfs_transmissions_are_the_gear_ratios(
+        client: RosClient, dynamics: ArmDynamics) -> None:
+    parameters = {
+        **PARAMETERS, 'actuator.gear_ratio': [], 'robot_description': with_transmissions(100, 50)}
+    with NodeProcess(DYNAMICS, parameters, namespace='/described'):
+        answer = client.call(
+            InverseDynamics, '/described/dynamics/inverse_dynamics',
+            InverseDynamics.Request(position=Q, velocity=V, acceleration=A))
+    q, v, a = (np.array(x) for x in (Q, V, A))
+    effort = dynamics.inverse_dynamics(q, v, a)
+    assert list(answer.effort) == pytest.approx(effort)
+    actuators = dynamics.arm.actuators
+    assert actuators is not None
+    assert list(answer.motor_current) == pytest.approx(actuators.load(effort, v, a).current)
+
+
 @pytest.mark.parametrize(('changes', 'words'), [
     ({'actuator.efficiency': [1.0, 0.0]}, "actuator.efficiency of 'joint2' is 0"),
     ({'actuator.gear_ratio': [0.0]}, "actuator.gear_ratio of 'joint1' is 0"),
     ({'actuator.resistance': [1.0, 2.0, 3.0]}, 'actuator.resistance has 3 values, expected 2'),
+    ({'actuator.gear_ratio': [], 'robot_description': with_transmissions(100)},
+     "no <transmission> of the URDF states a mechanicalReduction for ['joint2']"),
+    ({'actuator.gear_ratio': [], 'robot_description': with_transmissions(100, 'fifty')},
+     "transmission of joint 'joint2': mechanicalReduction is 'fifty', expected a number"),
     ({'friction.coulomb': [1.0], 'friction.static': [0.5]}, "friction.static of 'joint1' is 0.5"),
 ])
-def test_bad_parameters_are_refused(changes: dict[str, list[float]], words: str) -> None:
+def test_bad_parameters_are_refused(changes: dict[str, Any], words: str) -> None:
     parameters = {**PARAMETERS, **changes}
     node = NodeProcess(DYNAMICS, parameters, node_name='refused', ready=None).start()
     assert node.wait() == 1
