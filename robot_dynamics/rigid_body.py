@@ -219,9 +219,7 @@ class RigidBody:
             except np.linalg.LinAlgError:
                 a = np.full_like(rest, np.nan)
         if not np.isfinite(a).all():
-            raise InvalidInputError(
-                f'forward dynamics at position {q.tolist()} has no finite solution: the mass '
-                'matrix is singular, expected every joint to move some mass or inertia')
+            raise singular_mass_matrix(q)
         return np.asarray(a)
 
     def kinetic_energy(self, q: FloatArray, v: FloatArray) -> float:
@@ -241,3 +239,10 @@ class RigidBody:
             forces[frame.parentJoint] += frame.placement.act(
                 pin.Force(wrench.force, wrench.torque))
         return pin.StdVec_Force(forces) if forces else pin.StdVec_Force()
+
+
+def singular_mass_matrix(q: FloatArray) -> InvalidInputError:
+    """Return the error of forward dynamics at a position where M(q) has no inverse."""
+    return InvalidInputError(
+        f'forward dynamics at position {q.tolist()} has no finite solution: the mass matrix is '
+        'singular, expected every joint to move some mass or inertia')
