@@ -55,7 +55,7 @@ class Spring:
 
     def __init__(self, client: RosClient) -> None:
         self.over = threading.Event()
-        self._publisher = client.node.create_publisher(JointState, COMMANDS, 1)
+        self._publisher = client.node.create_publisher(JointState, COMMANDS, KEEP_MANY)
         client.node.create_subscription(JointState, STATES, self._answer, KEEP_MANY)
 
     def _answer(self, state: JointState) -> None:
