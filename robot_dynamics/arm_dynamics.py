@@ -21,8 +21,10 @@ What the actuators of an arm must deliver: rigid bodies and friction together.
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.rigid_body import ExternalWrench, RigidBody, singular_mass_matrix
+from robot_dynamics.sticking import choose_modes, hold
 from robot_dynamics.validation import FloatArray
 
 
@@ -50,12 +52,18 @@ class ArmDynamics:
         self.arm = arm
         self.rigid_body = RigidBody(arm)
         self.friction = arm.friction
+        self._dry = arm.friction.static > 0.0
+        self._is_dry = bool(self._dry.any())
 
     def inverse_dynamics(
         self, q: FloatArray, v: FloatArray, a: FloatArray,
         wrenches: Sequence[ExternalWrench] = (),
     ) -> FloatArray:
-        """Return the effort (n,) that produces the acceleration a at the state (q, v)."""
+        """
+        Return the effort (n,) that produces the acceleration a at the state (q, v).
+
+        At rest any dry friction up to F_s fits; it is taken as 0.
+        """
         return self.rigid_body.inverse_dynamics(q, v, a, wrenches) + self.friction.effort(v)
 
     def inverse_dynamics_batch(
@@ -68,8 +76,33 @@ class ArmDynamics:
         self, q: FloatArray, v: FloatArray, tau: FloatArray,
         wrenches: Sequence[ExternalWrench] = (),
     ) -> FloatArray:
-        """Return the acceleration (n,) that the effort tau produces at the state (q, v)."""
+        """
+        Return the acceleration (n,) that the effort tau produces at the state (q, v).
+
+        A joint with dry friction at rest, its velocity exactly 0, stays there while at most F_s
+        holds it (`sticking`); beyond, it breaks away against F_s. Raises InvalidInputError where
+        M(q) is singular: a joint that moves no mass.
+        """
+        if self._is_dry and bool((self._dry & (v == 0.0)).any()):
+            return self._acceleration_from_rest(q, v, tau, wrenches)
         return self.rigid_body.forward_dynamics(q, v, tau - self.friction.effort(v), wrenches)
+
+    def _acceleration_from_rest(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Sequence[ExternalWrench],
+    ) -> FloatArray:
+        body, friction = self.rigid_body, self.friction
+        M, sliding = body.mass_matrix(q), friction.dry(v)
+        effort = tau - body.nonlinear(q, v) - friction.viscous * v - friction.offset
+        if wrenches:
+            effort = effort - body.external(q, wrenches)
+        try:
+            modes = choose_modes(M, v, effort, sliding, friction.static)
+            a = hold(M, effort - modes.direction * sliding, modes.stuck).acceleration
+        except np.linalg.LinAlgError:
+            a = np.full_like(effort, np.nan)
+        if not np.isfinite(a).all():
+            raise singular_mass_matrix(q)
+        return a
 
     def terms(
         self, q: FloatArray, v: FloatArray, a: FloatArray,

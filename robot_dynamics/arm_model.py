@@ -15,7 +15,7 @@
 """An arm as the rest of the package sees it: joints by name, limits, links, and payload."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,7 @@ from robot_dynamics.coordinates import JointCoordinates
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.friction import JointFriction, make_friction
 from robot_dynamics.payload import Payload
+from robot_dynamics.transmissions import gear_ratio, Reductions
 from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.validation import check_unique, check_vector, FloatArray
 
@@ -72,10 +73,21 @@ class ArmModel:
     bare_engine: pin.Model
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
+    reductions: Reductions = field(default_factory=dict)
 
     @property
     def joint_count(self) -> int:
         return len(self.joint_names)
+
+    @property
+    def gear_ratios(self) -> dict[str, float]:
+        """
+        The gear ratios N that transmissions of the URDF state, by joint; a joint may have none.
+
+        Raises ModelError where one is zero, no number, or stated differently twice.
+        """
+        ratios = {name: gear_ratio(name, self.reductions) for name in self.joint_names}
+        return {name: ratio for name, ratio in ratios.items() if ratio is not None}
 
     def link_frame(self, link: str, field: str = 'frame_id') -> pin.Frame:
         """Return Pinocchio's frame of a link; raise InvalidInputError for an unknown one."""
@@ -177,6 +189,7 @@ def load_arm(
         coordinates=JointCoordinates(G, q0),
         engine=engine,
         bare_engine=engine,
+        reductions=robot.reductions,
     )
 
 

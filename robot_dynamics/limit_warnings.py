@@ -19,6 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from robot_dynamics.actuator import ActuatorLoad
 from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.trajectory_efforts import TrajectoryEfforts
 from robot_dynamics.validation import FloatArray
 
 
@@ -44,6 +45,16 @@ def motor_warnings(arm: ArmModel, load: ActuatorLoad) -> list[str]:
             ('voltage', 'V', load.voltage, load.voltage_ratio))
         for name, value, ratio in zip(arm.joint_names, values.tolist(), ratios.tolist())
         if ratio > 1.0]
+
+
+def worst_in_words(result: TrajectoryEfforts) -> str:
+    """Return which limit a trajectory comes closest to, or exceeds most; '' without limits."""
+    if result.worst_ratio == 0.0:
+        return ''
+    of_motor = '' if result.worst_limit == 'effort' else 'the motor of '
+    return (
+        f'{result.worst_limit} of {of_motor}{result.worst_joint!r} is {result.worst_ratio:.3g} '
+        f'times its limit at {result.worst_time:g} s, the most of all')
 
 
 def _outside(

@@ -18,8 +18,9 @@ The motion of an arm while the efforts of its motors stay the same.
 The rigid bodies are integrated with `runge_kutta`, viscous friction with them, or where it is too
 stiff for that with `damped_step`. Between events the motion is smooth, so that the method keeps
 its order; a step ends where a joint comes to rest or breaks away (`sticking`), and where teeth
-meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are halved until
-the method's own estimate of the error is small: that part of the motion lasts milliseconds.
+meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are cut into
+pieces for which the method's own estimate of the error is small: that part of the motion lasts
+milliseconds.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +31,12 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.backlash import Backlash
 from robot_dynamics.damped_step import damped_step, damping_rate
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
-from robot_dynamics.runge_kutta import Acceleration, runge_kutta_step, WEIGHTS
+from robot_dynamics.runge_kutta import (
+    Acceleration,
+    runge_kutta_step,
+    RungeKuttaStep,
+    WEIGHTS,
+)
 from robot_dynamics.sticking import BoolArray, choose_modes, hold, Modes
 from robot_dynamics.validation import FloatArray
 
@@ -43,9 +49,10 @@ _SLOW = 1e-3
 """[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
 _EVENT_ITERATIONS = 60
 _EVENT_TOLERANCE = 1e-12
-_STRIBECK_TOLERANCE = 1e-9
-"""[rad/s] or [m/s] of error a step where friction falls with speed."""
-_MAX_HALVINGS = 10
+_STRIBECK_TOLERANCE = 1e-7
+"""Error of √M q̇ [J^½] that a piece of a step may have where friction falls with speed."""
+_FINEST = 2.0**-10
+"""Share of a step that such a piece is at least."""
 
 
 class MotionState(NamedTuple):
@@ -119,7 +126,8 @@ class Motion:
 
     def step(self, state: MotionState, h: float) -> Leg:
         """Return the state after h [s]; the very same one where the arm sticks."""
-        self._is_stiff = self._is_damped and self._damping_rate(state.q, h) * h > STIFF
+        if self._has_stribeck_effect:
+            self._root_inertia = np.sqrt(np.diag(self._body.mass_matrix(state.q)))
         if self._play is None and not self._is_dry:
             end = self._advance(state, h, self._slides, None)
             return Leg(end.state, end.heat)
@@ -334,11 +342,13 @@ class Motion:
 
     # ------------------------------------------------------------------ integration
 
-    def _damping_rate(self, q: FloatArray, h: float) -> float:
-        if self._slowest_damping * h <= STIFF:
-            return self._slowest_damping
-        opened = self._none if self._play is None else self._play.exists
-        return damping_rate(self._body_with(opened).mass_matrix(q), self._friction.viscous)
+    def _is_stiff(self, q: FloatArray, h: float, opened: BoolArray) -> bool:
+        if not self._is_damped:
+            return False
+        if self._slowest_damping * h <= STIFF and not opened.any():
+            return False
+        M = self._body_with(opened).mass_matrix(q)
+        return damping_rate(M, self._friction.viscous) * h > STIFF
 
     def _advance(
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
@@ -357,10 +367,12 @@ class Motion:
 
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
-        if self._is_stiff:
+        if self._is_stiff(state.q, h, modes.open):
             return self._damped(state, q, v, h, acceleration, modes)
-        halvings = _MAX_HALVINGS if self._has_stribeck_effect else 0
-        return self._runge_kutta(state, q, v, a, h, acceleration, modes, halvings)
+        if self._has_stribeck_effect:
+            return self._in_pieces(state, q, v, a, h, acceleration, modes)
+        step = runge_kutta_step(q, v, h, acceleration, a)
+        return self._end(state, step, h, modes)
 
     def _gather(
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,
@@ -389,36 +401,42 @@ class Motion:
         after = self._gather(state, q, v, modes)
         return _End(after, self._lost(state, after), acceleration(q, v)[:n])
 
-    def _runge_kutta(
+    def _in_pieces(
         self, state: MotionState, q: FloatArray, v: FloatArray, a: FloatArray | None, h: float,
-        acceleration: Acceleration, modes: GearModes, halvings: int,
+        acceleration: Acceleration, modes: GearModes,
     ) -> _End:
-        step = runge_kutta_step(q, v, h, acceleration, a)
-        if halvings and step.error(h, acceleration) > _STRIBECK_TOLERANCE:
-            first = self._runge_kutta(
-                state, q, v, a, 0.5 * h, acceleration, modes, halvings - 1)
-            second = self._runge_kutta(
-                first.state, *self._coordinates(first.state, modes), None, 0.5 * h, acceleration,
-                modes, halvings - 1)
-            return second._replace(heat=first.heat + second.heat)
+        """Return the same with steps as short as the error of each asks for."""
+        weights = np.ones_like(q)
+        weights[:len(state.q)] = self._root_inertia
+        heat, rest, piece = 0.0, h, h
+        while True:
+            step = runge_kutta_step(q, v, piece, acceleration, a)
+            error = step.error(piece, acceleration, weights)
+            ratio = 0.9 * (_STRIBECK_TOLERANCE / (error + 1e-30))**0.2
+            if ratio < 0.9 and piece > _FINEST * h:
+                piece = max(piece * max(ratio, 0.1), _FINEST * h)
+                continue
+            end = self._end(state, step, piece, modes)
+            heat, rest = heat + end.heat, rest - piece
+            if rest <= 1e-12 * h:
+                return end._replace(heat=heat)
+            q, v, a = step.position, step.velocity, None
+            piece = min(rest, piece * min(ratio, 5.0))
+
+    def _end(
+        self, state: MotionState, step: RungeKuttaStep, h: float, modes: GearModes,
+    ) -> _End:
+        """Return where a step of h [s] leads, and the heat of friction on the way."""
         n = len(state.q)
         after = self._gather(state, step.position, step.velocity, modes)
         # The last stage is at the end of the step, but for an error of order h⁵.
         a_end = step.accelerations[-1, :n]
         if not (self._is_dry or self._is_damped):
             return _End(after, 0.0, a_end)
-        joint_v = step.velocities[:, :n]
+        v = step.velocities[:, :n]
         given = np.where(modes.open, 0.0, self._tau)
-        friction = given - self._against_friction(modes)(joint_v)
-        return _End(after, h * float(WEIGHTS @ (friction * joint_v).sum(axis=1)), a_end)
-
-    def _coordinates(
-        self, state: MotionState, modes: GearModes,
-    ) -> tuple[FloatArray, FloatArray]:
-        if not modes.open.any():
-            return state.q, state.v
-        return (np.concatenate((state.q, state.theta[modes.open])),
-                np.concatenate((state.v, state.omega[modes.open])))
+        friction = given - self._against_friction(modes)(v)
+        return _End(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
 
     def _lost(self, before: MotionState, after: MotionState) -> float:
         """Return the work less the gain in energy: what friction took, by energy balance [J]."""

@@ -208,9 +208,7 @@ class RigidBody:
         """
         a = self.acceleration(q, v, tau, wrenches)
         if not np.isfinite(a).all():
-            raise InvalidInputError(
-                f'forward dynamics at position {q.tolist()} has no finite solution: the mass '
-                'matrix is singular, expected every joint to move some mass or inertia')
+            raise singular_mass_matrix(q)
         return a
 
     def acceleration(
@@ -248,3 +246,10 @@ class RigidBody:
             forces[frame.parentJoint] += frame.placement.act(
                 pin.Force(wrench.force, wrench.torque))
         return pin.StdVec_Force(forces) if forces else pin.StdVec_Force()
+
+
+def singular_mass_matrix(q: FloatArray) -> InvalidInputError:
+    """Return the error of forward dynamics at a position where M(q) has no inverse."""
+    return InvalidInputError(
+        f'forward dynamics at position {q.tolist()} has no finite solution: the mass matrix is '
+        'singular, expected every joint to move some mass or inertia')

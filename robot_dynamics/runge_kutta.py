@@ -52,11 +52,11 @@ class RungeKuttaStep(NamedTuple):
     velocities: FloatArray
     accelerations: FloatArray
 
-    def error(self, h: float, acceleration: Acceleration) -> float:
-        """Return the estimated error of the velocity after the step of h [s]."""
+    def error(self, h: float, acceleration: Acceleration, weights: FloatArray) -> float:
+        """Return the largest estimated error, times its weight, of the velocity after h [s]."""
         end = acceleration(self.position, self.velocity)
         error = _ERROR_WEIGHTS @ self.accelerations + _ERROR_WEIGHT_OF_END * end
-        return h * float(np.abs(error).max())
+        return h * float(np.abs(weights * error).max())
 
 
 def runge_kutta_step(

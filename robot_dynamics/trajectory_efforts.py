@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
 from robot_dynamics.validation import FloatArray
 
@@ -26,7 +27,9 @@ class TrajectoryEfforts(NamedTuple):
     """
     Efforts (points, n) at the points, and where they come closest to the arm's limits.
 
-    `worst_ratio` is |effort| / limit of `worst_joint` at `worst_time` [s] from the start.
+    `worst_ratio` is |value| / limit of `worst_joint` at `worst_time` [s] from the start, and
+    `worst_limit` says of what: 'effort', or with motors 'current' or 'voltage', which are steady
+    (`Actuators.load`). Without any limit it is 0.
     """
 
     efforts: FloatArray
@@ -34,6 +37,7 @@ class TrajectoryEfforts(NamedTuple):
     worst_joint: str
     worst_ratio: float
     worst_time: float
+    worst_limit: str
 
 
 def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> TrajectoryEfforts:
@@ -55,9 +59,21 @@ def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Tr
             sample.acceleration if point.acceleration is None else point.acceleration))
     q, v, a = (np.array(rows) for rows in zip(*motion))
     efforts = dynamics.inverse_dynamics_batch(q, v, a)
-    ratios = np.abs(efforts) / dynamics.arm.limits.effort
-    i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
-    worst = float(ratios[i, joint])
+    shares = _shares(dynamics.arm, efforts, v, a)
+    ratios = np.array(list(shares.values()))
+    limit, i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    worst = float(ratios[limit, i, joint])
     return TrajectoryEfforts(
         efforts, worst <= 1.0, dynamics.arm.joint_names[joint], worst,
-        trajectory.points[i].time_from_start)
+        trajectory.points[i].time_from_start, list(shares)[limit])
+
+
+def _shares(
+    arm: ArmModel, efforts: FloatArray, v: FloatArray, a: FloatArray,
+) -> dict[str, FloatArray]:
+    """Return |value| / limit, (points, n), of all that is limited."""
+    shares: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
+    if arm.actuators is not None:
+        load = arm.actuators.load(efforts, v, a)
+        shares.update(current=load.current_ratio, voltage=load.voltage_ratio)
+    return shares

@@ -20,11 +20,12 @@ Only what dynamics needs is read; geometry is left to others. Source: the URDF X
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 import xml.etree.ElementTree as ElementTree
 
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.transmissions import read_reductions, Reductions
 
 MOVING_KINDS = ('revolute', 'continuous', 'prismatic')
 SUPPORTED_KINDS = (*MOVING_KINDS, 'fixed')
@@ -81,6 +82,8 @@ class UrdfRobot:
     engine_xml: str
     """The same tree for Pinocchio: continuous joints as unlimited revolute ones (one coordinate
     each instead of cosine and sine), no geometry, no mimic relations."""
+    reductions: Reductions = field(default_factory=dict)
+    """What transmissions state, by joint; see `transmissions`."""
 
     def joint(self, name: str) -> UrdfJoint:
         return next(joint for joint in self.joints if joint.name == name)
@@ -108,7 +111,8 @@ def parse_urdf(xml: str) -> UrdfRobot:
     joints = tuple(_parse_joint(element, link_names) for element in elements)
     root_link = _check_tree(link_names, joints)
     _check_mimics(joints)
-    return UrdfRobot(name, root_link, link_names, joints, _engine_xml(root))
+    return UrdfRobot(
+        name, root_link, link_names, joints, _engine_xml(root), read_reductions(root))
 
 
 def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:

@@ -41,7 +41,7 @@ os.environ.setdefault(
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|rclpy|robot_dynamics_interfaces|robot_dynamics\.ros|'
+    r'^(from|import) (ros_harness|stick_slip|rclpy|robot_dynamics_interfaces|robot_dynamics\.ros|'
     r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 

@@ -14,6 +14,8 @@
 
 """Friction that the controller knows of: how much better it tracks, without chatter."""
 
+from typing import NamedTuple
+
 import numpy as np
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains
@@ -37,27 +39,43 @@ def with_friction(share: float) -> ArmModel:
     return ARM.with_friction(make_friction(ARM.joint_names, **parameters))
 
 
-def run(known_share: float, seconds: float = 6.0, still: float = 0.0, noise: float = 0.0) -> (
-        tuple[np.ndarray, np.ndarray]):
-    """Return error and command, (samples, 2), of the default arm with friction in closed loop."""
+class Run(NamedTuple):
+    """Error, command, what was added for friction, measured and true velocity, (samples, 2)."""
+
+    error: np.ndarray
+    command: np.ndarray
+    friction: np.ndarray
+    measured_velocity: np.ndarray
+    velocity: np.ndarray
+
+
+def run(
+    known_share: float, seconds: float = 6.0, still: float = 0.0, velocity_noise: float = 0.0,
+    position_noise: float = 0.0, mode: str = 'reference',
+) -> Run:
+    """Run the default arm with friction in closed loop: a motion, then the reference rests."""
     model = with_friction(known_share)
     motion = make_reference_motion(ARM, seconds).trajectory
-    controller = Controller(model, ControllerOptions(make_gains(ARM.joint_names)))
+    controller = Controller(model, ControllerOptions(
+        make_gains(ARM.joint_names), friction_compensation=mode))
     controller.follow(motion, 1)
     simulation = ArmSimulation(with_friction(1.0), motion.points[0].position)
     simulation.release()
     random = np.random.default_rng(0)
-    errors, commands = [], []
+    rows = []
     for k in range(int((seconds + still) / PERIOD)):
         q, v = simulation.state
-        measured = v + noise * random.standard_normal(2)
-        output = controller.update(1 + round(1e9 * k * PERIOD), q, measured)
+        measured = v + velocity_noise * random.standard_normal(2)
+        output = controller.update(
+            1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured,
+            with_terms=True)
         assert output.command is not None
-        if output.reference is not None:
-            errors.append(output.reference.position - q)
-        commands.append(output.command)
+        assert output.reference is not None
+        assert output.terms is not None
+        rows.append(
+            (output.reference.position - q, output.command, output.terms.friction, measured, v))
         simulation.step(output.command, PERIOD)
-    return np.array(errors), np.array(commands)
+    return Run(*(np.array(column) for column in zip(*rows)))
 
 
 def rms(errors: np.ndarray) -> np.ndarray:
@@ -65,28 +83,69 @@ def rms(errors: np.ndarray) -> np.ndarray:
 
 
 def test_known_friction_is_tracked_twenty_times_better() -> None:
-    without, known = rms(run(0.0)[0]), rms(run(1.0)[0])
+    without, known = rms(run(0.0).error), rms(run(1.0).error)
     print(f'RMS error without {without}, with {known}, ratio {without / known}')
     assert np.linalg.norm(without) >= 20.0 * np.linalg.norm(known)
     assert (without >= 10.0 * known).all()
 
 
 def test_a_fifth_wrong_is_still_stable_and_better_than_nothing() -> None:
-    without = rms(run(0.0)[0])
+    without = rms(run(0.0).error)
     for share in (0.8, 1.2):
-        errors, _ = run(share)
+        errors = run(share).error
         print(f'RMS error with {share:g} of the friction: {rms(errors)}')
         assert (rms(errors) < 0.5 * without).all()
         assert np.abs(errors).max() < 0.05
 
 
-def test_compensation_does_not_chatter_at_rest() -> None:
-    """The reference rests for two seconds; the measured velocity is noisy all the while."""
-    _, commands = run(1.0, seconds=3.0, still=2.0, noise=2e-3)
-    _, bare = run(0.0, seconds=3.0, still=2.0, noise=2e-3)
-    rest = slice(-900, None)
-    jumps = np.abs(np.diff(commands[rest], axis=0)).max(axis=0)
-    without = np.abs(np.diff(bare[rest], axis=0)).max(axis=0)
-    # what is added for friction does not add jumps to those of the noisy feedback
+REST = slice(-900, None)
+"""The last 1.8 s of a run whose reference rests for the last 2 s."""
+NOISE = {'position_noise': 1e-5, 'velocity_noise': 2e-3}
+
+
+def sign_changes(friction: np.ndarray) -> list[int]:
+    """Return how often the sign of each column changes; zeros are passed over."""
+    signs = [np.sign(column[column != 0.0]) for column in friction.T]
+    return [int((np.diff(sign) != 0.0).sum()) for sign in signs]
+
+
+def test_compensation_at_rest_does_not_add_to_the_noise_of_the_command() -> None:
+    commands, bare = (
+        run(share, seconds=3.0, still=2.0, velocity_noise=2e-3).command for share in (1.0, 0.0))
+    jumps = np.abs(np.diff(commands[REST], axis=0)).max(axis=0)
+    without = np.abs(np.diff(bare[REST], axis=0)).max(axis=0)
     assert (jumps < 1.5 * without + 0.05).all()
     assert (jumps < np.array(FRICTION['coulomb'])).all()
+
+
+def test_compensation_at_rest_does_not_chatter() -> None:
+    """Under noise of both sensors it changes its sign 0 times in 900 samples; sgn(v) 400 times."""
+    noisy = run(1.0, seconds=3.0, still=2.0, **NOISE)
+    naive = with_friction(1.0).friction.effort(noisy.measured_velocity[REST])
+    print(f'sign changes of the compensation {sign_changes(noisy.friction[REST])}, '
+          f'of the naive one on the same data {sign_changes(naive)}')
+    assert sign_changes(noisy.friction[REST]) == [0, 0]
+    assert min(sign_changes(naive)) > 400
+    assert not noisy.velocity[REST].any()  # it stays at rest
+
+
+def test_compensation_of_the_measured_velocity_shakes_the_arm() -> None:
+    """What the naive sign does in the loop: it changes as often, and sets the joints in motion."""
+    naive = run(1.0, seconds=3.0, still=2.0, mode='measured', **NOISE)
+    moving = (naive.velocity[REST] != 0.0).sum(axis=0)
+    print(f'sign changes {sign_changes(naive.friction[REST])}, samples in motion {moving}')
+    assert min(sign_changes(naive.friction[REST])) > 400
+    assert moving.min() > 50
+
+
+def test_without_noise_nothing_changes_its_sign_at_rest() -> None:
+    quiet = run(1.0, seconds=3.0, still=2.0)
+    assert sign_changes(quiet.friction[REST]) == [0, 0]
+    assert not np.diff(quiet.command[REST], axis=0).any()
+
+
+def test_noise_as_large_as_the_error_at_rest_turns_the_compensation_but_not_the_arm() -> None:
+    noisy = run(1.0, seconds=3.0, still=2.0, position_noise=1e-4, velocity_noise=2e-3)
+    assert sign_changes(noisy.friction[REST])[0] > 100
+    assert (np.abs(noisy.friction[REST]) < 0.6 * np.array(FRICTION['static'])).all()
+    assert not noisy.velocity[REST].any()

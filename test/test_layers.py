@@ -37,7 +37,8 @@ LAYERS = {
     'core': (
         'actuator', 'backlash', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
         'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
-        'runge_kutta', 'sticking', 'trajectory', 'trajectory_checks', 'urdf', 'validation',
+        'runge_kutta', 'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf',
+        'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),

@@ -15,6 +15,7 @@
 """The services speak of motors where there are any, in the order of the request."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,14 @@ from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar_urdf import default_arm_urdf
-from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics
+from robot_dynamics.ros.conversions import trajectory_to_ros
+from robot_dynamics.trajectory import quintic_via_points
+from robot_dynamics.trajectory_efforts import trajectory_efforts
+from robot_dynamics_interfaces.srv import (
+    ForwardDynamics,
+    InverseDynamics,
+    InverseDynamicsTrajectory,
+)
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
 NAMES = ['joint1', 'joint2']
@@ -32,6 +40,15 @@ MOTORS = {
     'voltage_limit': [48.0, 48.0]}
 PARAMETERS = {'joints': NAMES, **{f'actuator.{name}': value for name, value in MOTORS.items()}}
 Q, V, A = [0.8, 0.5], [0.5, -0.3], [0.1, 0.2]
+
+
+def with_transmissions(*reductions: object) -> str:
+    """Return the default arm whose transmissions state these, from the first joint on."""
+    elements = ''.join(
+        f'<transmission name="t{i}"><joint name="joint{i}"/><actuator name="m{i}">'
+        f'<mechanicalReduction>{reduction}</mechanicalReduction></actuator></transmission>'
+        for i, reduction in enumerate(reductions, start=1))
+    return default_arm_urdf().replace('</robot>', f'{elements}</robot>')
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -76,13 +93,48 @@ def test_forward_dynamics_takes_the_rotors_along(
     assert "current of the motor of 'joint1'" in answer.message
 
 
+def test_a_trajectory_must_be_within_what_the_motors_have(
+        client: RosClient, dynamics: ArmDynamics) -> None:
+    path = quintic_via_points(NAMES, (0.0, 1.0, 2.0), [[0.0, 0.0], [1.5, -0.4], [0.2, 1.0]])
+    answer = client.call(
+        InverseDynamicsTrajectory, '/dynamics/inverse_dynamics_trajectory',
+        InverseDynamicsTrajectory.Request(trajectory=trajectory_to_ros(path)))
+    expected = trajectory_efforts(dynamics, path)
+    effort_alone = trajectory_efforts(ArmDynamics(load_arm(default_arm_urdf())), path)
+    assert effort_alone.feasible  # it is a motor that lacks something
+    assert answer.success
+    assert not answer.feasible
+    assert answer.worst_joint == expected.worst_joint
+    assert answer.worst_ratio == pytest.approx(expected.worst_ratio)
+    assert answer.worst_ratio > 1.0
+    assert answer.worst_time == expected.worst_time
+    assert answer.message.startswith("current of the motor of 'joint1' is ")
+
+
+def test_the_urdfs_transmissions_are_the_gear_ratios(
+        client: RosClient, dynamics: ArmDynamics) -> None:
+    parameters = {
+        **PARAMETERS, 'actuator.gear_ratio': [], 'robot_description': with_transmissions(100, 50)}
+    with NodeProcess(DYNAMICS, parameters, namespace='/described'):
+        answer = client.call(
+            InverseDynamics, '/described/dynamics/inverse_dynamics',
+            InverseDynamics.Request(position=Q, velocity=V, acceleration=A))
+    q, v, a = (np.array(x) for x in (Q, V, A))
+    effort = dynamics.inverse_dynamics(q, v, a)
+    assert list(answer.effort) == pytest.approx(effort)
+    actuators = dynamics.arm.actuators
+    assert actuators is not None
+    assert list(answer.motor_current) == pytest.approx(actuators.load(effort, v, a).current)
+
+
 @pytest.mark.parametrize(('changes', 'words'), [
-    ({'actuator.efficiency': [1.0, 0.0]}, "actuator.efficiency of 'joint2' is 0"),
-    ({'actuator.gear_ratio': [0.0]}, "actuator.gear_ratio of 'joint1' is 0"),
-    ({'actuator.resistance': [1.0, 2.0, 3.0]}, 'actuator.resistance has 3 values, expected 2'),
-    ({'friction.coulomb': [1.0], 'friction.static': [0.5]}, "friction.static of 'joint1' is 0.5"),
+    ({'actuator.gear_ratio': [], 'robot_description': with_transmissions(100)},
+     "no <transmission> of the URDF states a mechanicalReduction for ['joint2']"),
+    ({'actuator.gear_ratio': [], 'robot_description': with_transmissions(100, 'fifty')},
+     "transmission of joint 'joint2': mechanicalReduction is 'fifty', expected a number"),
 ])
-def test_bad_parameters_are_refused(changes: dict[str, list[float]], words: str) -> None:
+def test_transmissions_that_give_no_ratio_are_refused(
+        changes: dict[str, Any], words: str) -> None:
     parameters = {**PARAMETERS, **changes}
     node = NodeProcess(DYNAMICS, parameters, node_name='refused', ready=None).start()
     assert node.wait() == 1

@@ -15,6 +15,7 @@
 """The README's tables name exactly what the running nodes have; its files and tests exist."""
 
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 import re
 
@@ -39,7 +40,8 @@ def table(section: str, node: str) -> list[list[str]]:
     chapter = README.split(f'\n## {section}\n')[1].split('\n## ')[0]
     lines = chapter.split(f'\n### `{node}`\n')[1].split('\n### ')[0].splitlines()
     rows = [line for line in lines if line.startswith('|')][2:]
-    return [[cell.strip().strip('`') for cell in row.strip('|').split('|')] for row in rows]
+    return [
+        [unescape(cell.strip().strip('`')) for cell in row.strip('|').split('|')] for row in rows]
 
 
 def absolute(name: str, node: str) -> str:

@@ -46,6 +46,10 @@ MASSLESS = """<robot name="r">
 </robot>"""
 
 
+ARM_JOINTS = ['joint1', 'joint2']
+MOTORS = {'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [50.0]}
+
+
 class Case(NamedTuple):
     parameters: Mapping[str, Any]
     words: str
@@ -96,6 +100,51 @@ CASES = {
         {'initial_position': [0.0]}, r'initial_position has 1 values, expected 2', SIMULATED_ARM),
     'joints of the simulated arm': Case(
         {'joints': ['elbow']}, r"joints has 'elbow'", SIMULATED_ARM),
+    'negative friction': Case(
+        {'joints': ARM_JOINTS, 'friction.viscous': [0.5, -0.1]},
+        r'friction\.viscous\[1\] is -0\.1, expected a number in \[0, ', SIMULATED_ARM),
+    'negative dry friction': Case(
+        {'friction.coulomb': [-1.0]}, r'friction\.coulomb\[0\] is -1, expected a number'),
+    'static friction below Coulomb': Case(
+        {'joints': ARM_JOINTS, 'friction.coulomb': [1.0, 1.0], 'friction.static': [2.0, 0.5]},
+        r"friction\.static of 'joint2' is 0\.5, expected at least friction\.coulomb",
+        SIMULATED_ARM),
+    'friction that drives': Case(
+        {'friction.coulomb': [1.0], 'friction.offset': [1.5]},
+        r"friction\.offset of 'joint1' is 1\.5, expected at most friction\.coulomb"),
+    'friction that is no number': Case(
+        {'friction.coulomb': [float('nan')]}, r'friction\.coulomb\[0\] is nan', SIMULATED_ARM),
+    'wrong number of frictions': Case(
+        {'joints': ARM_JOINTS, 'friction.static': [1.0, 2.0, 3.0]},
+        r'friction\.static has 3 values, expected 2', SIMULATED_ARM),
+    'friction without an order': Case(
+        {'friction.viscous': [1.0, 2.0]}, r'friction\.viscous has 2 values, .*but the parameter'),
+    'friction of an unknown joint': Case(
+        {'joints': ['joint1', 'elbow'], 'friction.viscous': [1.0, 2.0]},
+        r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]", SIMULATED_ARM),
+    'efficiency of nothing': Case(
+        {**MOTORS, 'actuator.efficiency': [0.0]},
+        r"actuator\.efficiency of 'joint1' is 0, expected a number in \(0, 1\]", SIMULATED_ARM),
+    'efficiency above 1': Case(
+        {**MOTORS, 'actuator.efficiency': [1.2]},
+        r'actuator\.efficiency\[0\] is 1\.2, expected a number in \[0, 1\]'),
+    'no gear': Case(
+        {**MOTORS, 'actuator.gear_ratio': [0.0]},
+        r"actuator\.gear_ratio of 'joint1' is 0, expected a number other than 0", SIMULATED_ARM),
+    'gear ratio that is no number': Case(
+        {**MOTORS, 'actuator.gear_ratio': [float('nan')]}, r'actuator\.gear_ratio\[0\] is nan'),
+    'gear ratio that nobody states': Case(
+        {'actuator.torque_constant': [0.1]},
+        r"actuator\.gear_ratio is empty, and no <transmission> .*\['joint1', 'joint2'\]",
+        SIMULATED_ARM),
+    'motor without a torque constant': Case(
+        {'actuator.gear_ratio': [50.0]}, r'actuator\.torque_constant is empty, expected'),
+    'wrong number of motors': Case(
+        {**MOTORS, 'joints': ARM_JOINTS, 'actuator.resistance': [1.0, 2.0, 3.0]},
+        r'actuator\.resistance has 3 values, expected 2', SIMULATED_ARM),
+    'voltage limit without resistance': Case(
+        {**MOTORS, 'actuator.voltage_limit': [24.0]},
+        r"actuator\.resistance of 'joint1' is 0, expected a number > 0 where there is a"),
 }
 
 

@@ -16,8 +16,10 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
+from robot_dynamics.limit_warnings import worst_in_words
 from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectory import (
     JointTrajectory,
@@ -110,6 +112,42 @@ def test_without_limits_everything_is_feasible() -> None:
     assert result.feasible
     assert result.worst_ratio == 0.0
     assert result.worst_joint == 'joint1'
+    assert worst_in_words(result) == ''
+
+
+PATH = quintic_via_points(NAMES, (0.0, 0.7, 1.5), [[0.0, 0.0], [0.9, -0.4], [0.2, 1.0]])
+AMPLE = {
+    'torque_constant': [0.1, 0.1], 'gear_ratio': [100.0, 50.0], 'rotor_inertia': [1e-4, 1e-5],
+    'resistance': [0.5, 0.5], 'efficiency': [0.8, 0.8], 'current_limit': [100.0],
+    'voltage_limit': [1000.0]}
+
+
+@pytest.mark.parametrize(('changes', 'limit', 'feasible'), [
+    ({}, 'effort', True),
+    ({'current_limit': [5.0, 100.0]}, 'current', False),
+    ({'current_limit': [9.0, 100.0]}, 'current', True),
+    ({'voltage_limit': [1000.0, 2.0]}, 'voltage', False),
+])
+def test_what_motors_lack_counts_too(
+    changes: dict[str, list[float]], limit: str, feasible: bool,
+) -> None:
+    actuators = make_actuators(NAMES, **{**AMPLE, **changes})
+    dynamics = ArmDynamics(DYNAMICS.arm.with_actuators(actuators))
+    result = trajectory_efforts(dynamics, PATH)
+    shares = {'effort': [], 'current': [], 'voltage': []}
+    for point, effort in zip(PATH.points, result.efforts):
+        load = actuators.load(effort, point.velocity, point.acceleration)
+        shares['effort'].append(np.abs(effort) / LIMITS)
+        shares['current'].append(load.current_ratio)
+        shares['voltage'].append(load.voltage_ratio)
+    worst = max(np.max(rows) for rows in shares.values())
+    i, j = np.argwhere(np.array(shares[limit]) == worst)[0]
+    assert (result.worst_limit, result.feasible) == (limit, feasible)
+    assert result.worst_ratio == pytest.approx(worst)
+    assert (result.worst_joint, result.worst_time) == (NAMES[j], PATH.points[i].time_from_start)
+    words = worst_in_words(result)
+    motor = '' if limit == 'effort' else 'the motor of '
+    assert words.startswith(f'{limit} of {motor}{NAMES[j]!r} is {worst:.3g} times its limit at ')
 
 
 def test_the_load_counts() -> None:

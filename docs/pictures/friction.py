@@ -12,40 +12,36 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Draw docs/images/friction.png: the curve of friction, and a joint that sticks and slips."""
+"""
+Draw docs/images/friction.png: the curve of friction, and a joint that sticks and slips.
 
+The joint is that of the running simulated arm, in the run that test/test_stick_slip.py checks.
+"""
+
+import os
 from pathlib import Path
 import sys
+import tempfile
 from typing import Any
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.friction import make_friction
-from robot_dynamics.planar_urdf import planar_arm_urdf
 from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE, VERMILION
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.tools.demo_nodes import choose_domain
 
-STIFFNESS, PULL, PERIOD, SAMPLES = 20.0, 0.2, 1e-3, 4000
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+import stick_slip as run  # noqa: E402
 
 
 def stick_slip() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, position and spring torque of a joint pulled by a spring."""
-    arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]), gravity=(0.0, 0.0, 0.0))
-    arm = arm.with_friction(make_friction(
-        arm.joint_names, coulomb=[0.8], static=[1.5], stribeck_velocity=[0.02]))
-    simulation = ArmSimulation(arm)
-    simulation.release()
-    rows = []
-    for k in range(SAMPLES):
-        q = simulation.q[0]
-        torque = STIFFNESS * (PULL * k * PERIOD - q)
-        rows.append((k * PERIOD, q, torque))
-        simulation.step(np.array([torque]), PERIOD)
-    t, q, torque = np.array(rows).T
-    return t, q, torque
+    """Return time, position and spring torque of a joint pulled by a spring, as recorded."""
+    os.environ.update(choose_domain(os.environ))
+    with tempfile.TemporaryDirectory() as directory:
+        series = run.read_stick_slip(run.record_stick_slip(Path(directory)))
+    return series.stamps_ns / 1e9, series.position[:, 0], series.effort[:, 0]
 
 
 def draw_curve(axes: Any) -> None:
@@ -76,25 +72,29 @@ def draw_curve(axes: Any) -> None:
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
     t, q, torque = stick_slip()
+    end = [run.pulled_to(time) for time in t]
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(13.0, 3.6), layout='constrained')
         FigureCanvasAgg(figure)
         curve, motion, effort = figure.subplots(1, 3)
         draw_curve(curve)
-        motion.plot(t, PULL * t, color=ORANGE, linewidth=3.0, label='end of the spring')
+        motion.plot(t, end, color=ORANGE, linewidth=3.0, label='end of the spring')
         motion.plot(t, q, color=BLUE, label='joint')
         motion.set(xlabel='time [s]', ylabel='position [rad]',
-                   title='A joint pulled by a slow spring sticks and slips')
+                   title='Recorded: a joint pulled by a slow spring')
         motion.legend(frameon=False)
-        effort.plot(t, torque, color=BLACK)
-        moves = np.diff(q, append=q[-1]) != 0.0
-        leaves = np.flatnonzero(moves[1:] & ~moves[:-1]) + 1
+        effort.plot(t, torque, color=BLACK, linewidth=1.0)
+        moves = np.diff(q) != 0.0
+        leaves = np.flatnonzero(moves[1:] & ~moves[:-1]) + 2
         effort.plot(t[leaves], torque[leaves], 'o', color=VERMILION, label='the joint breaks away')
-        effort.axhline(1.5, color=VERMILION, linestyle='--', label='static friction F_s')
-        effort.axhline(0.8, color=GREY, linestyle=':', label='Coulomb friction F_c')
+        for name, size, colour, dash in (
+                ('static friction ±F_s', run.STATIC, VERMILION, '--'),
+                ('Coulomb friction ±F_c', run.COULOMB, GREY, ':')):
+            effort.axhline(size, color=colour, linestyle=dash, label=name)
+            effort.axhline(-size, color=colour, linestyle=dash)
         effort.set(xlabel='time [s]', ylabel='torque of the spring [N·m]',
                    title='It breaks away at F_s')
-        effort.set_ylim(top=2.9)
+        effort.set_ylim(top=3.6)
         effort.legend(frameon=False, loc='upper right')
         figure.savefig(directory / 'friction.png')
 

@@ -26,7 +26,7 @@ from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
 from robot_dynamics.joint_order import JointOrder
-from robot_dynamics.limit_warnings import limit_warnings, motor_warnings
+from robot_dynamics.limit_warnings import limit_warnings, motor_warnings, worst_in_words
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
@@ -155,6 +155,7 @@ class DynamicsServices:
         response.worst_joint = result.worst_joint
         response.worst_ratio = result.worst_ratio
         response.worst_time = result.worst_time
+        response.message = worst_in_words(result)
 
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,

@@ -74,7 +74,9 @@ def _actuator_spec(field: str, description: str, low: float, high: float) -> Par
 ACTUATOR_SPECS = (
     _actuator_spec(
         'torque_constant', 'K_t [N m/A]; with gear_ratio turns the actuators on', 0, 1e6),
-    _actuator_spec('gear_ratio', 'N, turns of the motor a turn of the joint', -1e6, 1e6),
+    _actuator_spec(
+        'gear_ratio', 'N, turns of the motor a turn of the joint. Empty: the mechanicalReduction '
+        "of the URDF's <transmission>", -1e6, 1e6),
     _actuator_spec('back_emf_constant', 'K_e [V s/rad]. Empty: K_t', 0, 1e6),
     _actuator_spec('resistance', 'R [Ohm]. Empty: 0', 0, 1e6),
     _actuator_spec('inductance', 'L [H]. Empty: 0', 0, 1e6),
@@ -101,12 +103,25 @@ def arm_from_parameters(xml: str, values: Values) -> ArmModel:
         arm.joint_names, values['friction.viscous'], values['friction.coulomb'],
         values['friction.static'], values['friction.stribeck_velocity'],
         values['friction.offset'], arm.friction))
-    motors = [values[spec.name] for spec in ACTUATOR_SPECS]
-    if not any(motors):
+    if not any(values[spec.name] for spec in ACTUATOR_SPECS):
         return arm
     for spec in ACTUATOR_SPECS:
         check_order_is_given(values, spec.name, arm)
+    if values['actuator.torque_constant'] and not values['actuator.gear_ratio']:
+        values = {**values, 'actuator.gear_ratio': _described_gear_ratios(arm)}
+    motors = [values[spec.name] for spec in ACTUATOR_SPECS]
     return arm.with_actuators(make_actuators(arm.joint_names, *motors))
+
+
+def _described_gear_ratios(arm: ArmModel) -> list[float]:
+    ratios = arm.gear_ratios
+    without = [name for name in arm.joint_names if name not in ratios]
+    if without:
+        raise InvalidInputError(
+            f'actuator.gear_ratio is empty, and no <transmission> of the URDF states a '
+            f'mechanicalReduction for {without}, expected one for each of '
+            f'{list(arm.joint_names)}, or gear ratios here')
+    return [ratios[name] for name in arm.joint_names]
 
 
 def check_order_is_given(values: Values, name: str, arm: ArmModel) -> None:

@@ -1,0 +1,84 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Gear ratios out of the transmissions of a URDF.
+
+A transmission of one joint may state its reduction, motor turns a joint turn, under `<actuator>`,
+`<joint>` or itself: as `mechanicalReduction` (ROS 1; ros_control, `transmission_interface`), or,
+inside `<ros2_control>`, as `mechanical_reduction` (ros2_control). One of several joints, such as
+a differential, couples them, so that none has a ratio of its own: it is passed over.
+"""
+
+from collections.abc import Mapping
+import math
+import xml.etree.ElementTree as ElementTree
+
+from robot_dynamics.exceptions import ModelError
+
+Reductions = Mapping[str, tuple[str, ...]]
+"""What the transmissions state for each joint, as it is written."""
+
+_TRANSMISSIONS = ('transmission', 'ros2_control/transmission')
+_TAGS = ('mechanicalReduction', 'mechanical_reduction')
+_PLACES = ('', 'actuator/', 'joint/')
+
+
+def read_reductions(robot: ElementTree.Element) -> dict[str, tuple[str, ...]]:
+    """
+    Return the reductions that the transmissions of a <robot> state, by joint.
+
+    The texts are not judged here: a reduction that nobody asks for keeps no arm from its work.
+    """
+    reductions: dict[str, tuple[str, ...]] = {}
+    for path in _TRANSMISSIONS:
+        for transmission in robot.findall(path):
+            joints = {joint.get('name') or '' for joint in transmission.findall('joint')}
+            if len(joints) == 1:
+                name = joints.pop()
+                reductions[name] = reductions.get(name, ()) + _stated(transmission)
+    return reductions
+
+
+def _stated(transmission: ElementTree.Element) -> tuple[str, ...]:
+    return tuple(
+        (element.text or '').strip()
+        for place in _PLACES for tag in _TAGS for element in transmission.findall(place + tag))
+
+
+def gear_ratio(joint: str, reductions: Reductions) -> float | None:
+    """
+    Return the gear ratio N of a joint, None where no transmission states one.
+
+    Raises ModelError, naming joint and text, where it is zero or no number, or where several
+    differ, as of two motors with gears of their own.
+    """
+    ratios = {_number(joint, text) for text in reductions.get(joint, ())}
+    if len(ratios) > 1:
+        raise ModelError(
+            f'robot_description: the transmissions of joint {joint!r} state the reductions '
+            f'{sorted(ratios)}, expected one for all its actuators')
+    return ratios.pop() if ratios else None
+
+
+def _number(joint: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if value == 0.0 or not math.isfinite(value):
+        raise ModelError(
+            f'robot_description: transmission of joint {joint!r}: mechanicalReduction is '
+            f'{text!r}, expected a number other than 0')
+    return value

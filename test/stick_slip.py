@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A joint of the running simulated arm, pulled to and fro by a slow spring, recorded to a bag.
+
+In lock-step, so that the motion does not depend on how fast this machine is. The test and the
+picture of the documentation use the same run.
+"""
+
+from pathlib import Path
+import threading
+
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.recording import (
+    JointSeries,
+    NANOSECONDS_PER_SECOND,
+    Recording,
+    RecordingWriter,
+)
+from robot_dynamics.ros.recorder import Recorder, TopicSpec
+from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from sensor_msgs.msg import JointState
+
+STATIC, COULOMB, STRIBECK_VELOCITY = 1.5, 0.8, 0.02
+STIFFNESS, PULL, TURN, DURATION, RATE = 20.0, 0.2, 4.0, 6.0, 500.0
+"""Of the spring [N·m/rad] and [rad/s], when it turns round [s]; of the run [s] and [Hz]."""
+STATES = '/stick_slip/joint_states'
+COMMANDS = '/stick_slip/effort_command'
+URDF = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])
+PARAMETERS = {
+    'robot_description': URDF, 'gravity': [0.0, 0.0, 0.0], 'rate': RATE, 'lock_step': True,
+    'friction.coulomb': [COULOMB], 'friction.static': [STATIC],
+    'friction.stribeck_velocity': [STRIBECK_VELOCITY]}
+
+
+def pulled_to(seconds: float) -> float:
+    """Return where the end of the spring is [rad]."""
+    return PULL * (seconds if seconds < TURN else 2.0 * TURN - seconds)
+
+
+class Spring:
+    """Answers each state with the torque of the spring at its stamp, until the run is over."""
+
+    def __init__(self, client: RosClient) -> None:
+        self.over = threading.Event()
+        self._publisher = client.node.create_publisher(JointState, COMMANDS, KEEP_MANY)
+        client.node.create_subscription(JointState, STATES, self._answer, KEEP_MANY)
+
+    def _answer(self, state: JointState) -> None:
+        stamp = state.header.stamp
+        seconds = stamp.sec + stamp.nanosec / NANOSECONDS_PER_SECOND
+        if seconds >= DURATION:
+            self.over.set()
+            return
+        torque = STIFFNESS * (pulled_to(seconds) - state.position[0])
+        self._publisher.publish(
+            JointState(header=state.header, name=state.name, effort=[torque]))
+
+
+def record_stick_slip(directory: Path) -> Path:
+    """Run it, and return the recording of its joint states and efforts."""
+    bag = directory / 'stick_slip'
+    topics = (TopicSpec(STATES, JointState, True), TopicSpec(COMMANDS, JointState, True))
+    with RosClient('spring') as client, RecordingWriter(bag) as writer:
+        recorder = Recorder(client.node, writer, topics)
+        spring = Spring(client)
+
+        def everything_arrived() -> bool:
+            recorder.drain()
+            newest = recorder.counts[STATES].stamp_ns
+            return spring.over.is_set() and newest >= DURATION * NANOSECONDS_PER_SECOND
+
+        with NodeProcess(SIMULATED_ARM, PARAMETERS, namespace='/stick_slip', ready=None):
+            wait_until(everything_arrived, 'the end of the run', timeout=120.0)
+        recorder.close()
+        lost = {topic: count.lost for topic, count in recorder.counts.items() if count.lost}
+        assert not lost, lost
+    return bag
+
+
+def read_stick_slip(bag: Path) -> JointSeries:
+    with Recording(bag) as recording:
+        return recording.joint_series(STATES)

@@ -1,0 +1,137 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Forward dynamics where joints with dry friction are at rest: they stay, or break away."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.friction import make_friction
+from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.simulation import ArmSimulation
+from robots import robot_urdf
+
+laws = settings(deadline=None, derandomize=True, max_examples=60)
+ABOUT_JOINT = 0.1 + 2.0 * 0.25
+
+
+def with_friction(urdf: str, scale: float = 1.0, **joints: float) -> ArmModel:
+    """Return an arm with friction of every kind but Stribeck's, and `joints` of it changed."""
+    arm = load_arm(urdf)
+    values = {'viscous': 0.5, 'coulomb': 8.0, 'offset': 0.4, **joints}
+    return arm.with_friction(make_friction(
+        arm.joint_names, **{name: [scale * value] for name, value in values.items()}))
+
+
+ARMS = {
+    'two links': with_friction(default_arm_urdf()),
+    'three links': with_friction(
+        planar_arm_urdf([4.0, 2.0, 1.0], [0.8, 0.6, 0.4], [0.4, 0.3, 0.2], [0.2, 0.06, 0.02]),
+        0.5),
+}
+
+
+def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a position, a velocity with zeros in it, and an effort around that which holds."""
+    random = np.random.default_rng(seed)
+    n = arm.joint_count
+    q = random.uniform(-2.0, 2.0, n)
+    v = random.choice((0.0, 0.7, -0.7), n)
+    tau = ArmDynamics(arm).rigid_body.nonlinear(q, v) + random.uniform(-20.0, 20.0, n)
+    return q, v, tau
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_one_joint_stays_up_to_its_static_friction(sign: float) -> None:
+    arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]), gravity=(0.0, 0.0, 0.0))
+    dynamics = ArmDynamics(arm.with_friction(make_friction(
+        arm.joint_names, coulomb=[1.0], static=[1.5])))
+    rest = np.zeros(1)
+    for effort in (0.0, 1.2, 1.4999999):
+        assert dynamics.forward_dynamics(rest, rest, np.array([sign * effort])).tolist() == [0.0]
+    assert dynamics.forward_dynamics(rest, rest, np.array([sign * 2.1])) == pytest.approx(
+        [sign * 0.6 / ABOUT_JOINT])
+    # in motion it is Coulomb friction that resists
+    assert dynamics.forward_dynamics(rest, np.array([sign]), np.array([sign * 2.1])) == (
+        pytest.approx([sign * 1.1 / ABOUT_JOINT]))
+
+
+@pytest.mark.parametrize('name', ARMS)
+@laws
+@given(seed=st.integers(0, 2**32 - 1))
+def test_it_is_the_first_step_of_the_simulated_arm(name: str, seed: int) -> None:
+    arm, h = ARMS[name], 1e-8
+    q, v, tau = some_state(arm, seed)
+    a = ArmDynamics(arm).forward_dynamics(q, v, tau)
+    simulation = ArmSimulation(arm, q, v)
+    simulation.release()
+    _, after = simulation.step(tau, h)
+    stays = (v == 0.0) & (a == 0.0)
+    assert (after[stays] == 0.0).all()
+    assert (after[(v == 0.0) & ~stays] != 0.0).all()
+    assert (after - v) / h == pytest.approx(a, rel=1e-6, abs=1e-6 * (1.0 + np.abs(a).max()))
+
+
+@pytest.mark.parametrize('name', ARMS)
+@laws
+@given(seed=st.integers(0, 2**32 - 1))
+def test_inverse_dynamics_differs_by_what_holds_a_joint_at_rest(name: str, seed: int) -> None:
+    arm = ARMS[name]
+    dynamics = ArmDynamics(arm)
+    q, v, tau = some_state(arm, seed)
+    a = dynamics.forward_dynamics(q, v, tau)
+    held = tau - dynamics.inverse_dynamics(q, v, a)
+    static, rest = arm.friction.static, v == 0.0
+    assert held[~rest] == pytest.approx(np.zeros(int((~rest).sum())), abs=1e-9)
+    assert (np.abs(held[rest]) <= static[rest] * (1.0 + 1e-9)).all()
+    breaks_away = rest & (a != 0.0)
+    assert held[breaks_away] == pytest.approx((static * np.sign(a))[breaks_away], rel=1e-9)
+
+
+def test_a_real_arm_rests_on_its_friction_and_is_torn_off_by_a_wrench() -> None:
+    arm = load_arm(robot_urdf('xarm7'))
+    assert (arm.friction.static > 0.0).all()
+    dynamics = ArmDynamics(arm)
+    q, rest = np.full(7, 0.3), np.zeros(7)
+    tau = dynamics.rigid_body.gravity(q)
+    assert dynamics.forward_dynamics(q, rest, tau).tolist() == [0.0] * 7
+    push = ExternalWrench(arm.link_names[-1], np.array([0.0, 300.0, 0.0]), np.zeros(3))
+    a = dynamics.forward_dynamics(q, rest, tau, [push])
+    assert a.any()
+    as_effort = tau - dynamics.rigid_body.external(q, [push])
+    assert a == pytest.approx(dynamics.forward_dynamics(q, rest, as_effort), rel=1e-9)
+
+
+def test_an_arm_without_dry_friction_is_not_held() -> None:
+    arm = load_arm(default_arm_urdf())
+    arm = arm.with_friction(make_friction(arm.joint_names, viscous=[1.0]))
+    dynamics = ArmDynamics(arm)
+    q, rest = np.array([0.3, 0.5]), np.zeros(2)
+    a = dynamics.forward_dynamics(q, rest, np.zeros(2))
+    assert a == pytest.approx(dynamics.rigid_body.forward_dynamics(q, rest, np.zeros(2)))
+    assert a.all()
+
+
+def test_where_nothing_has_mass_it_says_so() -> None:
+    bare = """<robot name="r"><link name="base"/><link name="hand"/>
+      <joint name="j" type="continuous"><parent link="base"/><child link="hand"/>
+        <dynamics friction="1"/></joint></robot>"""
+    dynamics, rest = ArmDynamics(load_arm(bare)), np.zeros(1)
+    with pytest.raises(InvalidInputError, match='the mass matrix is singular'):
+        dynamics.forward_dynamics(rest, rest, np.array([2.0]))

@@ -1,0 +1,220 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Rotors and friction at the joints, against MuJoCo's `armature`, `damping` and `frictionloss`.
+
+MuJoCo's dry friction is a soft constraint: a joint at rest creeps under a load, at a rate that its
+`solref` and `solimp` set (MuJoCo's documentation, chapter "Computation", "Constraint model"). So
+motions with dry friction agree within that softness, and the more closely the harder it is.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from engines import Array, MujocoEngine
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.friction import make_friction
+from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+from robots import robot_urdf
+
+TOLERANCE = 1e-9
+DOWN = (0.0, 0.0, -9.81)
+ARMS = {'default': 2, 'ur10': 6, 'xarm7': 7}
+"""Number of joints by name."""
+on_arms = pytest.mark.parametrize('name', ARMS)
+
+
+class Pair(NamedTuple):
+    arm: ArmModel
+    mujoco: MujocoEngine
+
+
+def pair(urdf: str, gravity: Sequence[float] = DOWN, **friction: Sequence[float]) -> Pair:
+    """Return an arm with this friction alone, and MuJoCo's model of it, which has none yet."""
+    arm = load_arm(urdf, gravity=gravity)
+    mujoco = MujocoEngine(urdf, gravity)
+    assert mujoco.joint_names == list(arm.joint_names)
+    return Pair(arm.with_friction(make_friction(arm.joint_names, **friction)), mujoco)
+
+
+def urdf_of(name: str) -> str:
+    return default_arm_urdf() if name == 'default' else robot_urdf(name)
+
+
+def states(n: int, count: int = 20) -> Array:
+    """Return positions, velocities and accelerations (count, 3, n), no velocity near zero."""
+    random = np.random.default_rng(n)
+    rows = random.uniform(-2.0, 2.0, (count, 3, n))
+    rows[:, 1] += 0.2 * np.sign(rows[:, 1])
+    return rows
+
+
+def check_dynamics(arm: ArmModel, mujoco: MujocoEngine) -> None:
+    """Compare M, inverse and forward dynamics at random states, relative to the largest entry."""
+    dynamics = ArmDynamics(arm)
+    for q, v, a in states(arm.joint_count):
+        M = mujoco.mass_matrix(q)
+        assert np.abs(dynamics.rigid_body.mass_matrix(q) - M).max() <= TOLERANCE * np.abs(M).max()
+        tau = mujoco.inverse_dynamics(q, v, a)
+        difference = dynamics.inverse_dynamics(q, v, a) - tau
+        assert np.abs(difference).max() <= TOLERANCE * np.abs(tau).max()
+        motion = mujoco.forward_dynamics(q, v, tau)
+        difference = dynamics.forward_dynamics(q, v, tau) - motion
+        assert np.abs(difference).max() <= TOLERANCE * np.abs(motion).max()
+
+
+# --- rotors and viscous friction -----------------------------------------------------------------
+
+@on_arms
+def test_reflected_inertia_is_armature(name: str) -> None:
+    arm, mujoco = pair(urdf_of(name))
+    random = np.random.default_rng(0)
+    N, J_r = random.uniform(-120.0, 120.0, arm.joint_count), random.uniform(
+        1e-6, 1e-4, arm.joint_count)
+    arm = arm.with_actuators(
+        make_actuators(arm.joint_names, [0.1], N.tolist(), rotor_inertia=J_r.tolist()))
+    before = mujoco.mass_matrix(np.zeros(arm.joint_count))
+    mujoco.model.dof_armature[mujoco.velocity] = N**2 * J_r
+    assert np.abs(mujoco.mass_matrix(np.zeros(arm.joint_count)) - before).max() > 1e-3
+    check_dynamics(arm, mujoco)
+
+
+@on_arms
+def test_viscous_friction_is_damping(name: str) -> None:
+    viscous = np.linspace(3.0, 0.2, ARMS[name])
+    arm, mujoco = pair(urdf_of(name), viscous=viscous.tolist())
+    mujoco.model.dof_damping[mujoco.velocity] = viscous
+    check_dynamics(arm, mujoco)
+
+
+def runge_kutta(
+    mujoco: MujocoEngine, q: Array, v: Array, tau: Array, duration: float, h: float,
+) -> list[tuple[Array, Array]]:
+    """Return position and velocity after each step of h [s] of MuJoCo's own RK4."""
+    model, data = mujoco.model, mujoco.data
+    model.opt.integrator, model.opt.timestep = mujoco.mj.mjtIntegrator.mjINT_RK4, h
+    mujoco.mj.mj_resetData(model, data)
+    data.qpos[mujoco.position], data.qvel[mujoco.velocity] = q, v
+    data.qfrc_applied[mujoco.velocity] = tau
+    rows = []
+    for _ in range(round(duration / h)):
+        mujoco.mj.mj_step(model, data)
+        rows.append((data.qpos[mujoco.position].copy(), data.qvel[mujoco.velocity].copy()))
+    return rows
+
+
+@pytest.mark.parametrize(('name', 'viscous', 'steps', 'bound'), [
+    ('default', [0.5, 0.2], (8e-3, 4e-3, 2e-3), 1e-9),
+    ('ur10', [5.0, 5.0, 3.0, 0.5, 0.5, 0.5], (2e-3, 1e-3, 5e-4), 1e-9),
+])
+def test_mujocos_motion_converges_to_ours_with_its_order(
+    name: str, viscous: list[float], steps: Sequence[float], bound: float,
+) -> None:
+    arm, mujoco = pair(urdf_of(name), viscous=viscous)
+    mujoco.model.dof_damping[mujoco.velocity] = viscous
+    n = arm.joint_count
+    q, v, tau = np.full(n, 0.4), np.full(n, 0.3), np.full(n, 0.5)
+    simulation = ArmSimulation(arm, q, v, max_step=2.5e-4)
+    simulation.release()
+    end = simulation.step(tau, 0.48).position
+    errors = [np.abs(runge_kutta(mujoco, q, v, tau, 0.48, h)[-1][0] - end).max() for h in steps]
+    assert errors[-1] < bound, errors
+    assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 3.5).all(), errors
+
+
+# --- dry friction --------------------------------------------------------------------------------
+
+def with_frictionloss(
+    mujoco: MujocoEngine, loss: Sequence[float], time_constant: float, impedance: float,
+) -> None:
+    """Turn on dry friction alone of MuJoCo's constraints, so soft."""
+    model, disable = mujoco.model, mujoco.mj.mjtDisableBit
+    model.opt.disableflags = (
+        disable.mjDSBL_CONTACT | disable.mjDSBL_LIMIT | disable.mjDSBL_REFSAFE)
+    model.opt.tolerance, model.opt.iterations = 1e-14, 200
+    model.dof_frictionloss[mujoco.velocity] = loss
+    model.dof_solref[:] = time_constant, 1.0
+    model.dof_solimp[:] = impedance, impedance, 1e-3, 0.5, 2.0
+
+
+DRY = {
+    'default': ([40.0, 15.0], [3.0, 0.4], [3.0, -2.0]),
+    'ur10': (
+        [120.0, 120.0, 60.0, 4.0, 4.0, 4.0], [0.0, -1.5, 0.3, 0.2, 0.1, 0.1],
+        [1.0, -1.0, 1.0, 1.0, -1.0, 1.0]),
+}
+on_dry_arms = pytest.mark.parametrize('name', DRY)
+HARD = (1e-3, 0.9999)
+
+
+@on_dry_arms
+def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
+    loss, _, _ = DRY[name]
+    arm, mujoco = pair(urdf_of(name), coulomb=loss)
+    with_frictionloss(mujoco, loss, *HARD)
+    dynamics = ArmDynamics(arm)
+    for q, v, tau in states(arm.joint_count):
+        # so fast that even the soft constraint asks for more than its bound
+        a = mujoco.forward_dynamics(q, 50.0 * v, tau)
+        difference = dynamics.forward_dynamics(q, 50.0 * v, tau) - a
+        assert np.abs(difference).max() <= TOLERANCE * np.abs(a).max()
+
+
+@on_dry_arms
+def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) -> None:
+    """Both slide to a stop in the first half; at the end MuJoCo's joints still creep."""
+    loss, q, v = DRY[name]
+    arm, _ = pair(urdf_of(name), coulomb=loss)
+    zero = np.zeros(arm.joint_count)
+    simulation = ArmSimulation(arm, q, v)
+    simulation.release()
+    ours = [simulation.step(zero, 1e-3) for _ in range(600)]
+    stop = next(k for k, state in enumerate(ours) if not state.velocity.any())
+    assert 20 <= stop <= 400
+    assert np.abs(ours[-1].position - q).max() > 0.02  # it went some way
+    assert ours[-1].position.tolist() == ours[stop].position.tolist()  # and stuck for good
+
+    errors, drifts = [], []
+    for softness in ((4e-2, 0.9), (1e-2, 0.99), HARD):
+        _, mujoco = pair(urdf_of(name))
+        with_frictionloss(mujoco, loss, *softness)
+        rows = runge_kutta(mujoco, np.array(q), np.array(v), zero, 0.6, 2e-4)[4::5]
+        errors.append(max(
+            np.abs(row[0] - state.position).max() for row, state in zip(rows, ours)))
+        drifts.append(np.abs(rows[-1][0] - rows[stop + 100][0]).max())
+    print(f'{name}: stop at {stop} ms, errors {errors}, creep after it {drifts} rad')
+    assert errors[0] > 4.0 * errors[1] > 16.0 * errors[2]
+    assert errors[2] < 1e-3
+    assert drifts[0] > 30.0 * drifts[1] > 300.0 * drifts[2] > 0.0
+
+
+def test_what_sticks_here_creeps_there_at_the_rate_of_its_softness() -> None:
+    """Steadily R f = −b v: v = (1 − d)/d τ / (M b), with b = 2 / (d T_c) of the `solref`."""
+    M, torque, loss = 0.1 + 2.0 * 0.25, 1.0, [2.0]
+    urdf = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])
+    for time_constant, d in ((2e-2, 0.9), (4e-3, 0.99), HARD):
+        arm, mujoco = pair(urdf, gravity=(0.0, 0.0, 0.0), coulomb=loss)
+        with_frictionloss(mujoco, loss, time_constant, d)
+        rest, tau = np.array([0.3]), np.array([torque])
+        _, v = runge_kutta(mujoco, rest, np.zeros(1), tau, 1.0, 2e-4)[-1]
+        assert v == pytest.approx([(1.0 - d) / d * torque / M * d * time_constant / 2.0], rel=1e-4)
+        simulation = ArmSimulation(arm, rest)
+        simulation.release()
+        assert simulation.step(tau, 1.0).position.tolist() == [0.3]

@@ -1,0 +1,107 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A block on a rail with dry friction: every number of its motion is known in closed form."""
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.friction import make_friction
+from robot_dynamics.simulation import ArmSimulation
+
+MASS, DRY = 3.0, 6.0
+RAIL = f"""<robot name="rail">
+  <link name="rail"/>
+  <link name="block"><inertial>
+    <mass value="{MASS}"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
+  </inertial></link>
+  <joint name="slide" type="prismatic">
+    <origin rpy="0 SLOPE 0"/><parent link="rail"/><child link="block"/><axis xyz="1 0 0"/>
+    <limit lower="-100" upper="100" effort="0" velocity="0"/>
+  </joint>
+</robot>"""
+EXACT = 1e-12
+
+
+def block(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmSimulation:
+    """Return a block on a rail that falls by `slope` [rad] along its axis."""
+    arm = load_arm(RAIL.replace('SLOPE', repr(slope)))
+    arm = arm.with_friction(make_friction(
+        arm.joint_names, **{name: [value] for name, value in friction.items()}))
+    simulation = ArmSimulation(arm, [0.0], [velocity])
+    simulation.release()
+    return simulation
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_push_a_slide_and_a_stop(sign: float) -> None:
+    """Pushed by F it gains (F − F_c)/m; let go, it slides v²/(2 F_c/m) in v/(F_c/m) and sticks."""
+    force, pushed = 15.0, 0.4
+    simulation = block(coulomb=DRY)
+    q, v = simulation.step(np.array([sign * force]), pushed)
+    gain, loss = (force - DRY) / MASS, DRY / MASS
+    assert v == pytest.approx([sign * gain * pushed], rel=EXACT)
+    assert q == pytest.approx([sign * gain * pushed**2 / 2.0], rel=EXACT)
+
+    speed, way = gain * pushed, gain * pushed**2 / 2.0
+    until = speed / loss
+    q, v = simulation.step(np.zeros(1), 0.5 * until)
+    assert v == pytest.approx([sign * 0.5 * speed], rel=EXACT)
+    q, v = simulation.step(np.zeros(1), 0.5 * until + 0.01)
+    assert v.tolist() == [0.0]
+    assert q == pytest.approx([sign * (way + speed**2 / (2.0 * loss))], rel=EXACT)
+    assert simulation.heat == pytest.approx(DRY * abs(q[0]), rel=1e-11)
+    assert simulation.work == pytest.approx(force * way, rel=1e-11)
+    assert simulation.step(np.array([sign * 0.999 * DRY]), 60.0).position.tolist() == q.tolist()
+
+
+def test_the_time_of_the_stop_is_met_within_a_step() -> None:
+    """A push back that is longer than the slide: first it stops, then it is driven back."""
+    force, v0 = -9.0, 1.0
+    simulation = block(velocity=v0, coulomb=DRY)
+    slowing, driving = (DRY - force) / MASS, (DRY + force) / MASS
+    stop, way = v0 / slowing, v0**2 / (2.0 * slowing)
+    q, v = simulation.step(np.array([force]), 0.5)
+    back = 0.5 - stop
+    assert v == pytest.approx([driving * back], rel=1e-11)
+    assert q == pytest.approx([way + driving * back**2 / 2.0], rel=1e-11)
+
+
+@pytest.mark.parametrize('share', [0.99, 1.01])
+def test_on_a_slope_it_slides_from_the_angle_of_friction_on(share: float) -> None:
+    """
+    It holds while m g sin(slope) ≤ F_s, and slides with g sin(slope) − F_c/m beyond.
+
+    The fall from F_s to F_c lasts about 1e-5 s here.
+    """
+    static = 1.2 * DRY
+    slope = float(np.arcsin(share * static / (MASS * 9.81)))
+    simulation = block(slope=slope, coulomb=DRY, static=static, stribeck_velocity=1e-6)
+    q, v = simulation.step(np.zeros(1), 0.5)
+    if share < 1.0:
+        assert (q.tolist(), v.tolist()) == ([0.0], [0.0])
+    else:
+        assert v == pytest.approx([0.5 * (9.81 * np.sin(slope) - DRY / MASS)], rel=1e-4)
+
+
+def test_viscous_friction_adds_its_exponential() -> None:
+    """Of m v̇ = −F_c − F_v v: it stops after m/F_v ln(1 + F_v v_0/F_c)."""
+    viscous, v0 = 2.0, 1.5
+    until = MASS / viscous * np.log(1.0 + viscous * v0 / DRY)
+    way = MASS / viscous * (v0 - DRY / MASS * until)
+    simulation = block(velocity=v0, coulomb=DRY, viscous=viscous)
+    assert simulation.step(np.zeros(1), until - 1e-6).velocity[0] > 0.0
+    q, v = simulation.step(np.zeros(1), 2e-6)
+    assert v.tolist() == [0.0]
+    assert q == pytest.approx([way], rel=1e-11)

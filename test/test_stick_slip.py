@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Stick and slip of the running simulated arm, measured in its recording."""
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.friction import make_friction
+from robot_dynamics.recording import JointSeries
+from robot_dynamics.simulation import ArmSimulation
+from stick_slip import (
+    COULOMB,
+    DURATION,
+    pulled_to,
+    RATE,
+    read_stick_slip,
+    record_stick_slip,
+    STATIC,
+    STIFFNESS,
+    STRIBECK_VELOCITY,
+    URDF,
+)
+
+pytest.importorskip('rosbags')
+
+
+@pytest.fixture(scope='module')
+def series(tmp_path_factory: pytest.TempPathFactory) -> JointSeries:
+    return read_stick_slip(record_stick_slip(tmp_path_factory.mktemp('bag')))
+
+
+def departures(series: JointSeries) -> np.ndarray:
+    """Return the samples at which the joint has just left a position where it stuck."""
+    moves = np.diff(series.position[:, 0]) != 0.0
+    return np.flatnonzero(moves[1:] & ~moves[:-1]) + 2
+
+
+def test_the_recording_is_whole(series: JointSeries) -> None:
+    assert len(series.stamps_ns) == round(DURATION * RATE)
+    assert set(np.diff(series.stamps_ns)) == {round(1e9 / RATE)}
+
+
+def test_each_break_away_is_at_the_static_friction(series: JointSeries) -> None:
+    effort = series.effort[departures(series), 0]
+    print(f'{len(effort)} break-aways, at {effort} N·m')
+    assert np.abs(effort) == pytest.approx(np.full(len(effort), STATIC), rel=0.01)
+    assert (np.abs(effort) >= STATIC).all()  # not before
+    assert (effort > 0.0).sum() >= 3  # there
+    assert (effort < 0.0).sum() >= 2  # and back
+
+
+def test_below_it_the_joint_does_not_move_at_all(series: JointSeries) -> None:
+    q, v, effort = series.position[:, 0], series.velocity[:, 0], series.effort[:, 0]
+    rests = v[:-1] == 0.0
+    holds = rests & (np.abs(effort[1:]) <= STATIC)
+    assert holds.sum() > 1000
+    assert (q[1:][holds] == q[:-1][holds]).all()
+    assert (v[1:][holds] == 0.0).all()
+    # and slips beyond it
+    assert (v[1:][rests & ~holds] != 0.0).all()
+
+
+def test_while_it_slips_the_effort_falls_below_what_it_takes_to_slide(
+        series: JointSeries) -> None:
+    for first in departures(series):
+        slip = first + np.flatnonzero(series.velocity[first:, 0] == 0.0)[:1]
+        assert slip.size == 0 or np.abs(series.effort[slip, 0]) < COULOMB
+
+
+def test_the_effort_is_that_of_the_spring(series: JointSeries) -> None:
+    end = np.array([pulled_to(stamp / 1e9) for stamp in series.stamps_ns[:-1]])
+    torque = STIFFNESS * (end - series.position[:-1, 0])
+    assert series.effort[1:, 0] == pytest.approx(torque, abs=1e-12)
+
+
+def test_the_recorded_motion_is_the_librarys(series: JointSeries) -> None:
+    arm = load_arm(URDF, gravity=(0.0, 0.0, 0.0))
+    simulation = ArmSimulation(arm.with_friction(make_friction(
+        arm.joint_names, coulomb=[COULOMB], static=[STATIC],
+        stribeck_velocity=[STRIBECK_VELOCITY])))
+    simulation.release()
+    q = [simulation.step(effort, 1.0 / RATE).position[0] for effort in series.effort[1:]]
+    assert series.position[1:, 0].tolist() == q

@@ -1,0 +1,119 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Gear ratios out of the transmissions of a URDF."""
+
+import re
+
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robots import robot_urdf
+
+
+def arm_with(transmissions: str) -> ArmModel:
+    return load_arm(default_arm_urdf().replace('</robot>', f'{transmissions}</robot>'))
+
+
+def transmission(inside: str) -> str:
+    return f'<transmission name="t"><type>Simple</type>{inside}</transmission>'
+
+
+def reduction(text: object) -> str:
+    return f'<mechanicalReduction>{text}</mechanicalReduction>'
+
+
+JOINT1 = '<joint name="joint1"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>'
+
+
+@pytest.mark.parametrize('inside', [
+    f'{JOINT1}<actuator name="m">{reduction(50)}</actuator>',
+    f'<actuator name="m"/><joint name="joint1">{reduction(" 50.0 ")}</joint>',
+    f'{JOINT1}<actuator name="m"/>{reduction("5e1")}',
+    # two motors that are alike, and one that is said twice
+    f'{JOINT1}<actuator name="m">{reduction(50)}</actuator><actuator>{reduction(50)}</actuator>',
+    f'<joint name="joint1">{reduction(50)}</joint><actuator name="m">{reduction(50)}</actuator>',
+])
+def test_a_reduction_is_found_wherever_it_stands(inside: str) -> None:
+    assert arm_with(transmission(inside)).gear_ratios == {'joint1': 50.0}
+
+
+def test_that_of_ros2_control_is_found_too() -> None:
+    inside = (
+        '<plugin>transmission_interface/SimpleTransmission</plugin>'
+        '<actuator name="m" role="actuator1"/>'
+        '<joint name="joint2"><mechanical_reduction>-80</mechanical_reduction></joint>')
+    arm = arm_with(f'<ros2_control name="r" type="system">{transmission(inside)}</ros2_control>')
+    assert arm.gear_ratios == {'joint2': -80.0}
+
+
+@pytest.mark.parametrize('inside', [
+    f'{JOINT1}<joint name="joint2"/><actuator name="m">{reduction(50)}</actuator>',  # coupled
+    f'<joint name="elsewhere"/><actuator name="m">{reduction(50)}</actuator>',
+    f'<joint name="tool0_joint"/><actuator name="m">{reduction(50)}</actuator>',  # does not move
+    f'<joint/><actuator name="m">{reduction(50)}</actuator>',
+    f'<actuator name="m">{reduction(50)}</actuator>',
+    f'{JOINT1}<actuator name="m"/>',
+])
+def test_what_states_no_joints_own_ratio_is_passed_over(inside: str) -> None:
+    assert arm_with(transmission(inside)).gear_ratios == {}
+
+
+@pytest.mark.parametrize('text', ['fifty', '', '0', '0.0', 'nan', 'inf', '50 60'])
+def test_a_reduction_that_is_none_is_refused_by_joint_and_text(text: str) -> None:
+    arm = arm_with(transmission(f'{JOINT1}<actuator name="m">{reduction(text)}</actuator>'))
+    with pytest.raises(ModelError, match=re.escape(
+            f"transmission of joint 'joint1': mechanicalReduction is {text!r}, expected")):
+        _ = arm.gear_ratios
+
+
+def test_two_motors_with_gears_of_their_own_are_refused() -> None:
+    arm = arm_with(''.join(
+        transmission(f'{JOINT1}<actuator name="m">{reduction(n)}</actuator>') for n in (60, 50)))
+    with pytest.raises(ModelError, match=r"joint 'joint1' state the reductions \[50.0, 60.0\]"):
+        _ = arm.gear_ratios
+
+
+def test_only_joints_of_the_arm_are_asked() -> None:
+    bad = transmission(f'{JOINT1}<actuator name="m">{reduction("fifty")}</actuator>')
+    good = transmission(f'<joint name="joint2"/>{reduction(30)}')
+    urdf = default_arm_urdf().replace('</robot>', f'{bad}{good}</robot>')
+    assert load_arm(urdf, ['joint2']).gear_ratios == {'joint2': 30.0}
+
+
+def test_a_payload_and_motors_keep_them() -> None:
+    arm = arm_with(transmission(f'{JOINT1}{reduction(50)}'))
+    geared = arm.with_actuators(make_actuators(arm.joint_names, [0.1], [30.0]))
+    assert geared.with_payloads([make_payload('tool0', 1.0)]).gear_ratios == {'joint1': 50.0}
+
+
+@pytest.mark.parametrize(('robot', 'ratios'), [
+    ('xarm7', dict.fromkeys((f'joint{i}' for i in range(1, 8)), 100.0)),
+    ('ur10', dict.fromkeys((
+        'shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
+        'wrist_2_joint', 'wrist_3_joint'), 1.0)),
+])
+def test_real_arms(robot: str, ratios: dict[str, float]) -> None:
+    assert load_arm(robot_urdf(robot)).gear_ratios == ratios
+
+
+def test_real_robots_with_coupled_wrists() -> None:
+    tiago = load_arm(robot_urdf('tiago')).gear_ratios
+    assert {'arm_1_joint', 'arm_5_joint'} <= set(tiago)
+    assert not {'arm_6_joint', 'arm_7_joint'} & set(tiago)  # a differential
+    pr2 = load_arm(robot_urdf('pr2')).gear_ratios
+    assert pr2['r_shoulder_pan_joint'] == pytest.approx(63.155, abs=1e-3)
