@@ -85,7 +85,7 @@ class Backlash:
 
     def room(self, q: FloatArray, theta: FloatArray) -> FloatArray:
         """Return how far (n,) the nearest tooth is; below 0 once they meet, ∞ without play."""
-        distance = self.half_gap + 0.1 * TOUCH - np.abs(theta - q)
+        distance = self.half_gap + 0.2 * TOUCH - np.abs(theta - q)
         return np.where(self.exists, distance, np.inf)
 
     def meet(

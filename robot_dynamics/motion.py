@@ -28,7 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.backlash import Backlash
+from robot_dynamics.backlash import Backlash, TOUCH
+from robot_dynamics.crossing import cubic, first_crossing, quintic
 from robot_dynamics.damped_step import damped_step, damping_rate
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robot_dynamics.runge_kutta import (
@@ -49,8 +50,19 @@ _SLOW = 1e-3
 """[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
 _EVENT_ITERATIONS = 60
 _EVENT_TOLERANCE = 1e-12
+_NUDGE = 1e-3
+"""Share of a step over which accelerations are taken as constant to reach an event exactly."""
+# Kinds of events, and what counts as having reached one.
+_TURN, _SLIP, _MEET, _PART = range(4)
+_AT_REST = 1e-10
+"""[rad/s] or [m/s]"""
+_MET = 0.1 * TOUCH
+_SLACK = 1e-9
+"""Share of an effort."""
 _STRIBECK_TOLERANCE = 1e-7
 """Error of √M q̇ [J^½] that a piece of a step may have where friction falls with speed."""
+_STRIBECK_RANGE = 4.0
+"""Multiple of v_s beyond which friction no longer falls: exp(−4²) is 1e-7."""
 _FINEST = 2.0**-10
 """Share of a step that such a piece is at least."""
 
@@ -102,6 +114,8 @@ class Motion:
         self._play = Backlash.of(arm.actuators)
         self._is_damped, self._is_dry = bool(friction.viscous.any()), bool(friction.static.any())
         self._has_stribeck_effect = friction.has_stribeck_effect
+        self._falls_below = np.where(
+            friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
         self._rubs = friction.static > 0.0
         self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
         self._slides = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none)
@@ -140,8 +154,9 @@ class Motion:
             if modes.joints.stuck.all() and not modes.open.any():
                 return Leg(state, heat, jolted)
             end = self._advance(state, h, modes, a)
-            if self._margin(end, modes).min() < 0.0:
-                passed, end = self._until_event(state, h, modes, a)
+            margins = self._margins(end, modes)
+            if margins.min() < 0.0:
+                passed, end = self._until_event(state, h, modes, a, end, margins)
                 h -= passed
             else:
                 h = 0.0
@@ -153,10 +168,11 @@ class Motion:
 
     # ------------------------------------------------------------------ modes
 
-    def _choose_modes(self, state: MotionState) -> tuple[GearModes, FloatArray | None]:
-        """Return how the joints move on from a state, and their acceleration if it is known."""
+    def _choose_modes(self, state: MotionState) -> tuple[GearModes, FloatArray]:
+        """Return how the joints move on from a state, and their acceleration (n,)."""
         if self._play is None:
-            return self._slides._replace(joints=self._joint_modes(state, self._none)), None
+            modes = self._slides._replace(joints=self._joint_modes(state, self._none))
+            return modes, self._joint_acceleration(modes)(state.q, state.v)
         touching = self._play.touching(state.q, state.theta)
         parted = self._play.exists & (touching == 0.0)
         opened = self._play.exists & (touching * (state.omega - state.v) < 0.0) | parted
@@ -205,86 +221,120 @@ class Motion:
                 v, omega, lost = play.meet(j, M, held, side, v, omega)
             heat, meetings = heat + lost, meetings + 1
             closing = side * (omega - v)
-        theta = np.where((side != 0.0) & (closing == 0.0), q + side * play.half_gap, theta)
+        theta = np.where(side != 0.0, q + side * play.half_gap, theta)
         return Leg(MotionState(q, v, theta, omega), heat, True)
 
     # ------------------------------------------------------------------ events
 
     def _until_event(
-        self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: _End,
+        margins: FloatArray,
     ) -> tuple[float, _End]:
-        """Return the time [s] until the first event, and the way there."""
-        early, late, time, before = 0.0, h, h, (0.0, np.nan)
-        end = self._advance(state, h, modes, a)
-        margin = self._margin(end, modes)
-        close = _EVENT_TOLERANCE * max(-float(margin.min()), 0.1)
+        """Return the time [s] until the first event before `end`, after h [s], and the way."""
+        early, late, time, before = 0.0, h, h, (0.0, 1.0)
+        guess = self._first_guess(state, h, modes, a, end, margins)
         for i in range(1, _EVENT_ITERATIONS):
-            j = int(np.argmin(margin))
-            worth = float(margin[j])
-            if abs(worth) <= close or late - early <= _EVENT_TOLERANCE * h:
-                break
-            early, late = (time, late) if worth > 0.0 else (early, time)
-            rate = self._margin_rate(j, worth, end.state, end.a, modes)
-            if rate is None:  # what can be told from the trial before
-                rate = (worth - before[1]) / (time - before[0])
-            guess = time - worth / rate if rate else np.nan
-            if i == 1 and modes.open[j] and a is not None:
-                guess = self._time_across(j, state, a, end.state)
-            before = time, worth
             # Newton's step, kept between the trials on either side.
             time = guess if i % 4 and early < guess < late else 0.5 * (early + late)
             end = self._advance(state, time, modes, a)
-            margin = self._margin(end, modes)
+            margins = self._margins(end, modes)
+            kind, j = divmod(int(np.argmin(margins)), len(a))
+            worth = float(margins[kind, j])
+            rate = self._margin_rate(kind, j, end.state, end.a, modes) or (
+                (worth - before[1]) / (time - before[0]))
+            guess = time - worth / rate if rate else np.nan
+            if abs(worth) > 1.0 and abs(guess - time) < _NUDGE * h and early < guess < late:
+                end = self._nudged(end, guess - time, modes)
+                margins, time = self._margins(end, modes), guess
+                worth = float(margins.min())
+            if abs(worth) <= 1.0 or late - early <= _EVENT_TOLERANCE * h:
+                break
+            early, late = (time, late) if worth > 0.0 else (early, time)
+            before = time, worth
         q, v, theta, omega = end.state
-        direction = modes.joints.direction
-        onward = np.where(direction != 0.0, direction * v, np.inf)
-        stops = (onward <= 0.0) | (onward == margin.min())
+        stops = margins[_TURN] <= 1.0
         stopped = MotionState(
             q, np.where(stops, 0.0, v), theta, np.where(stops & ~modes.open, 0.0, omega))
         return time, end._replace(state=stopped)
 
-    def _time_across(
-        self, j: int, state: MotionState, a: FloatArray, after: MotionState,
+    def _first_guess(
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: _End,
+        margins: FloatArray,
     ) -> float:
-        """Return when [s] the teeth of joint j meet, if its accelerations stay the same."""
+        """Return when [s] the first event happens, by what is known at both ends."""
+        after, times = end.state, [h]
+        for kind, j in np.argwhere(margins < 0.0):
+            if kind == _TURN:
+                way = modes.joints.direction[j]
+                times.append(first_crossing(cubic(
+                    h, (way * state.v[j], way * a[j]),
+                    (way * after.v[j], way * end.a[j])), h))
+            elif kind == _MEET:
+                side = np.sign(after.theta[j] - after.q[j])
+                times.append(first_crossing(quintic(
+                    h, self._distance(j, side, state, a), self._distance(j, side, after, end.a)),
+                    h))
+            else:
+                at_first = float(self._margins(_End(state, 0.0, a), modes)[kind, j])
+                times.append(h * max(at_first, 0.0) / (at_first - margins[kind, j]))
+        return min(times)
+
+    def _distance(
+        self, j: int, side: float, state: MotionState, a: FloatArray,
+    ) -> tuple[float, float, float]:
+        """Return how far the teeth of joint j are on that side, and its two derivatives."""
         assert self._play is not None
-        side = np.sign(after.theta[j] - after.q[j])
-        distance = self._play.half_gap[j] - side * (state.theta[j] - state.q[j])
-        speed = side * (state.omega[j] - state.v[j])
-        half = 0.5 * side * (self._tau[j] / self._play.inertia[j] - a[j])
-        root = np.sqrt(max(speed * speed + 4.0 * half * distance, 0.0))
-        # The later root of half t² + speed t = distance, in the form without cancellation.
-        return float(2.0 * distance / (speed + root) if speed > 0.0 else (
-            (root - speed) / (2.0 * half) if half else np.nan))
+        q, v, theta, omega = (float(x[j]) for x in state)
+        spin_up = float(self._tau[j] / self._play.inertia[j])
+        return (float(self._play.half_gap[j]) - side * (theta - q), -side * (omega - v),
+                -side * (spin_up - float(a[j])))
 
     def _margin_rate(
-        self, j: int, margin: float, state: MotionState, a: FloatArray, modes: GearModes,
+        self, kind: int, j: int, state: MotionState, a: FloatArray, modes: GearModes,
     ) -> float | None:
-        """Return how fast the margin of joint j changes, or None where that is not at hand."""
-        direction = modes.joints.direction[j]
-        if direction * state.v[j] == margin:
-            return float(direction * a[j])
-        if modes.open[j]:
-            return float(-np.sign(state.theta[j] - state.q[j]) * (state.omega[j] - state.v[j]))
+        """Return how fast a margin changes [1/s], or None where that is not at hand."""
+        if kind == _TURN:
+            return float(modes.joints.direction[j] * a[j] / _AT_REST)
+        if kind == _MEET:
+            side = np.sign(state.theta[j] - state.q[j])
+            return self._distance(j, side, state, a)[1] / _MET
         return None
 
-    def _margin(self, end: _End, modes: GearModes) -> FloatArray:
-        """Return (n,), negative where a joint turned round or slips, or teeth meet or part."""
+    def _nudged(self, end: _End, dt: float, modes: GearModes) -> _End:
+        """Return what follows so little later or earlier that accelerations stay the same."""
+        q, v, theta, omega = end.state
+        spin_up = end.a
+        if self._play is not None:
+            spin_up = np.where(modes.open, self._tau / self._play.inertia, end.a)
+        state = MotionState(
+            q + v * dt + 0.5 * dt * dt * end.a, v + end.a * dt,
+            theta + omega * dt + 0.5 * dt * dt * spin_up, omega + spin_up * dt)
+        return _End(state, end.heat + dt * float(self._rubbing(v, modes) @ v), end.a)
+
+    def _margins(self, end: _End, modes: GearModes) -> FloatArray:
+        """
+        Return how far (4, n) each kind of event is, ∞ where it cannot be, negative where it was.
+
+        The unit is what counts as reached: an event is between -1 and 1.
+        """
         q, v, theta, _ = end.state
         direction, stuck = modes.joints
-        margin = np.where(direction != 0.0, direction * v, np.inf)
+        margins = np.full((4, len(v)), np.inf)
+        if self._is_dry:
+            np.divide(direction * v, _AT_REST, out=margins[_TURN], where=direction != 0.0)
         if stuck.any():
             effort = self._effort(q, v, modes.open) - direction * self._friction.dry(v)
             M = self._body_with(modes.open).mass_matrix(q)
             friction = hold(M, effort, stuck).friction
-            margin = np.where(
-                stuck, self._friction.static * (1.0 + 1e-9) - np.abs(friction), margin)
-        if self._play is None:
-            return np.asarray(margin)
-        room = np.where(modes.open, self._play.room(q, theta), np.inf)
-        push = modes.side * (self._tau - self._play.inertia * end.a)
-        slack = 1e-9 * (np.abs(self._tau) + 1e-3)
-        return np.minimum(margin, np.where(modes.side != 0.0, push + slack, room))
+            slack = _SLACK * self._friction.static[stuck]
+            margins[_SLIP, stuck] = (
+                self._friction.static[stuck] - np.abs(friction[stuck])) / slack + 2.0
+        if self._play is not None:
+            play, touches = self._play, modes.side != 0.0
+            margins[_MEET, modes.open] = play.room(q, theta)[modes.open] / _MET
+            push = modes.side * (self._tau - play.inertia * end.a)
+            margins[_PART, touches] = (push / (_SLACK * (np.abs(self._tau) + 1e-3)))[touches] + 2.0
+        return margins
 
     # ------------------------------------------------------------------ forces
 
@@ -324,6 +374,10 @@ class Motion:
             return np.asarray(base - F_v * v - rise * np.exp(-ratio * ratio))
 
         return remaining
+
+    def _rubbing(self, v: FloatArray, modes: GearModes) -> FloatArray:
+        """Return sliding friction (..., n) at the velocities v."""
+        return np.where(modes.open, 0.0, self._tau) - self._against_friction(modes)(v)
 
     def _joint_acceleration(self, modes: GearModes) -> Acceleration:
         """Return the joints' acceleration (n,) in these modes, by q and v."""
@@ -369,10 +423,15 @@ class Motion:
             a = None if a is None else np.concatenate((a, spin_up))
         if self._is_stiff(state.q, h, modes.open):
             return self._damped(state, q, v, h, acceleration, modes)
-        if self._has_stribeck_effect:
-            return self._in_pieces(state, q, v, a, h, acceleration, modes)
         step = runge_kutta_step(q, v, h, acceleration, a)
+        if self._has_stribeck_effect and self._falls_with_speed(state.v, step.velocity[:n]):
+            return self._in_pieces(state, q, v, a, h, acceleration, modes)
         return self._end(state, step, h, modes)
+
+    def _falls_with_speed(self, v: FloatArray, after: FloatArray) -> bool:
+        """Tell whether dry friction changes noticeably with speed on the way."""
+        slowest = np.where(v * after > 0.0, np.minimum(np.abs(v), np.abs(after)), 0.0)
+        return bool((slowest < self._falls_below).any())
 
     def _gather(
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,
@@ -434,8 +493,7 @@ class Motion:
         if not (self._is_dry or self._is_damped):
             return _End(after, 0.0, a_end)
         v = step.velocities[:, :n]
-        given = np.where(modes.open, 0.0, self._tau)
-        friction = given - self._against_friction(modes)(v)
+        friction = self._rubbing(v, modes)
         return _End(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
 
     def _lost(self, before: MotionState, after: MotionState) -> float:

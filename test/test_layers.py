@@ -35,8 +35,8 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'backlash', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
-        'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
+        'actuator', 'backlash', 'coordinates', 'crossing', 'damped_step', 'drive', 'exceptions',
+        'filtering', 'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
         'runge_kutta', 'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf',
         'validation',
     ),
