@@ -26,6 +26,8 @@ closed form however short L/R and T_c are against the step (an exponential integ
 and A. Ostermann, Acta Numerica 19, 2010, section 2).
 """
 
+from typing import Any
+
 import numpy as np
 from robot_dynamics.actuator import Actuators
 from robot_dynamics.validation import FloatArray
@@ -37,6 +39,9 @@ class Drive:
     def __init__(self, actuators: Actuators) -> None:
         self.actuators = actuators
         self.current = np.zeros_like(actuators.gear_ratio)
+        self._inert = actuators.inductance > 0.0
+        self._loop_gain = actuators.inductance / actuators.current_time_constant
+        self._back_emf = actuators.back_emf_constant * actuators.gear_ratio
 
     def effort_over_step(
         self, effort: FloatArray, v: FloatArray, h: float,
@@ -44,8 +49,9 @@ class Drive:
         """
         Return the mean joint effort (n,) over a step of h [s], and advance the current.
 
-        `effort` is what is asked for, v the joints' velocity in the middle of the step. The drive
-        does not know the acceleration: what the rotor takes is scaled by the efficiency too.
+        `effort` is what is asked for, v the motors' velocity in the middle of the step, divided
+        by the gear ratio. The drive does not know the acceleration: what the rotor takes is
+        scaled by the efficiency too.
         """
         motors, unknown = self.actuators, np.zeros_like(v)
         wanted = np.clip(
@@ -57,43 +63,42 @@ class Drive:
     def _settle(self, wanted: FloatArray, v: FloatArray, h: float) -> FloatArray:
         """Return the mean current (n,) over h [s] on the way to the wanted one."""
         motors = self.actuators
-        low, high = motors.current_range(v)
-        inert = motors.inductance > 0.0
-        saturated, asymptote, until = self._saturation(wanted, v, h)
-        with np.errstate(divide='ignore', invalid='ignore'):
-            electric = np.where(saturated, motors.inductance / motors.resistance, 1.0)
-        i1, charge1 = _relax(self.current, asymptote, electric, until)
-        rest = h - until
-        i2, charge2 = _relax(i1, wanted, motors.current_time_constant, rest)
-        direct = np.clip(wanted, low, high)
-        self.current = np.where(inert, i2, direct)
-        return np.asarray(np.where(inert, (charge1 + charge2) / h, direct))
+        i, charge, rest = self._saturated(wanted, v, h)
+        i, more = _relax(i, wanted, motors.current_time_constant, rest)
+        mean = (charge + more) / h
+        if self._inert.all():
+            self.current = i
+            return np.asarray(mean)
+        direct = np.clip(wanted, *motors.current_range(v))  # without inductance, at once
+        self.current = np.where(self._inert, i, direct)
+        return np.where(self._inert, mean, direct)
 
-    def _saturation(
+    def _saturated(
         self, wanted: FloatArray, v: FloatArray, h: float,
-    ) -> tuple[np.ndarray, FloatArray, FloatArray]:
-        """Return which motors lack voltage, the current that they tend to, and until when [s]."""
-        motors = self.actuators
-        back_emf = motors.back_emf_constant * motors.gear_ratio * v
-        gain = motors.inductance / motors.current_time_constant
-        demand = motors.resistance * self.current + back_emf + gain * (wanted - self.current)
-        limit = np.copysign(motors.voltage_limit, demand)
-        saturated = (motors.inductance > 0.0) & (np.abs(demand) > motors.voltage_limit)
-        asymptote, until = self.current.copy(), np.zeros_like(v)
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return current, its integral, and the time left [s], after motors lacked voltage."""
+        motors, i = self.actuators, self.current
+        back_emf = self._back_emf * v
+        demand = motors.resistance * i + back_emf + self._loop_gain * (wanted - i)
+        saturated = self._inert & (np.abs(demand) > motors.voltage_limit)
+        charge, rest = np.zeros_like(v), np.full_like(v, h)
+        if not saturated.any():
+            return i, charge, rest
+        i = i.copy()
         for j in np.flatnonzero(saturated):
-            R, L = motors.resistance[j], motors.inductance[j]
-            asymptote[j] = (limit[j] - back_emf[j]) / R
+            R, gain = motors.resistance[j], self._loop_gain[j]
+            limit = np.copysign(motors.voltage_limit[j], demand[j])
+            asymptote, electric = (limit - back_emf[j]) / R, motors.inductance[j] / R
             # where the loop's own demand comes back to the limit
-            leave = (limit[j] - back_emf[j] - gain[j] * wanted[j]) / (R - gain[j]) if (
-                gain[j] != R) else np.inf
-            share = (leave - asymptote[j]) / (self.current[j] - asymptote[j])
-            until[j] = min(h, -L / R * np.log(share)) if 0.0 < share < 1.0 else h
-        return saturated, asymptote, until
+            leave = (limit - back_emf[j] - gain * wanted[j]) / (R - gain) if gain != R else np.inf
+            share = (leave - asymptote) / (i[j] - asymptote)
+            until = min(h, -electric * np.log(share)) if 0.0 < share < 1.0 else h
+            i[j], charge[j] = _relax(i[j], asymptote, electric, until)
+            rest[j] = h - until
+        return i, charge, rest
 
 
-def _relax(
-    i: FloatArray, target: FloatArray, time_constant: FloatArray, t: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def _relax(i: Any, target: Any, time_constant: Any, t: Any) -> tuple[Any, Any]:
     """Return the current after t, and its integral, on an exponential way to a target."""
     decay = np.exp(-t / time_constant)
     return (target + (i - target) * decay,

@@ -89,11 +89,17 @@ class Leg(NamedTuple):
 
 
 class GearModes(NamedTuple):
-    """The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own."""
+    """
+    How an arm moves between two events.
+
+    The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own; `falls`,
+    whether dry friction changes with speed.
+    """
 
     joints: Modes
     side: FloatArray
     open: BoolArray
+    falls: bool
 
 
 class _End(NamedTuple):
@@ -118,7 +124,8 @@ class Motion:
             friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
         self._rubs = friction.static > 0.0
         self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
-        self._slides = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none)
+        self._slides = GearModes(
+            Modes(self._nowhere, self._none), self._nowhere, self._none, False)
         self._slowest_damping = np.inf
         if arm.actuators is not None:  # M is at least the rotors' share, so that rates have a bound
             with np.errstate(divide='ignore', invalid='ignore'):
@@ -171,15 +178,19 @@ class Motion:
     def _choose_modes(self, state: MotionState) -> tuple[GearModes, FloatArray]:
         """Return how the joints move on from a state, and their acceleration (n,)."""
         if self._play is None:
-            modes = self._slides._replace(joints=self._joint_modes(state, self._none))
+            joints = self._joint_modes(state, self._none)
+            modes = GearModes(
+                joints, self._nowhere, self._none, self._falls(joints, state.v, state.v))
             return modes, self._joint_acceleration(modes)(state.q, state.v)
         touching = self._play.touching(state.q, state.theta)
         parted = self._play.exists & (touching == 0.0)
         opened = self._play.exists & (touching * (state.omega - state.v) < 0.0) | parted
         J, tau, tried = self._play.inertia, self._tau, 0
         while True:
+            joints = self._joint_modes(state, opened)
             modes = GearModes(
-                self._joint_modes(state, opened), np.where(opened, 0.0, touching), opened)
+                joints, np.where(opened, 0.0, touching), opened,
+                self._falls(joints, state.v, state.v))
             a = self._joint_acceleration(modes)(state.q, state.v)
             push = touching * (tau - J * a)
             wrong = np.where(opened, push, -push)
@@ -364,7 +375,7 @@ class Motion:
         if not (self._is_dry or self._is_damped):
             return lambda v: tau
         F_v, base = friction.viscous, tau - direction * friction.coulomb
-        if not self._has_stribeck_effect:
+        if not modes.falls:
             return lambda v: base - F_v * v
         rise, rate = direction * (friction.static - friction.coulomb), (
             1.0 / friction.stribeck_velocity)
@@ -423,15 +434,19 @@ class Motion:
             a = None if a is None else np.concatenate((a, spin_up))
         if self._is_stiff(state.q, h, modes.open):
             return self._damped(state, q, v, h, acceleration, modes)
-        step = runge_kutta_step(q, v, h, acceleration, a)
-        if self._has_stribeck_effect and self._falls_with_speed(state.v, step.velocity[:n]):
-            return self._in_pieces(state, q, v, a, h, acceleration, modes)
-        return self._end(state, step, h, modes)
+        if not modes.falls:
+            step = runge_kutta_step(q, v, h, acceleration, a)
+            if not self._falls(modes.joints, state.v, step.velocity[:n]):
+                return self._end(state, step, h, modes)
+            return self._advance(state, h, modes._replace(falls=True), None)
+        return self._in_pieces(state, q, v, a, h, acceleration, modes)
 
-    def _falls_with_speed(self, v: FloatArray, after: FloatArray) -> bool:
+    def _falls(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
         """Tell whether dry friction changes noticeably with speed on the way."""
-        slowest = np.where(v * after > 0.0, np.minimum(np.abs(v), np.abs(after)), 0.0)
-        return bool((slowest < self._falls_below).any())
+        if not self._has_stribeck_effect:
+            return False
+        slowest = np.minimum(v * joints.direction, after * joints.direction)
+        return bool(((joints.direction != 0.0) & (slowest < self._falls_below)).any())
 
     def _gather(
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,

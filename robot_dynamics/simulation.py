@@ -33,7 +33,7 @@ from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray
 
-DEFAULT_MAX_STEP = 1e-3
+DEFAULT_MAX_STEP = 2e-3
 """[s]"""
 
 
