@@ -37,6 +37,12 @@ from robot_dynamics.validation import FloatArray
 
 TOUCH = 1e-11
 """[rad] or [m] within which teeth touch: rounding, and the accuracy of an event."""
+CONTACT_TIME = 2e-4
+"""
+[s] that elastic teeth take to give back what they store: they do not leave each other for less.
+
+A steel gear with the load that it drives rings at 1 to 5 kHz. Shorter bounces are taken as over.
+"""
 
 
 class Meeting(NamedTuple):
@@ -89,25 +95,28 @@ class Backlash:
         return np.where(self.exists, distance, np.inf)
 
     def meet(
-        self, j: int, M: FloatArray, held: BoolArray, side: FloatArray, v: FloatArray,
-        omega: FloatArray,
+        self, j: int, M: FloatArray, side: FloatArray, v: FloatArray, omega: FloatArray,
+        push: FloatArray,
     ) -> Meeting:
         """
         Return the velocities after the teeth of joint j met.
 
-        M (n, n) is the mass matrix without motors that have play; `held` (n,) tells which other
-        motors lie against their joints, at `side` (n,): they go along, unless the impulse lifts
-        them off.
+        M (n, n) is the mass matrix without motors that have play. Other motors that touch their
+        joints at `side` (n,) and move with them go along, unless the impulse lifts them off:
+        against `push` (n,), the force that holds them there, over CONTACT_TIME.
         """
-        J, e, held = self.inertia, float(self.restitution[j]), held.copy()
+        J, e = self.inertia, float(self.restitution[j])
+        held = (side != 0.0) & (omega == v)
+        w, kept = omega[j] - v[j], np.maximum(push, 0.0) * CONTACT_TIME
+        if 2.0 * e * abs(w) * J[j] < kept[j]:
+            e = 0.0
         impulse_on_j = np.zeros_like(v)
         impulse_on_j[j] = 1.0
         while True:
             response = np.linalg.solve(M + np.diag(J * held), impulse_on_j)
             m = 1.0 / (1.0 / J[j] + response[j])
-            w = omega[j] - v[j]
             dv = (1.0 + e) * m * w * response
-            lifted = held & (side * -J * dv < 0.0)
+            lifted = held & (side * J * dv > kept)
             if not lifted.any():
                 break
             held &= ~lifted

@@ -152,10 +152,10 @@ class Motion:
         if self._play is None and not self._is_dry:
             end = self._advance(state, h, self._slides, None)
             return Leg(end.state, end.heat)
-        heat, jolted = 0.0, False
+        heat, jolted, a = 0.0, False, None
         for event in range(_MAX_EVENTS):
             if self._play is not None:
-                met = self._meet(state, plastic=event >= _BOUNCES)
+                met = self._meet(state, a, plastic=event >= _BOUNCES)
                 state, heat, jolted = met.state, heat + met.heat, jolted or met.jolted
             modes, a = self._choose_modes(state)
             if modes.joints.stuck.all() and not modes.open.any():
@@ -167,7 +167,7 @@ class Motion:
                 h -= passed
             else:
                 h = 0.0
-            state, heat = end.state, heat + end.heat
+            state, heat, a = end.state, heat + end.heat, end.a
             if h <= 0.0:
                 return Leg(state, heat, jolted)
         end = self._advance(state, h, modes, None)  # a quiver that friction damps anyway
@@ -212,14 +212,19 @@ class Motion:
             self._body_with(opened).mass_matrix(state.q), v, self._effort(state.q, v, opened),
             self._friction.dry(v), self._friction.static)
 
-    def _meet(self, state: MotionState, plastic: bool) -> Leg:
-        """Return the state after all teeth that touch and approach have met."""
+    def _meet(self, state: MotionState, a: FloatArray | None, plastic: bool) -> Leg:
+        """
+        Return the state after all teeth that touch and approach have met.
+
+        `a` (n,) is the acceleration of the joints so far, where it is known.
+        """
         assert self._play is not None
         play, (q, v, theta, omega) = self._play, state
         side = play.touching(q, theta)
         closing = side * (omega - v)
         if closing.max() <= 0.0:
             return Leg(state, 0.0)
+        push = self._nowhere if a is None else side * (self._tau - play.inertia * a)
         M = self._body_with(play.exists).mass_matrix(q)
         heat, meetings = 0.0, 0
         while closing.max() > 0.0:
@@ -227,9 +232,7 @@ class Motion:
                 # All at once: one after the other they would lift each other off without end.
                 v, omega, lost = play.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
             else:
-                j = int(np.argmax(closing))
-                held = (side != 0.0) & (closing == 0.0)
-                v, omega, lost = play.meet(j, M, held, side, v, omega)
+                v, omega, lost = play.meet(int(np.argmax(closing)), M, side, v, omega, push)
             heat, meetings = heat + lost, meetings + 1
             closing = side * (omega - v)
         theta = np.where(side != 0.0, q + side * play.half_gap, theta)
