@@ -35,9 +35,10 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'coordinates', 'damped_step', 'drive', 'exceptions', 'filtering',
-        'friction', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
-        'sticking', 'trajectory', 'trajectory_checks', 'urdf', 'validation',
+        'actuator', 'coordinates', 'damped_step', 'drive', 'effort_semantics', 'exceptions',
+        'filtering', 'friction', 'gravity_check', 'gravity_verdict', 'payload',
+        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'sticking', 'trajectory',
+        'trajectory_checks', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
@@ -45,7 +46,7 @@ LAYERS = {
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'identification',
         'limit_warnings', 'model_check', 'playback', 'plotting', 'recording',
-        'reference_motion', 'simulation', 'trajectory_efforts',
+        'reference_motion', 'robot_side', 'simulation', 'trajectory_efforts',
     ),
     # and ROS
     'ros': ('ros.',),
