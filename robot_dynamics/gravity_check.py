@@ -42,6 +42,8 @@ STILL_BAND = 0.0025
 WINDOW_NS = 500_000_000
 MIN_SAMPLES = 20
 MAX_GAP_NS = 250_000_000
+SAMPLE_PERIOD_NS = 4_500_000
+"""Between two states that are kept: a hundred a window, judged in little time, are enough."""
 MIN_GRAVITY = 0.1
 """[N·m] or [N] of gravity that a joint must bear to tell anything."""
 CLEARANCE = 4.0
@@ -91,6 +93,7 @@ class GravityCheck:
         self._samples: list[_Sample] = []
         self._first_position = np.zeros_like(self._friction)
         self._commanded = False
+        self._last_time = 0
 
     def add(
         self, t: int, q: FloatArray, v: FloatArray | None, effort: FloatArray,
@@ -108,6 +111,9 @@ class GravityCheck:
         if v is not None and np.abs(v).max() > STILL_VELOCITY:
             self.waiting = STILL
             return None
+        self._last_time = t
+        if self._samples and t - self._samples[-1].t < SAMPLE_PERIOD_NS:
+            return None
         self._samples.append(_Sample(
             t, effort, np.zeros_like(q) if command is None else command, gravity))
         if t - self._samples[0].t < WINDOW_NS or len(self._samples) < MIN_SAMPLES:
@@ -122,7 +128,7 @@ class GravityCheck:
         if not self._samples:
             return False
         return (
-            0 < t - self._samples[-1].t <= MAX_GAP_NS and (command is not None) == self._commanded
+            0 < t - self._last_time <= MAX_GAP_NS and (command is not None) == self._commanded
             and (v is None or bool(np.abs(v).max() <= STILL_VELOCITY))
             and bool(np.abs(q - self._first_position).max() <= STILL_BAND))
 
@@ -138,7 +144,7 @@ class GravityCheck:
             self.waiting = NO_EFFORT
             return None
         # Medians: the first states of a hold may have come before what holds the arm.
-        g = np.median(gravities, axis=0)
+        g = _median(gravities)
         measured = np.where(finite, measured, 0.0)
         beyond = np.where(finite, measured - commands, 0.0)
         used = finite & (np.abs(g) > np.maximum(MIN_GRAVITY, CLEARANCE * self._friction))
@@ -159,8 +165,8 @@ class GravityCheck:
         return GravityVerdict(
             _share(g, beyond, used), self._semantics.expected_share,
             TOLERANCE + min(widened, MAX_BAND),
-            np.where(finite, np.median(measured, axis=0), np.nan),
-            np.median(commands, axis=0), g, used)
+            np.where(finite, _median(measured), np.nan),
+            _median(commands), g, used)
 
     def _is_loaded(
         self, g: FloatArray, measured: FloatArray, used: npt.NDArray[np.bool_],
@@ -182,9 +188,15 @@ class GravityCheck:
 
 def _share(g: FloatArray, efforts: FloatArray, used: npt.NDArray[np.bool_]) -> float:
     """Return the least squares share of gravity in the median of efforts (samples, n)."""
-    return float(g[used] @ np.median(efforts, axis=0)[used] / (g[used] @ g[used]))
+    return float(g[used] @ _median(efforts)[used] / (g[used] @ g[used]))
 
 
 def _deviation(efforts: FloatArray) -> FloatArray:
     """Return the standard deviation (n,) of normal noise with the median absolute deviation."""
-    return np.asarray(1.4826 * np.median(np.abs(efforts - np.median(efforts, axis=0)), axis=0))
+    return np.asarray(1.4826 * _median(np.abs(efforts - _median(efforts))))
+
+
+def _median(samples: FloatArray) -> FloatArray:
+    """Return the median (n,) of samples (m, n); np.median loads a module at its first call."""
+    m = len(samples)
+    return np.asarray(np.sort(samples, axis=0)[[(m - 1) // 2, m // 2]].mean(axis=0))

@@ -29,8 +29,17 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_path
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import (
+    DYNAMICS,
+    LATCHED,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 NAMES = ['joint1', 'joint2']
 START = [0.8, 0.5]
@@ -135,6 +144,18 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
     assert list(terms.gravity) == [0.0, 0.0]
     assert np.abs(np.array([m.position for m in states.messages]) - START).max() < 1e-6
     assert states.messages[-1].effort == pytest.approx(G, abs=1e-3)
+
+
+def test_a_new_model_is_checked_anew(client: RosClient) -> None:
+    descriptions = client.publisher(String, '/anew/robot_description', LATCHED, 0)
+    other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
+    with both('/anew', {}, {}) as node:
+        node.wait_for_log(PASSED, LONG)
+        assert len(re.findall(PASSED, node.log)) == 1  # there is one verdict a model
+        descriptions.publish(String(data=other))
+        node.wait_for_log("Model 'other_arm'", LONG)
+        wait_until(lambda: len(re.findall(PASSED, node.log)) == 2, 'another verdict', LONG)
+    client.node.destroy_publisher(descriptions)
 
 
 # --- not as declared -----------------------------------------------------------------------------
