@@ -22,17 +22,21 @@ or a recording, gives the same efforts however fast it is played.
 from collections.abc import Callable
 from dataclasses import dataclass
 import threading
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, Gains
+from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
 from robot_dynamics.trajectory import JointTrajectory, Reference, TrajectoryFollower
 from robot_dynamics.validation import FloatArray
 
+BoolArray = npt.NDArray[np.bool_]
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
 FRICTION_MODES = ('reference', 'measured', 'none')
 
@@ -42,10 +46,13 @@ class ControlOutput:
     """
     The efforts for one state, each (n,) [N·m] or [N], or None where there is none.
 
-    `clamped` tells which joints of `command` met their effort limit.
+    `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
+    `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
+    load. `clamped` tells which joints of `command` met their effort limit.
     """
 
     gravity_compensation: FloatArray
+    robot_gravity: FloatArray
     computed_torque: FloatArray | None
     command: FloatArray | None
     clamped: FloatArray
@@ -63,6 +70,8 @@ class ControllerOptions:
     """The command is clamped to this share of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
     """The velocity at which computed torque compensates friction; see `control`."""
+    semantics: EffortSemantics = EffortSemantics()
+    """What the robot adds to the command by itself is left out of it."""
 
 
 class Controller:
@@ -76,7 +85,7 @@ class Controller:
     def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
         self.arm = arm
         self._lock = threading.Lock()
-        self._dynamics = ArmDynamics(arm)
+        self._bare_dynamics = self._dynamics = ArmDynamics(arm)
         self._transition: PayloadTransition | None = None
         continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
                       if kind == 'continuous']
@@ -153,23 +162,43 @@ class Controller:
             a = self._feedback.acceleration(reference, q, v)
             friction = self._friction(reference, q, v)
             computed_torque = self._dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
-        command = self._choose(gravity, computed_torque)
         _check_finite(q, gravity, computed_torque)
-        clamped = np.zeros(0, dtype=bool)
+        follows = computed_torque is not None and self._options.command == 'computed_torque'
+        bare = self._dynamics is self._bare_dynamics
+        robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
+        robot = self._options.semantics
+        own = _Own(
+            robot_gravity if robot.compensates_gravity else None,
+            friction if robot.compensates_friction and follows else None)
+        command, clamped = self._choose(gravity, computed_torque), np.zeros(0, dtype=bool)
         if command is not None:
-            bounded = np.clip(command, -self._effort_limit, self._effort_limit)
-            clamped = bounded != command
-            command = bounded
+            command, clamped = self._bounded(own.taken_off(command), own)
         terms = None
         if with_terms:
-            follows = computed_torque is not None and self._options.command == 'computed_torque'
             v_terms = v if follows and v is not None else zero
-            terms = self._dynamics.terms(
-                q, v_terms, a if follows else zero, friction=friction if follows else zero)
+            terms = own.taken_off_terms(self._dynamics.terms(
+                q, v_terms, a if follows else zero, friction=friction if follows else zero))
             if v is not None and not follows:
                 terms = terms._replace(
                     kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
-        return ControlOutput(gravity, computed_torque, command, clamped, reference, terms)
+        return ControlOutput(
+            gravity, robot_gravity, computed_torque, command, clamped, reference, terms)
+
+    def _bounded(self, command: FloatArray, own: '_Own') -> tuple[FloatArray, BoolArray]:
+        """
+        Return the command within its limit, so that the effort at the joints is within theirs.
+
+        The latter is the command and the gravity that the robot adds. (Friction that it adds is
+        lost on the way.) Where gravity alone is beyond the limit, the command need not push
+        against it: it may be 0, or take load off.
+        """
+        low, high = -self._effort_limit, self._effort_limit
+        if own.gravity is not None:
+            limit = self.arm.limits.effort
+            low = np.maximum(low, np.minimum(-limit - own.gravity, 0.0))
+            high = np.minimum(high, np.maximum(limit - own.gravity, 0.0))
+        bounded = np.clip(command, low, high)
+        return bounded, bounded != command
 
     def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
         friction, mode = self._dynamics.friction, self._options.friction_compensation
@@ -203,6 +232,26 @@ class Controller:
         if transition.done:
             self._transition = None
             transition.when_done(transition.target)
+
+
+class _Own(NamedTuple):
+    """What the robot adds by itself, each (n,) or None for nothing."""
+
+    gravity: FloatArray | None
+    friction: FloatArray | None
+
+    def taken_off(self, effort: FloatArray) -> FloatArray:
+        if self.gravity is not None:
+            effort = effort - self.gravity
+        return effort if self.friction is None else effort - self.friction
+
+    def taken_off_terms(self, terms: EffortTerms) -> EffortTerms:
+        if self.gravity is None and self.friction is None:
+            return terms
+        gravity = terms.gravity if self.gravity is None else terms.gravity - self.gravity
+        friction = terms.friction if self.friction is None else np.zeros_like(terms.friction)
+        return terms._replace(
+            gravity=gravity, friction=friction, effort=self.taken_off(terms.effort))
 
 
 def _check_finite(

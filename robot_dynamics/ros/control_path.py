@@ -23,6 +23,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
+from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.validation import FloatArray
@@ -51,7 +52,7 @@ class ControlPath:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._served: tuple[Controller, JointStateReader, list[str]] | None = None
+        self._served: tuple[Controller, JointStateReader, list[str], EffortCheck] | None = None
         self.counters = ControlCounters()
 
         def publisher(message_type: type, topic: str) -> Any:
@@ -63,10 +64,11 @@ class ControlPath:
         self._commands = publisher(Float64MultiArray, '~/commands')
         self._terms = publisher(DynamicsTerms, '~/terms')
 
-    def use(self, controller: Controller) -> None:
-        """Serve this arm from the next joint state on."""
+    def use(self, controller: Controller, check: EffortCheck) -> None:
+        """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
-        self._served = controller, JointStateReader(names), list(names)  # all at once: a thread
+        # all at once: there is a thread
+        self._served = controller, JointStateReader(names), list(names), check
 
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -89,7 +91,7 @@ class ControlPath:
             self.counters.dropped['no model yet'] += 1
             self.counters.last_drop = 'Dropped a joint state: no model yet'
             return
-        controller, reader, names = self._served
+        controller, reader, names, check = self._served
         q, v = reader.read(message)
         with_terms = self._terms.get_subscription_count() > 0
         stamp = message.header.stamp
@@ -112,6 +114,15 @@ class ControlPath:
                 terms_to_ros(output.terms, names, stamp))
         counters.states += 1
         counters.following = output.reference is not None
+        if not check.done:
+            check.look(
+                reader, message, q, v, output.robot_gravity,
+                output.command if self._is_commanding() else None)
+
+    def _is_commanding(self) -> bool:
+        """Tell whether anybody gets the command."""
+        return bool(
+            self._command.get_subscription_count() or self._commands.get_subscription_count())
 
 
 def _effort_message(state: JointState, names: list[str], effort: FloatArray) -> JointState:

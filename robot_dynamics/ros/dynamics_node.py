@@ -33,6 +33,7 @@ from robot_dynamics.controller import (
     ControllerOptions,
     FRICTION_MODES,
 )
+from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.control_path import ControlCounters, ControlPath
@@ -43,6 +44,7 @@ from robot_dynamics.ros.conversions import (
 )
 from robot_dynamics.ros.diagnostics import Diagnostics, ERROR, OK, Status, WARN
 from robot_dynamics.ros.dynamics_services import DynamicsServices
+from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.message_loop import MessageLoop
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
@@ -53,6 +55,7 @@ from robot_dynamics.ros.robot_description import (
     DESCRIPTION_SPECS,
     embedded_description,
     FRICTION_SPECS,
+    semantics_from_parameters,
 )
 from robot_dynamics.ros.running import reason_of, run_node
 from sensor_msgs.msg import JointState
@@ -94,6 +97,19 @@ SPECS = (
         'Share of the URDF effort limits to which effort_command is clamped.',
         minimum=0.0, maximum=1.0),
     ParameterSpec(
+        'measured_effort', Type.STRING, 'joint_torque',
+        'What effort in joint_states is: joint_torque, joint_torque_without_gravity, '
+        'motor_torque [N m] or motor_current [A] (both need actuators), or none.',
+        read_only=True, choices=MEASURED_EFFORTS),
+    ParameterSpec(
+        'robot_compensates', Type.STRING_ARRAY, [],
+        'What the robot adds by itself to the effort that it is commanded, and effort_command '
+        'so leaves out: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
+    ParameterSpec(
+        'effort_check', Type.BOOL, True,
+        'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
+        'is compensated twice, or not as declared.', read_only=True),
+    ParameterSpec(
         'state_thread', Type.BOOL, True,
         'Take joint states in a thread of their own (little delay) instead of in the executor.',
         read_only=True),
@@ -109,6 +125,7 @@ class DynamicsNode(Node):
         super().__init__('dynamics')
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
+        self._effort_check: EffortCheck | None = None
         self._xml = ''
         self._refused, self._refusal = 0, ''
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
@@ -163,10 +180,13 @@ class DynamicsNode(Node):
     def _use_model(self, xml: str) -> None:
         values = self._settings.values
         arm = arm_from_parameters(xml, values)
-        controller = Controller(arm, options_from(values, arm))
-        self._path.use(controller)
+        options = options_from(values, arm)
+        controller = Controller(arm, options)
+        check = EffortCheck(self, arm, options.semantics, values['effort_check'])
+        self._path.use(controller, check)
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
+        self._effort_check = check
         self._payload_in_force(None)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
@@ -183,6 +203,7 @@ class DynamicsNode(Node):
         if len(values['gravity']) != 3:
             raise InvalidInputError(
                 f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
+        semantics_from_parameters(values)
         if self._arm is not None:
             options_from(values, self._arm)
 
@@ -209,7 +230,7 @@ class DynamicsNode(Node):
     def _statuses(self) -> list[Status]:
         counters = self._path.counters
         model = 'none yet' if self._arm is None else self._arm.name
-        return [
+        statuses = [
             self._report.status(),
             Status(
                 'reference', WARN if self._refusal else OK,
@@ -221,6 +242,7 @@ class DynamicsNode(Node):
                 'command', OK, str(self._settings.values['command']),
                 {'published': counters.commands, 'clamped': counters.clamped, 'model': model}),
         ]
+        return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 
 
 class StateReport:
@@ -262,7 +284,8 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         check_order_is_given(values, name, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
-        gains, values['command'], values['effort_scale'], values['friction_compensation'])
+        gains, values['command'], values['effort_scale'], values['friction_compensation'],
+        semantics_from_parameters(values))
 
 
 def main(args: Sequence[str] | None = None) -> int:

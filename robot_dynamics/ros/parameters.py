@@ -45,7 +45,8 @@ class ParameterSpec:
     """
     One parameter; the default of an array may be empty.
 
-    `minimum` and `maximum` hold for a number, or for each number of an array.
+    `minimum` and `maximum` hold for a number, or for each number of an array, `choices` likewise
+    for a text.
     """
 
     name: str
@@ -63,7 +64,8 @@ class ParameterSpec:
             name=self.name, type=self.kind.value, description=self.description,
             read_only=self.read_only)
         if self.choices:
-            descriptor.additional_constraints = f'one of {list(self.choices)}'
+            descriptor.additional_constraints = (
+                f'{"each " if self.kind is Type.STRING_ARRAY else ""}one of {list(self.choices)}')
         if self.minimum is not None and self.maximum is not None:
             if self.kind is Type.DOUBLE:
                 descriptor.floating_point_range = [FloatingPointRange(
@@ -78,7 +80,10 @@ class ParameterSpec:
 
     def check(self, value: Any) -> None:
         """Raise InvalidInputError, naming this parameter, for a value that it cannot have."""
-        if self.choices:
+        if self.choices and self.kind is Type.STRING_ARRAY:
+            for i, choice in enumerate(value):
+                check_choice(f'{self.name}[{i}]', choice, self.choices)
+        elif self.choices:
             check_choice(self.name, value, self.choices)
         low = -math.inf if self.minimum is None else self.minimum
         high = math.inf if self.maximum is None else self.maximum

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.effort_semantics import EffortSemantics, make_effort_semantics
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, ModelError
 from robot_dynamics.friction import make_friction
 from robot_dynamics.planar_urdf import default_arm_urdf
@@ -122,6 +123,13 @@ def _described_gear_ratios(arm: ArmModel) -> list[float]:
             f'mechanicalReduction for {without}, expected one for each of '
             f'{list(arm.joint_names)}, or gear ratios here')
     return [ratios[name] for name in arm.joint_names]
+
+
+def semantics_from_parameters(values: Values) -> EffortSemantics:
+    """Return what the robot measures and adds; raise InvalidInputError on what does not fit."""
+    has_actuators = any(values[spec.name] for spec in ACTUATOR_SPECS)
+    return make_effort_semantics(
+        values['measured_effort'], values['robot_compensates'], has_actuators)
 
 
 def check_order_is_given(values: Values, name: str, arm: ArmModel) -> None:

@@ -21,7 +21,9 @@ import threading
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.node import Node
+from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
@@ -31,6 +33,7 @@ from robot_dynamics.ros.robot_description import (
     DESCRIPTION_SPECS,
     embedded_description,
     FRICTION_SPECS,
+    semantics_from_parameters,
 )
 from robot_dynamics.ros.running import reason_of, run_node
 from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
@@ -66,6 +69,15 @@ SPECS = (
         'Hold the initial pose until the first effort arrives; without, the arm falls freely.',
         read_only=True),
     ParameterSpec(
+        'measured_effort', Type.STRING, 'joint_torque',
+        'What this arm reports as effort in joint_states: joint_torque, '
+        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (both need '
+        'actuators), or none.', read_only=True, choices=MEASURED_EFFORTS),
+    ParameterSpec(
+        'robot_compensates', Type.STRING_ARRAY, [],
+        'What this arm adds by itself to the effort that it is commanded, by its own model '
+        'without a payload: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
+    ParameterSpec(
         'position_noise', Type.DOUBLE, 0.0,
         'Standard deviation of the noise on measured positions [rad] or [m].',
         minimum=0.0, maximum=1.0),
@@ -100,7 +112,9 @@ class SimulatedArmNode(Node):
         if not values['brakes']:
             simulation.release()
         self._lock = threading.Lock()
-        self._plant = Plant(simulation, values['brakes'], np.random.default_rng(values['seed']))
+        self._plant = Plant(
+            simulation, RobotSide(self._arm, semantics_from_parameters(values)),
+            values['brakes'], np.random.default_rng(values['seed']))
         self._apply(values)
         self._own_time = values['publish_clock'] or values['lock_step']
         topics = ArmTopics(self, self._arm.joint_names, self._own_time)
@@ -165,6 +179,7 @@ def _check(values: Values) -> None:
     if len(values['gravity']) != 3:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
+    semantics_from_parameters(values)
 
 
 def main(args: Sequence[str] | None = None) -> int:

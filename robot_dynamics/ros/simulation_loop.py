@@ -31,6 +31,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
@@ -51,12 +52,14 @@ RESEND_PERIOD = 0.1
 
 
 class Plant:
-    """The simulated arm with what acts on it, and with noisy sensors. Guarded by the lock."""
+    """The simulated robot with what acts on it, and with noisy sensors. Guarded by the lock."""
 
     def __init__(
-        self, simulation: ArmSimulation, brakes: bool, noise: np.random.Generator,
+        self, simulation: ArmSimulation, robot: RobotSide, brakes: bool,
+        noise: np.random.Generator,
     ) -> None:
         self.simulation = simulation
+        self._robot = robot
         self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
         self.wrenches: dict[str, ExternalWrench] = {}
         self.position_noise = 0.0
@@ -78,17 +81,19 @@ class Plant:
         self.simulation.release()
 
     def step(self, period: float) -> None:
-        self.simulation.step(self.effort, period, list(self.wrenches.values()))
+        effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
+        self.simulation.step(effort, period, list(self.wrenches.values()))
 
     def measure(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return measured position, velocity and effort."""
+        """Return measured position, velocity and effort, the latter empty for none."""
         q, v = self.simulation.state
         n = len(q)
+        effort = self._robot.measured(self.simulation.effort, q, v, self.simulation.braked)
         if self.position_noise > 0.0:
             q = q + self.position_noise * self._noise.standard_normal(n)
         if self.velocity_noise > 0.0:
             v = v + self.velocity_noise * self._noise.standard_normal(n)
-        return q, v, self.simulation.effort
+        return q, v, effort
 
 
 class ArmTopics:

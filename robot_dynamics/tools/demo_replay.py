@@ -123,7 +123,8 @@ def play_recording(
     with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
         session.nodes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
-            'joints': list(arm.joint_names)})
+            'joints': list(arm.joint_names),
+            'effort_check': False})  # no command of this node held the recorded arm
         playback = Playback(session.node, session.recorder, JOINT_STATES, GRAVITY, series)
         session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
         print('Playing the recorded states, each after the answer to the one before ...',

@@ -1,0 +1,202 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Who carries the arm? A check at start, in a static hold, for gravity that is compensated twice.
+
+At rest, with the brakes open and nothing else touching the arm, the effort at the joints is g(q)
+up to static friction, whoever commands it. Of what is measured beyond the command, the least
+squares share of gravity
+
+    k = gᵀ (τ_measured − u) / (gᵀ g)
+
+is 1 where the robot, or another controller, adds gravity by itself, 0 where the command is all
+there is, and less by 1 where gravity was taken out of the measured effort (`effort_semantics`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.actuator import Actuators
+from robot_dynamics.effort_semantics import EffortSemantics, joint_effort_at_rest, MOTOR_SIDE
+from robot_dynamics.friction import JointFriction
+from robot_dynamics.gravity_verdict import GravityVerdict
+from robot_dynamics.validation import FloatArray
+
+STILL_VELOCITY = 0.05
+"""[rad/s] or [m/s] that every joint must stay below, each sample: as much may be noise."""
+STILL_BAND = 0.0025
+"""[rad] or [m] around the first sample that every joint must keep to."""
+WINDOW_NS = 500_000_000
+MIN_SAMPLES = 20
+MAX_GAP_NS = 250_000_000
+SAMPLE_PERIOD_NS = 4_500_000
+"""Between two states that are kept: a hundred a window, judged in little time, are enough."""
+MIN_GRAVITY = 0.1
+"""[N·m] or [N] of gravity that a joint must bear to tell anything."""
+CLEARANCE = 4.0
+"""How many times its friction and noise a joint's gravity must be to tell anything."""
+STEADY = 0.25
+"""By how much k may differ between the two halves of a window."""
+TOLERANCE = 0.5
+MAX_BAND = 0.25
+"""What friction, noise and gears may add to the tolerance; so 0 is always told from 1."""
+UNLOADED = 0.25
+"""Share of gravity that the measured effort bears, below which brakes seem to carry the arm."""
+UNLOADED_PATIENCE_NS = 3_000_000_000
+"""How long that must last under a command: it may be yet to arrive, and to open the brakes."""
+
+STILL = 'waiting for the arm to stand still for 0.5 s'
+POSE = 'cannot decide in this pose: no joint bears gravity well above its friction and noise'
+UNLOADED_WORDS = (
+    'cannot decide: the measured effort does not carry the arm (brakes, or no real measurement)')
+NO_EFFORT = 'no measured effort'
+
+
+class _Sample(NamedTuple):
+    t: int
+    effort: FloatArray
+    command: FloatArray
+    gravity: FloatArray
+
+
+class GravityCheck:
+    """
+    Gathers states until one static hold tells who carries the arm.
+
+    `waiting` says what it waits for. It is for one thread.
+    """
+
+    def __init__(
+        self, semantics: EffortSemantics, friction: JointFriction, actuators: Actuators | None,
+    ) -> None:
+        """`friction` and `actuators` are those known of the arm: they make the check careful."""
+        self._semantics, self._actuators = semantics, actuators
+        self._friction = friction.static + np.abs(friction.offset)
+        gears = actuators is not None and semantics.measured_effort in MOTOR_SIDE
+        self._gear_loss = 1.0 / actuators.efficiency - 1.0 if actuators is not None and gears \
+            else np.zeros_like(self._friction)
+        self.waiting = STILL
+        self._unloaded_since: int | None = None
+        self._samples: list[_Sample] = []
+        self._first_position = np.zeros_like(self._friction)
+        self._commanded = False
+        self._last_time = 0
+
+    def add(
+        self, t: int, q: FloatArray, v: FloatArray | None, effort: FloatArray,
+        command: FloatArray | None, gravity: FloatArray,
+    ) -> GravityVerdict | None:
+        """
+        Take a state at the time t [ns]; return the verdict where there is one.
+
+        `effort` (n,) is what the robot reports, NaN where it does not; `command` (n,) acts at
+        that time, None for no command; `gravity` (n,) is what the robot would compensate.
+        """
+        if not self._goes_on(t, q, v, command):
+            self._samples.clear()
+            self._first_position, self._commanded = q, command is not None
+        if v is not None and np.abs(v).max() > STILL_VELOCITY:
+            self.waiting = STILL
+            return None
+        self._last_time = t
+        if self._samples and t - self._samples[-1].t < SAMPLE_PERIOD_NS:
+            return None
+        self._samples.append(_Sample(
+            t, effort, np.zeros_like(q) if command is None else command, gravity))
+        if t - self._samples[0].t < WINDOW_NS or len(self._samples) < MIN_SAMPLES:
+            return None
+        verdict = self._judge()
+        self._samples.clear()
+        return verdict
+
+    def _goes_on(
+        self, t: int, q: FloatArray, v: FloatArray | None, command: FloatArray | None,
+    ) -> bool:
+        if not self._samples:
+            return False
+        return (
+            0 < t - self._last_time <= MAX_GAP_NS and (command is not None) == self._commanded
+            and (v is None or bool(np.abs(v).max() <= STILL_VELOCITY))
+            and bool(np.abs(q - self._first_position).max() <= STILL_BAND))
+
+    def _judge(self) -> GravityVerdict | None:
+        """Return the verdict of a whole window, or None and say in `waiting` why there is none."""
+        efforts, commands, gravities = (
+            np.array([getattr(sample, name) for sample in self._samples])
+            for name in ('effort', 'command', 'gravity'))
+        measured = joint_effort_at_rest(
+            self._semantics.measured_effort, efforts, self._actuators)
+        finite = np.isfinite(measured).all(axis=0)
+        if not finite.any():
+            self.waiting = NO_EFFORT
+            return None
+        # Medians: the first states of a hold may have come before what holds the arm.
+        g = _median(gravities)
+        measured = np.where(finite, measured, 0.0)
+        beyond = np.where(finite, measured - commands, 0.0)
+        used = finite & (np.abs(g) > np.maximum(MIN_GRAVITY, CLEARANCE * self._friction))
+        half = len(beyond) // 2
+        if used.any() and abs(
+                _share(g, beyond[:half], used) - _share(g, beyond[half:], used)) > STEADY:
+            self.waiting = STILL  # a command, or what opens brakes, has just begun to act
+            return None
+        band = self._friction + _deviation(beyond)
+        used &= np.abs(g) > CLEARANCE * band
+        if not used.any():
+            self.waiting = POSE
+            return None
+        if not self._is_loaded(g, measured, used):
+            return None
+        band = (band + self._gear_loss * np.abs(g))[used]
+        widened = float(np.abs(g[used]) @ band / (g[used] @ g[used]))
+        return GravityVerdict(
+            _share(g, beyond, used), self._semantics.expected_share,
+            TOLERANCE + min(widened, MAX_BAND),
+            np.where(finite, _median(measured), np.nan),
+            _median(commands), g, used)
+
+    def _is_loaded(
+        self, g: FloatArray, measured: FloatArray, used: npt.NDArray[np.bool_],
+    ) -> bool:
+        """Tell whether the measured effort carries the arm, or a command has long been there."""
+        missing = g if self._semantics.lacks_gravity else np.zeros_like(g)
+        if _share(g, measured + missing, used) >= UNLOADED:
+            self._unloaded_since = None
+            return True
+        self.waiting = UNLOADED_WORDS
+        first, last = self._samples[0].t, self._samples[-1].t
+        if not self._commanded:
+            self._unloaded_since = None
+            return False
+        if self._unloaded_since is None or self._unloaded_since > last:
+            self._unloaded_since = first
+        return last - self._unloaded_since >= UNLOADED_PATIENCE_NS
+
+
+def _share(g: FloatArray, efforts: FloatArray, used: npt.NDArray[np.bool_]) -> float:
+    """Return the least squares share of gravity in the median of efforts (samples, n)."""
+    return float(g[used] @ _median(efforts)[used] / (g[used] @ g[used]))
+
+
+def _deviation(efforts: FloatArray) -> FloatArray:
+    """Return the standard deviation (n,) of normal noise with the median absolute deviation."""
+    return np.asarray(1.4826 * _median(np.abs(efforts - _median(efforts))))
+
+
+def _median(samples: FloatArray) -> FloatArray:
+    """Return the median (n,) of samples (m, n); np.median loads a module at its first call."""
+    m = len(samples)
+    return np.asarray(np.sort(samples, axis=0)[[(m - 1) // 2, m // 2]].mean(axis=0))

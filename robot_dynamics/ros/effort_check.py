@@ -1,0 +1,113 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The check of the measured effort beside the control path of `dynamics`, until its verdict."""
+
+from rclpy.node import Node
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.gravity_check import GravityCheck, NO_EFFORT, STILL
+from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
+from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.validation import FloatArray
+from sensor_msgs.msg import JointState
+
+NAME = 'effort check'
+
+
+class EffortCheck:
+    """
+    Watches joint states until one static hold has told who carries the arm.
+
+    `look` belongs to the thread of the control path; `status` may be asked from any.
+    """
+
+    def __init__(
+        self, node: Node, arm: ArmModel, semantics: EffortSemantics, wanted: bool,
+    ) -> None:
+        """Be done at once where the check is not wanted, or there is no effort to look at."""
+        self._node, self._names, self._semantics = node, arm.joint_names, semantics
+        self._check = GravityCheck(semantics, arm.friction, arm.actuators)
+        self._command: FloatArray | None = None
+        self._said: set[str] = {STILL}
+        self._verdict: GravityVerdict | None = None
+        self._words = STILL
+        self.done = False
+        if not wanted:
+            self._finish('off')
+        elif semantics.measured_effort == 'none':
+            self._finish(f"{NO_EFFORT} (measured_effort is 'none')")
+
+    def look(
+        self, reader: JointStateReader, message: JointState, q: FloatArray,
+        v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
+    ) -> None:
+        """
+        Take a state and the command that answers it, None where nobody gets one.
+
+        The command in force at a state is that which answered the state before. Whatever is wrong
+        with the effort never drops the state.
+        """
+        in_force, self._command = self._command, command
+        try:
+            effort = reader.effort(message)
+        except RobotDynamicsError as error:
+            self._wait(f'{NO_EFFORT}: {error}')
+            return
+        if effort is None:
+            self._wait(f'{NO_EFFORT} in the joint states')
+            return
+        try:
+            verdict = self._check.add(
+                stamp_from_ros(message.header.stamp), q, v, effort, in_force, gravity)
+        except Exception as error:  # a check may fail, the control path may not
+            self._node.get_logger().error(f'The effort check ended: {error!r}')
+            self._finish(f'ended: {error!r}')
+            return
+        if verdict is None:
+            self._wait(self._check.waiting)
+        else:
+            self._conclude(verdict)
+
+    def status(self) -> Status:
+        """Return what the check waits for, or its verdict, for the diagnostics."""
+        verdict = self._verdict
+        if verdict is None:
+            return Status(NAME, OK, self._words, {})
+        return Status(
+            NAME, OK if verdict.agrees else WARN, self._words,
+            {'k': f'{verdict.share:.3f}', 'expected k': f'{verdict.expected:.0f}',
+             'tolerance': f'{verdict.tolerance:.3f}'})
+
+    def _wait(self, reason: str) -> None:
+        self._words = reason
+        if reason not in self._said:
+            self._said.add(reason)
+            self._node.get_logger().info(f'Effort check: {reason}')
+
+    def _conclude(self, verdict: GravityVerdict) -> None:
+        words = verdict_in_words(verdict, self._names, self._semantics)
+        self._verdict = verdict
+        self._finish(words)
+        logger = self._node.get_logger()
+        if verdict.agrees:
+            logger.info(f'Effort check passed: {words}')
+        else:
+            logger.warning(f'Effort check: {words}')
+
+    def _finish(self, words: str) -> None:
+        self._words, self.done = words, True

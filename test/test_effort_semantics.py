@@ -1,0 +1,267 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the robot measures and adds by itself: conversions, the command beside it, its clamping."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_dynamics.actuator import Actuators, make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
+from robot_dynamics.effort_semantics import (
+    EffortSemantics,
+    joint_effort_at_rest,
+    make_effort_semantics,
+    measured_from_joint,
+)
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.friction import make_friction
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.robot_side import RobotSide
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.trajectory import make_trajectory
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
+G = ArmDynamics(ARM).rigid_body.gravity(Q)
+EFFORT = np.array([-40.0, 12.0])
+ALL = ('gravity', 'friction')
+
+
+def motors(efficiency: float = 1.0) -> Actuators:
+    return make_actuators(
+        NAMES, [0.1, 0.05], [100.0, -50.0], rotor_inertia=[1e-5], efficiency=[efficiency])
+
+
+# --- what is measured ----------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('kind', 'expected'), [
+    ('joint_torque', [-40.0, 12.0]),
+    ('joint_torque_without_gravity', [-40.0, 12.0]),
+    ('motor_torque', [-4000.0, -600.0]),
+    ('motor_current', [-400.0, -30.0]),
+])
+def test_a_measured_effort_is_taken_to_the_joint_side(kind: str, expected: list[float]) -> None:
+    assert joint_effort_at_rest(kind, EFFORT, motors()) == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize('kind', ['joint_torque', 'motor_torque', 'motor_current'])
+def test_what_a_robot_reports_at_rest_comes_back(kind: str) -> None:
+    reported = measured_from_joint(kind, EFFORT, ZERO, G, motors())
+    back = joint_effort_at_rest(kind, np.tile(reported, (3, 1)), motors())
+    assert back == pytest.approx(np.tile(EFFORT, (3, 1)))
+
+
+@pytest.mark.parametrize('v', [-1.0, 0.0, 1.0])
+def test_a_lossy_gearbox_is_read_within_its_losses(v: float) -> None:
+    """Whichever way power goes, what is read at rest is within the factor of efficiency."""
+    eta = 0.7
+    reported = measured_from_joint('motor_current', EFFORT, np.full(2, v), G, motors(eta))
+    ratio = joint_effort_at_rest('motor_current', reported, motors(eta)) / EFFORT
+    assert (ratio >= eta - 1e-12).all()
+    assert (ratio <= 1.0 / eta + 1e-12).all()
+
+
+def test_gravity_and_nothing_may_be_reported() -> None:
+    without = measured_from_joint('joint_torque_without_gravity', EFFORT, V, G, None)
+    assert without.tolist() == (EFFORT - G).tolist()
+    assert measured_from_joint('none', EFFORT, V, G, None).size == 0
+
+
+@pytest.mark.parametrize(('measured', 'compensates', 'expected'), [
+    ('joint_torque', (), 0.0), ('joint_torque', ALL, 1.0), ('motor_current', ('friction',), 0.0),
+    ('joint_torque_without_gravity', (), -1.0), ('joint_torque_without_gravity', ALL, 0.0),
+])
+def test_the_expected_share_of_gravity(
+    measured: str, compensates: tuple[str, ...], expected: float,
+) -> None:
+    assert make_effort_semantics(measured, compensates, True).expected_share == expected
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (('torque', [], True), "measured_effort is 'torque', expected one of .*'motor_current'"),
+    (('none', ['friction', 'load'], True), r"robot_compensates\[1\] is 'load', expected one of"),
+    (('none', ['gravity', 'gravity'], True), "robot_compensates has 'gravity' twice"),
+    (('motor_current', [], False),
+     "'motor_current', but there are no actuators: expected actuator.torque_constant and"),
+    (('motor_torque', [], False), r"or one of \['joint_torque', .*'none'\]"),
+])
+def test_what_does_not_fit_is_refused_by_name(arguments: Any, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        make_effort_semantics(*arguments)
+
+
+def test_nothing_is_converted_without_what_it_takes() -> None:
+    with pytest.raises(InvalidInputError, match="'motor_torque', expected actuators"):
+        joint_effort_at_rest('motor_torque', EFFORT, None)
+    with pytest.raises(InvalidInputError, match="'none', expected an effort"):
+        joint_effort_at_rest('none', EFFORT, motors())
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+def with_friction(coulomb: float = 3.0) -> ArmModel:
+    return ARM.with_friction(make_friction(NAMES, [2.0], [coulomb]))
+
+
+def make_controller(compensates: tuple[str, ...], **changes: Any) -> Controller:
+    semantics = EffortSemantics(robot_compensates=compensates)
+    return Controller(with_friction(), ControllerOptions(
+        make_gains(NAMES), semantics=semantics, **changes))
+
+
+def update(controller: Controller, target: Any = None) -> ControlOutput:
+    controller.update(1, Q, V)
+    if target is not None:
+        controller.follow(make_trajectory(NAMES, [0.0], [target], [V], [], NAMES), 0)
+    return controller.update(2, Q, V, with_terms=True)
+
+
+def test_gravity_is_left_to_the_robot() -> None:
+    output = update(make_controller(('gravity',)))
+    assert output.command is not None
+    assert output.terms is not None
+    assert output.command.tolist() == output.terms.gravity.tolist() == [0.0, 0.0]
+    assert output.gravity_compensation == pytest.approx(G)  # the topic keeps its meaning
+
+
+@pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ALL])
+def test_the_command_and_what_the_robot_adds_are_computed_torque(
+    compensates: tuple[str, ...],
+) -> None:
+    output = update(make_controller(compensates), Q + 0.01)
+    whole = update(make_controller(()), Q + 0.01)
+    assert whole.terms is not None
+    assert output.command is not None
+    assert output.computed_torque is not None
+    assert output.terms is not None
+    assert np.abs(whole.terms.friction).min() > 1.0
+    assert whole.computed_torque is not None
+    assert output.computed_torque.tolist() == whole.computed_torque.tolist()
+    added = ('gravity' in compensates) * G + ('friction' in compensates) * whole.terms.friction
+    assert output.command + added == pytest.approx(output.computed_torque)
+    terms = output.terms
+    assert terms.effort == pytest.approx(output.command)
+    assert terms.effort == pytest.approx(
+        terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
+    for name in compensates:
+        assert getattr(terms, name).tolist() == [0.0, 0.0]
+
+
+def test_a_load_that_only_this_node_knows_of_stays_in_the_command() -> None:
+    controller = make_controller(('gravity',))
+    load = make_payload('tool0', 2.0)
+    controller.set_payload(load, 0.0, lambda _: None)
+    output = update(controller)
+    loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
+    assert output.command == pytest.approx(loaded - G)
+    assert output.gravity_compensation == pytest.approx(loaded)
+    assert output.robot_gravity == pytest.approx(G)
+    assert output.terms is not None
+    assert output.terms.gravity == pytest.approx(loaded - G)
+
+
+# --- limits --------------------------------------------------------------------------------------
+
+LIMIT = np.array([150.0, 60.0])
+
+
+@pytest.mark.parametrize('target', [[3.0, -2.0], [-3.0, 3.0], [0.9, 0.6], None])
+@pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
+@pytest.mark.parametrize('compensates', [(), ('gravity',), ALL])
+def test_joint_and_command_keep_within_their_limits(
+    compensates: tuple[str, ...], scale: float, target: Any,
+) -> None:
+    """The effort at the joint within the limit of the URDF, the command within its share of it."""
+    output = update(make_controller(compensates, effort_scale=scale), target)
+    assert output.command is not None
+    assert output.terms is not None
+    added = G if compensates else ZERO
+    assert (np.abs(output.command) <= scale * LIMIT + 1e-9).all()
+    assert (np.abs(output.command + added) <= LIMIT + 1e-9).all()
+    wanted = output.terms.effort
+    inside = (np.abs(wanted) <= scale * LIMIT) & (np.abs(wanted + added) <= LIMIT)
+    assert output.command[inside] == pytest.approx(output.terms.effort[inside])
+    assert output.clamped.tolist() == (~inside).tolist()
+
+
+def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
+    """Where g(q) alone is beyond the limit, the command may be 0, and may take load off."""
+    urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')
+    arm = load_arm(urdf)
+    assert arm.limits.effort[0] == 30.0 < abs(G[0])
+    controller = Controller(arm, ControllerOptions(
+        make_gains(NAMES), semantics=EffortSemantics(robot_compensates=('gravity',))))
+    rest = controller.update(1, Q, ZERO)
+    assert rest.command is not None
+    assert rest.command.tolist() == [0.0, 0.0]
+    assert not rest.clamped.any()
+    for step, expected in ((-0.1, 0.0), (0.1, 30.0)):  # g(q) is negative
+        controller.follow(make_trajectory(
+            NAMES, [0.0], [Q + [step, 0.0]], [ZERO], [], NAMES), 0)
+        output = controller.update(2, Q, ZERO)
+        assert output.command is not None
+        assert output.command[0] == expected
+
+
+# --- the simulated robot -------------------------------------------------------------------------
+
+def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO) -> ArmSimulation:
+    """Return the arm after a second under a constant command, with what its robot adds."""
+    robot = RobotSide(arm, EffortSemantics(robot_compensates=compensates))
+    simulation = ArmSimulation(arm, Q, v)
+    simulation.release()
+    for _ in range(500):
+        effort = robot.with_own_compensation(np.array(command), *simulation.state)
+        simulation.step(effort, 2e-3)
+    return simulation
+
+
+def test_a_robot_that_compensates_gravity_holds_itself() -> None:
+    assert run(ARM, ('gravity',), ZERO).q == pytest.approx(Q, abs=1e-9)
+
+
+def test_gravity_twice_lifts_the_arm() -> None:
+    held, lifted = run(ARM, (), G).q, run(ARM, ('gravity',), G).q
+    assert held == pytest.approx(Q, abs=1e-6)
+    assert np.abs(lifted - Q).max() > 0.5
+
+
+def test_a_robot_that_compensates_friction_slides_on() -> None:
+    slow = np.array([0.05, 0.05])
+    free = run(ARM, ('gravity',), ZERO, slow).q
+    compensated = run(with_friction(), ALL, ZERO, slow).q
+    stuck = run(with_friction(), ('gravity',), ZERO, slow).q
+    assert np.linalg.norm(stuck - Q) < 0.1 * np.linalg.norm(free - Q)
+    assert np.linalg.norm(compensated - free) < 0.3 * np.linalg.norm(free - Q)
+
+
+def test_a_robot_does_not_know_its_load() -> None:
+    load = make_payload('tool0', 2.0)
+    robot = RobotSide(ARM, EffortSemantics(robot_compensates=('gravity',)))
+    loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
+    assert robot.with_own_compensation(ZERO, Q, ZERO) == pytest.approx(G)
+    assert np.abs(loaded - G).min() > 5.0
+
+
+def test_on_its_brakes_a_robot_reports_nothing() -> None:
+    robot = RobotSide(ARM, EffortSemantics('joint_torque_without_gravity'))
+    assert robot.measured(ZERO, Q, ZERO, braked=True).tolist() == [0.0, 0.0]
+    assert robot.measured(G, Q, ZERO, braked=False).tolist() == [0.0, 0.0]

@@ -1,0 +1,337 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The laws of the check in a static hold: what it tells, what it must not tell, and when."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions
+from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.friction import JointFriction, make_friction
+from robot_dynamics.gravity_check import (
+    GravityCheck,
+    NO_EFFORT,
+    POSE,
+    STILL,
+    UNLOADED_WORDS,
+)
+from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.robot_side import RobotSide
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+Q, ZERO = np.array([0.8, 0.5]), np.zeros(2)
+G = np.array([-50.0, 10.0])
+PERIOD_NS = 5_000_000
+GRAVITY, LACKS = ('gravity',), 'joint_torque_without_gravity'
+
+
+def make_check(
+    semantics: EffortSemantics | None = None, friction: JointFriction | None = None,
+    actuators: Any = None,
+) -> GravityCheck:
+    return GravityCheck(
+        semantics or EffortSemantics(), friction or make_friction(NAMES), actuators)
+
+
+def hold(
+    check: GravityCheck, effort: Any, command: Any, seconds: float = 0.6, *, start: float = 10.0,
+    q: Any = Q, v: Any = ZERO, g: Any = G, noise: float = 0.0,
+) -> GravityVerdict | None:
+    """Return the verdict of a constant hold, 200 states a second."""
+    random = np.random.default_rng(1)
+    for k in range(round(seconds * 200)):
+        verdict = check.add(
+            round(start * 1e9) + k * PERIOD_NS, np.array(q), v,
+            np.array(effort) + noise * random.standard_normal(2),
+            None if command is None else np.array(command), np.array(g))
+        if verdict is not None:
+            return verdict
+    return None
+
+
+def told(*arguments: Any, **options: Any) -> GravityVerdict:
+    verdict = hold(*arguments, **options)
+    assert verdict is not None
+    return verdict
+
+
+# --- the share -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('share', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
+def test_the_share_of_gravity_is_exact(share: float) -> None:
+    command = G + [3.0, -2.0]
+    verdict = told(make_check(), command + share * G, command, seconds=4.0)
+    assert verdict.share == pytest.approx(share, abs=1e-12)
+    assert verdict.measured == pytest.approx(command + share * G)
+    assert verdict.command == pytest.approx(command)
+    assert verdict.gravity == pytest.approx(G)
+    assert verdict.used.all()
+    assert verdict.agrees == (abs(share) <= 0.5)
+
+
+@pytest.mark.parametrize(('semantics', 'effort', 'command', 'agrees'), [
+    (EffortSemantics(), G, G, True),
+    (EffortSemantics(), G, None, False),  # who else holds the arm?
+    (EffortSemantics(), 2 * G, G, False),
+    (EffortSemantics(robot_compensates=GRAVITY), G, None, True),
+    (EffortSemantics(robot_compensates=GRAVITY), G, ZERO, True),
+    (EffortSemantics(robot_compensates=GRAVITY), G, G, False),  # it does not
+    (EffortSemantics(LACKS), ZERO, G, True),
+    (EffortSemantics(LACKS), G, G, False),  # gravity is in it
+    (EffortSemantics(LACKS, GRAVITY), ZERO, ZERO, True),
+    (EffortSemantics(LACKS, GRAVITY), ZERO, None, True),
+    (EffortSemantics(), ZERO, G, False),
+    (EffortSemantics(robot_compensates=GRAVITY), ZERO, ZERO, False),
+])
+def test_what_was_declared_agrees_or_not(
+    semantics: EffortSemantics, effort: Any, command: Any, agrees: bool,
+) -> None:
+    assert told(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
+
+
+@pytest.mark.parametrize(('share', 'agrees'), [
+    (0.49, True), (0.51, False), (-0.49, True), (-0.51, False)])
+def test_the_tolerance_is_half_of_gravity(share: float, agrees: bool) -> None:
+    verdict = told(make_check(), G + share * G, G)
+    assert verdict.tolerance == 0.5
+    assert verdict.agrees == agrees
+
+
+@pytest.mark.parametrize(('efficiency', 'tolerance'), [(1.0, 0.5), (0.9, 0.611), (0.6, 0.75)])
+def test_currents_are_converted_and_gears_widen_the_tolerance(
+    efficiency: float, tolerance: float,
+) -> None:
+    actuators = make_actuators(NAMES, [0.1, 0.05], [100.0, -50.0], efficiency=[efficiency])
+    current = G / (np.array([0.1, 0.05]) * [100.0, -50.0])
+    check = make_check(EffortSemantics('motor_current'), actuators=actuators)
+    verdict = told(check, 2.0 * current, G)
+    assert verdict.share == pytest.approx(1.0)
+    assert verdict.measured == pytest.approx(2.0 * G)
+    assert verdict.tolerance == pytest.approx(tolerance, abs=1e-3)
+    assert not verdict.agrees
+
+
+# --- friction and noise --------------------------------------------------------------------------
+
+@pytest.mark.parametrize('sign', [[1, 1], [1, -1], [-1, 1], [-1, -1]])
+@pytest.mark.parametrize('load', [0.0, 1 / 3])
+def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(
+    sign: list[int], load: float,
+) -> None:
+    friction = make_friction(NAMES, [0.0], [12.0, 2.4])
+    held = np.array(sign) * friction.static
+    alone = told(make_check(friction=friction), (1.0 + load) * G + held, G)
+    assert alone.agrees
+    assert 0.5 < alone.tolerance <= 0.75
+    assert not told(make_check(friction=friction), (2.0 + load) * G + abs(held), G).agrees
+    assert not told(make_check(friction=friction), 2.0 * G + held * np.sign(-G), G).agrees
+
+
+def test_a_joint_within_its_friction_is_not_asked() -> None:
+    friction = make_friction(NAMES, [0.0], [1.0, 4.0])
+    verdict = told(make_check(friction=friction), G + [0.0, 40.0], G)
+    assert verdict.used.tolist() == [True, False]
+    assert verdict.share == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize('g', [[0.0, 0.0], [0.05, -0.09]])
+def test_in_a_pose_without_gravity_it_does_not_decide(g: list[float]) -> None:
+    check = make_check()
+    assert hold(check, [5.0, 5.0], g, 3.0, g=g) is None
+    assert check.waiting == POSE
+    assert told(check, G, G, start=20.0).agrees  # a better one comes
+
+
+def test_noise_is_averaged_and_drowns_a_small_load() -> None:
+    verdict = told(make_check(), 2.0 * G, G, noise=1.0)
+    assert verdict.share == pytest.approx(1.0, abs=0.02)
+    check = make_check()
+    assert hold(check, G, G, 3.0, noise=30.0) is None
+    assert check.waiting in (POSE, STILL)
+
+
+# --- when ----------------------------------------------------------------------------------------
+
+def test_it_takes_half_a_second_and_twenty_states() -> None:
+    check = make_check()
+    assert hold(check, G, G, 0.495) is None
+    assert told(make_check(), G, G, 0.51).agrees
+    slow = make_check()
+    verdicts = [slow.add(k * 100_000_000, Q, ZERO, G, G, G) for k in range(20)]
+    assert [verdict is None for verdict in verdicts] == [True] * 19 + [False]
+
+
+@pytest.mark.parametrize('moves', [
+    {'v': np.array([0.0, 0.1])}, {'q': [0.8, 0.51], 'v': None}, {'start': 5.0},
+    {'command': None}])
+def test_motion_a_new_command_or_time_that_goes_back_begins_anew(moves: dict[str, Any]) -> None:
+    check, changed = make_check(), {'command': G, 'start': 10.4, **moves}
+    command = changed.pop('command')
+    assert hold(check, G, G, 0.4) is None
+    assert hold(check, G, command, 0.4, **changed) is None
+    assert hold(check, G, G, 0.4, start=10.8) is None
+
+
+def test_it_does_without_a_velocity() -> None:
+    assert told(make_check(), G, G, v=None).agrees
+
+
+def test_a_step_within_the_window_is_not_averaged() -> None:
+    """Brakes open, and the effort jumps from 0 to that which holds: neither 0 nor 1 was seen."""
+    check = make_check()
+    assert hold(check, ZERO, G, 0.25) is None
+    assert hold(check, G, G, 0.27, start=10.25) is None
+    assert check.waiting == STILL
+    assert told(check, G, G, start=10.6).agrees
+
+
+@pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
+def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
+    """The first states of a hold report the effort before the command that answers them."""
+    check = make_check()
+    assert hold(check, ZERO, G, late) is None
+    verdict = told(check, G, G, start=10.0 + late)
+    assert verdict.share == 0.0
+    assert verdict.measured.tolist() == G.tolist()
+
+
+# --- brakes and missing efforts ------------------------------------------------------------------
+
+def test_an_arm_on_its_brakes_says_nothing_without_a_command() -> None:
+    for semantics in (EffortSemantics(), EffortSemantics(robot_compensates=GRAVITY)):
+        check = make_check(semantics)
+        assert hold(check, ZERO, None, 30.0) is None
+        assert check.waiting == UNLOADED_WORDS
+
+
+def test_under_a_command_brakes_get_three_seconds() -> None:
+    check = make_check()
+    assert hold(check, ZERO, G, 2.9) is None
+    assert told(check, G, G, start=12.9, seconds=2.0).agrees
+    verdict = told(make_check(), ZERO, G, 4.0)
+    assert verdict.share == pytest.approx(-1.0)
+
+
+def test_joints_without_a_measurement_are_left_out() -> None:
+    nan = float('nan')
+    verdict = told(make_check(), [2.0 * G[0], nan], G)
+    assert verdict.used.tolist() == [True, False]
+    assert verdict.share == pytest.approx(1.0)
+    check = make_check()
+    assert hold(check, [nan, nan], G, 3.0) is None
+    assert check.waiting == NO_EFFORT
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('semantics', 'effort', 'words'), [
+    (EffortSemantics(), 2.0 * G, ['1.00 times', 'expected 0', 'robot_compensates: [gravity]']),
+    (EffortSemantics(), ZERO, [
+        '-1.00 times', 'measured_effort: joint_torque_without_gravity', 'brakes carry the arm',
+        'measured_effort: none']),
+    (EffortSemantics(LACKS), G, [
+        '0.00 times', 'expected -1', 'set measured_effort: joint_torque;']),
+    (EffortSemantics(robot_compensates=GRAVITY), G, [
+        'expected 1', "robot_compensates ['gravity']", 'take it out of robot_compensates']),
+])
+def test_a_warning_has_the_numbers_and_the_parameter(
+    semantics: EffortSemantics, effort: Any, words: list[str],
+) -> None:
+    line = verdict_in_words(
+        told(make_check(semantics), effort, G, seconds=4.0), NAMES, semantics)
+    expected = [*words, f'joint1: measured {effort[0]:.3f}, command -50.000, g(q) -50.000',
+                f'joint2: measured {effort[1]:.3f}, command 10.000, g(q) 10.000']
+    for part in expected:
+        assert part in line
+    assert '\n' not in line
+
+
+# --- in closed loop ------------------------------------------------------------------------------
+
+def closed_loop(
+    arm: ArmModel, robot: tuple[str, ...], declared: EffortSemantics,
+    reference: JointTrajectory | None = None, seconds: float = 4.0, load: float = 0.0,
+    q: Any = Q,
+) -> GravityVerdict | None:
+    """Return what the check says beside a controller of the bare arm and a simulated robot."""
+    controller = Controller(ARM, ControllerOptions(make_gains(NAMES), semantics=declared))
+    robot_side = RobotSide(
+        arm, EffortSemantics(declared.measured_effort, robot))
+    check = GravityCheck(declared, arm.friction, None)
+    simulation = ArmSimulation(arm, q)
+    if load:
+        simulation.set_payload(make_payload('tool0', load))
+    simulation.release()
+    if reference is not None:
+        controller.follow(reference, 0)
+    command = None
+    for k in range(round(seconds * 200)):
+        state = simulation.state
+        measured = robot_side.measured(simulation.effort, *state, braked=False)
+        t = 1 + k * PERIOD_NS
+        output = controller.update(t, *state)
+        if k and (verdict := check.add(
+                t, *state, measured, command, output.robot_gravity)) is not None:
+            return verdict
+        assert output.command is not None
+        command = output.command
+        effort = robot_side.with_own_compensation(command, *state)
+        simulation.step(effort, 1e-9 * PERIOD_NS)
+    return None
+
+
+SET_POINT = make_trajectory(NAMES, [0.0], [Q], [], [], NAMES)
+STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
+
+
+@pytest.mark.parametrize('declared', [
+    EffortSemantics(), EffortSemantics(LACKS), EffortSemantics(robot_compensates=GRAVITY),
+    EffortSemantics(LACKS, GRAVITY)])
+@pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
+@pytest.mark.parametrize('load', [0.0, 1.5])  # a third of g, and more at the second joint
+def test_a_robot_that_is_as_declared_raises_no_alarm(
+    declared: EffortSemantics, arm: ArmModel, load: float,
+) -> None:
+    verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
+    assert verdict is not None
+    assert verdict.agrees, verdict
+
+
+@pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
+def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
+    """The feedback leans against what is too much, and the command says so."""
+    verdict = closed_loop(arm, GRAVITY, EffortSemantics(), SET_POINT)
+    assert verdict is not None
+    assert verdict.share == pytest.approx(1.0, abs=0.05)
+    assert not verdict.agrees
+
+
+def test_there_is_no_verdict_while_the_arm_moves() -> None:
+    """The verdict comes after the motion, and is the same one."""
+    motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
+    for robot, agrees in (((), True), (GRAVITY, False)):
+        assert closed_loop(ARM, robot, EffortSemantics(), motion, seconds=1.8) is None
+        verdict = closed_loop(ARM, robot, EffortSemantics(), motion, seconds=4.0)
+        assert verdict is not None
+        assert verdict.agrees == agrees
