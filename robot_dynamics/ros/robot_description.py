@@ -88,6 +88,12 @@ ACTUATOR_SPECS = (
     _actuator_spec(
         'current_time_constant', 'T_c [s] of the current loop, for simulated_arm. Empty: 0.0002',
         0, 10),
+    _actuator_spec(
+        'backlash', 'Whole gap between the teeth on the joint side [rad] or [m], for '
+        'simulated_arm; needs rotor_inertia. Empty: 0', 0, 1),
+    _actuator_spec(
+        'restitution', 'Restitution e of teeth that meet, in [0, 1], for simulated_arm. Empty: 0',
+        0, 1),
 )
 
 
