@@ -28,7 +28,8 @@ from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.backlash import Backlash
 from robot_dynamics.drive import Drive
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.motion import Motion, MotionState
+from robot_dynamics.joint_forces import MotionState
+from robot_dynamics.motion import Motion
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray

@@ -46,8 +46,9 @@ LAYERS = {
     # and whatever is not ROS
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'identification',
-        'limit_warnings', 'model_check', 'motion', 'motion_events', 'playback', 'plotting',
-        'recording', 'reference_motion', 'robot_side', 'simulation', 'trajectory_efforts',
+        'gear_modes', 'joint_forces', 'limit_warnings', 'model_check', 'motion', 'motion_events',
+        'playback', 'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
+        'trajectory_efforts',
     ),
     # and ROS
     'ros': ('ros.',),
