@@ -82,6 +82,14 @@ class JointForces:
             energy += 0.5 * float(share @ self.play.exists)
         return energy
 
+    def motor_inertia(self, state: MotionState) -> FloatArray:
+        """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
+        if self.play is None:
+            return self.body.mass_matrix(state.q)
+        opened = self.play.exists & (self.play.touching(state.q, state.theta) == 0.0)
+        M = np.where(opened | opened[:, None], 0.0, self.body.mass_matrix(state.q))
+        return np.asarray(M + np.diag(self.play.inertia * opened))
+
     def body_with(self, opened: BoolArray) -> RigidBody:
         """Return the rigid bodies without the rotors of motors on their own."""
         if self.play is None or not opened.any():

@@ -78,6 +78,10 @@ class Motion:
         """Return that of links and rotors [J]."""
         return self._forces.kinetic_energy(state)
 
+    def motor_inertia(self, state: MotionState) -> FloatArray:
+        """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
+        return self._forces.motor_inertia(state)
+
     def step(self, state: MotionState, h: float) -> Leg:
         """Return the state after h [s]; the very same one where the arm sticks."""
         forces = self._forces
