@@ -41,6 +41,10 @@ COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
 FRICTION_MODES = ('reference', 'measured', 'none')
 
 
+class NonFiniteEffortError(InvalidInputError):
+    """A state for which the model has no finite effort."""
+
+
 @dataclass(frozen=True, eq=False)
 class ControlOutput:
     """
@@ -48,13 +52,15 @@ class ControlOutput:
 
     `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
     `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
-    load. `clamped` tells which joints of `command` met their effort limit.
+    load. `hold` is the command that holds the arm still, and what a command starts from.
+    `clamped` tells which joints of `command` met their effort limit.
     """
 
     gravity_compensation: FloatArray
     robot_gravity: FloatArray
     computed_torque: FloatArray | None
     command: FloatArray | None
+    hold: FloatArray
     clamped: FloatArray
     reference: Reference | None
     terms: EffortTerms | None
@@ -116,6 +122,12 @@ class Controller:
             else:
                 self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
 
+    def forget_reference(self) -> None:
+        """Follow nothing from now on."""
+        with self._lock:
+            self._waiting = None
+            self._follower.clear()
+
     def set_payload(
         self, payload: Payload | None, transition_time: float,
         when_done: Callable[[Payload | None], None],
@@ -141,7 +153,7 @@ class Controller:
         Return the efforts for the state (q, v) measured at stamp_ns; v may be unknown (None).
 
         Without a velocity there is gravity compensation alone. Efforts that are not finite raise
-        InvalidInputError: such a state is outside anything the model can answer.
+        NonFiniteEffortError: such a state is outside anything the model can answer.
         """
         with self._lock:
             return self._update(stamp_ns, q, v, with_terms)
@@ -170,8 +182,13 @@ class Controller:
         own = _Own(
             robot_gravity if robot.compensates_gravity else None,
             friction if robot.compensates_friction and follows else None)
-        command, clamped = self._choose(gravity, computed_torque), np.zeros(0, dtype=bool)
-        if command is not None:
+        hold, clamped = self._bounded(own._replace(friction=None).taken_off(gravity), own)
+        command = self._choose(gravity, computed_torque)
+        if command is None:
+            clamped = np.zeros(0, dtype=bool)
+        elif command is gravity:
+            command = hold
+        else:
             command, clamped = self._bounded(own.taken_off(command), own)
         terms = None
         if with_terms:
@@ -182,7 +199,7 @@ class Controller:
                 terms = terms._replace(
                     kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
         return ControlOutput(
-            gravity, robot_gravity, computed_torque, command, clamped, reference, terms)
+            gravity, robot_gravity, computed_torque, command, hold, clamped, reference, terms)
 
     def _bounded(self, command: FloatArray, own: '_Own') -> tuple[FloatArray, BoolArray]:
         """
@@ -260,6 +277,6 @@ def _check_finite(
     if np.isfinite(gravity).all() and (
             computed_torque is None or np.isfinite(computed_torque).all()):
         return
-    raise InvalidInputError(
+    raise NonFiniteEffortError(
         f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
         f'computed torque {computed_torque}')

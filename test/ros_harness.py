@@ -77,9 +77,15 @@ class NodeProcess:
         self, module: str, parameters: Mapping[str, Any] | None = None, *,
         remaps: Mapping[str, str] | None = None, namespace: str = '', node_name: str = '',
         arguments: Sequence[str] = (), environment: Mapping[str, str] | None = None,
-        ready: re.Pattern[str] | None = READY,
+        ready: re.Pattern[str] | None = READY, patient: bool = True,
     ) -> None:
-        """`ready` is a pattern of the log to wait for at the start; None does not wait."""
+        """
+        `ready` is a pattern of the log to wait for at the start; None does not wait.
+
+        A `patient` dynamics node takes no fault from a test that is slow to send states.
+        """
+        if patient and module == DYNAMICS:
+            parameters = {'state_timeout': 10.0, 'ramp_time': 0.05, **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:

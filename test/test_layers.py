@@ -35,11 +35,11 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'backlash', 'coordinates', 'crossing', 'damped_step', 'drive',
-        'effort_semantics', 'exceptions', 'filtering', 'friction', 'gravity_check',
-        'gravity_verdict', 'payload', 'payload_transition', 'planar', 'planar_chain',
-        'planar_urdf', 'runge_kutta', 'sticking', 'trajectory', 'trajectory_checks',
-        'transmissions', 'urdf', 'validation',
+        'actuator', 'backlash', 'command_supervisor', 'coordinates', 'crossing', 'damped_step',
+        'drive', 'effort_guard', 'effort_semantics', 'exceptions', 'filtering', 'friction',
+        'gravity_check', 'gravity_verdict', 'payload', 'payload_transition', 'planar',
+        'planar_chain', 'planar_urdf', 'runge_kutta', 'set_point_stream', 'state_watch',
+        'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),

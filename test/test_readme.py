@@ -50,7 +50,7 @@ def absolute(name: str, node: str) -> str:
 
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
-    with NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'publish_clock': True}):
+    with NodeProcess(DYNAMICS, patient=False), NodeProcess(SIMULATED_ARM, {'publish_clock': True}):
         yield
 
 

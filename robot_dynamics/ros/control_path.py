@@ -16,20 +16,25 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+import time
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.controller import Controller
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.command_supervisor import Fault
+from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.safe_command import SafeCommand
+from robot_dynamics.set_point_stream import SetPointStream
+from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
+from robot_dynamics.trajectory import JointTrajectory
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
@@ -40,11 +45,18 @@ class ControlCounters:
     """What the control path did since the start; read by the diagnostics."""
 
     states: int = 0
-    commands: int = 0
-    clamped: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Served:
+    controller: Controller
+    reader: JointStateReader
+    names: list[str]
+    watch: StateWatch
+    check: EffortCheck
 
 
 class ControlPath:
@@ -52,7 +64,8 @@ class ControlPath:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._served: tuple[Controller, JointStateReader, list[str], EffortCheck] | None = None
+        self._served: _Served | None = None
+        self._stream = SetPointStream()
         self.counters = ControlCounters()
 
         def publisher(message_type: type, topic: str) -> Any:
@@ -60,15 +73,38 @@ class ControlPath:
 
         self._gravity = publisher(JointState, '~/gravity_compensation')
         self._computed_torque = publisher(JointState, '~/computed_torque')
-        self._command = publisher(JointState, 'effort_command')
-        self._commands = publisher(Float64MultiArray, '~/commands')
         self._terms = publisher(DynamicsTerms, '~/terms')
+        self.command = SafeCommand(node, NEWEST_ONLY, self._forget_reference)
 
-    def use(self, controller: Controller, check: EffortCheck) -> None:
+    def use(self, controller: Controller, watch: StateWatch, check: EffortCheck) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
-        # all at once: there is a thread
-        self._served = controller, JointStateReader(names), list(names), check
+        self._served = _Served(  # all at once: there is a thread
+            controller, JointStateReader(names), list(names), watch, check)
+
+    def forget(self) -> None:
+        """Serve no arm."""
+        self._served = None
+        self.command.forget()
+
+    def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
+        """Take over how old [s] a state may be, and how long [s] a stream may pause."""
+        self._stream.timeout = reference_timeout
+        if self._served is not None:
+            self._served.watch.max_age = state_max_age
+
+    def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
+        """Follow a trajectory; raise RobotDynamicsError where that cannot be."""
+        served = self._served
+        if served is None:
+            raise InvalidInputError('no model yet, so that no trajectory can be followed')
+        served.controller.follow(trajectory, stamp_ns)
+        self._stream.arrived(trajectory.is_set_point, time.monotonic())
+
+    def _forget_reference(self) -> None:
+        if self._served is not None:
+            self._served.controller.forget_reference()
+        self._stream.end()
 
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -76,6 +112,11 @@ class ControlPath:
             self._answer(message)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
+        except NonFiniteEffortError as error:
+            self._drop('no finite effort', f'Dropped a joint state: {error}')
+            self.command.fail(Fault('non_finite', str(error), latched=True))
+        except ImplausibleStateError as error:
+            self._drop(error.reason, f'Dropped a joint state: {error}')
         except RobotDynamicsError as error:
             self._drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # nothing that arrives may end the control path
@@ -91,38 +132,39 @@ class ControlPath:
             self.counters.dropped['no model yet'] += 1
             self.counters.last_drop = 'Dropped a joint state: no model yet'
             return
-        controller, reader, names, check = self._served
-        q, v = reader.read(message)
+        served = self._served
+        q, v = served.reader.read(message)
+        clock = self._node.get_clock().now().nanoseconds
+        stamp_ns = stamp_from_ros(message.header.stamp) or clock
+        judgement = served.watch.judge(stamp_ns, clock, q, v)
+        if judgement.restarts and self.counters.states > 0:
+            self._forget_reference()
+        if self._stream.is_over(time.monotonic()):
+            self._forget_reference()
+            self._node.get_logger().warning(
+                'The stream of set-points paused for more than reference_timeout: gravity '
+                'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
         with_terms = self._terms.get_subscription_count() > 0
-        stamp = message.header.stamp
-        output = controller.update(stamp_from_ros(stamp), q, v, with_terms)
-        counters = self.counters
-        if output.command is not None:
-            effort = _effort_message(message, names, output.command)
-            self._command.publish(effort)
-            self._commands.publish(
-                Float64MultiArray(data=effort.effort))
-            counters.commands += 1
-            counters.clamped += bool(output.clamped.any())
-        self._gravity.publish(
-            _effort_message(message, names, output.gravity_compensation))
+        output = served.controller.update(stamp_ns, q, v, with_terms)
+        if judgement.is_news:
+            command = self.command.answer(message.header.stamp, q, v, output)
+        else:
+            command = self.command.repeat(message.header.stamp)
+        self._publish(message, served.names, output)
+        self.counters.states += 1
+        self.counters.following = output.reference is not None
+        if not served.check.done:
+            served.check.look(
+                served.reader, message, q, v, output.robot_gravity,
+                command if self.command.has_listeners() else None)
+
+    def _publish(self, message: JointState, names: list[str], output: ControlOutput) -> None:
+        self._gravity.publish(_effort_message(message, names, output.gravity_compensation))
         if output.computed_torque is not None:
             self._computed_torque.publish(
                 _effort_message(message, names, output.computed_torque))
         if output.terms is not None:
-            self._terms.publish(
-                terms_to_ros(output.terms, names, stamp))
-        counters.states += 1
-        counters.following = output.reference is not None
-        if not check.done:
-            check.look(
-                reader, message, q, v, output.robot_gravity,
-                output.command if self._is_commanding() else None)
-
-    def _is_commanding(self) -> bool:
-        """Tell whether anybody gets the command."""
-        return bool(
-            self._command.get_subscription_count() or self._commands.get_subscription_count())
+            self._terms.publish(terms_to_ros(output.terms, names, message.header.stamp))
 
 
 def _effort_message(state: JointState, names: list[str], effort: FloatArray) -> JointState:

@@ -17,9 +17,11 @@
 from collections.abc import Sequence
 import sys
 import time
+from typing import Any
 
 from geometry_msgs.msg import InertiaStamped
-from rclpy.node import Node
+import numpy as np
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import (
@@ -58,8 +60,15 @@ from robot_dynamics.ros.robot_description import (
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import reason_of, run_node
+from robot_dynamics.ros.safety_parameters import (
+    guard_limits,
+    safety_options,
+    SAFETY_SPECS,
+)
+from robot_dynamics.state_watch import StateWatch
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -109,6 +118,11 @@ SPECS = (
         'effort_check', Type.BOOL, True,
         'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
         'is compensated twice, or not as declared.', read_only=True),
+    *SAFETY_SPECS,
+    ParameterSpec(
+        'autostart', Type.BOOL, True,
+        'Configure and activate at the start; without, wait for ~/change_state.',
+        read_only=True),
     ParameterSpec(
         'state_thread', Type.BOOL, True,
         'Take joint states in a thread of their own (little delay) instead of in the executor.',
@@ -117,7 +131,7 @@ SPECS = (
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
 
 
-class DynamicsNode(Node):
+class DynamicsNode(LifecycleNode):
     """Wires parameters, topics and services to the library; computes nothing itself."""
 
     def __init__(self) -> None:
@@ -127,26 +141,80 @@ class DynamicsNode(Node):
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
         self._xml = ''
+        self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
+        self._configuring_failed: Exception | None = None
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
         self._path = ControlPath(self)
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
-        self._load_first_model()
+        self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self.create_subscription(JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10)
         self._report = StateReport(self._path.counters)
         Diagnostics(self, self._statuses)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state,
             in_thread=self._settings.values['state_thread'])
+        if self._settings.values['autostart']:
+            self._start()
         self._loop.start()
 
+    def _start(self) -> None:
+        self.trigger_configure()
+        if self._configuring_failed is not None:
+            raise self._configuring_failed
+        self.trigger_activate()
+
     def destroy_node(self) -> None:
-        """Stop the control path, then the rest."""
-        loop = getattr(self, '_loop', None)
+        """Ramp the effort out, stop the control path, then the rest."""
+        path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
+        if path is not None:
+            path.command.close()
         if loop is not None:
             loop.stop()
         super().destroy_node()
+
+    # ------------------------------------------------------------------ lifecycle
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load the model; fail with the reason in the log where that cannot be."""
+        self._configuring_failed = None
+        try:
+            self._load_first_model()
+        except Exception as error:  # rclpy would take it for an error of the node
+            self._configuring_failed = error
+            if not self._settings.values['autostart']:
+                self.get_logger().error(f'Not configured: {reason_of(error)}')
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let efforts out, from the next joint state on."""
+        self._path.command.activate()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp efforts out; services and the other topics go on."""
+        self._path.command.deactivate()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the model."""
+        self._path.forget()
+        self._dynamics_services.forget()
+        self._arm = self._controller = self._effort_check = None
+        self._xml = ''
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp efforts out for good."""
+        self._path.command.deactivate()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _reset_fault(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.message = self._path.command.reset()
+        response.success = response.message.startswith('reset')
+        return response
 
     # ------------------------------------------------------------------ the model
 
@@ -167,12 +235,18 @@ class DynamicsNode(Node):
             self.get_logger().info(
                 'No robot_description given: serving the embedded planar two-link arm until '
                 'one arrives on the topic robot_description.')
-        self.create_subscription(String, 'robot_description', self._on_description, LATCHED)
+        if self._descriptions is None:
+            self._descriptions = self.create_subscription(
+                String, 'robot_description', self._on_description, LATCHED)
 
     def _on_description(self, message: String) -> None:
         if message.data == self._xml:
             return
         try:
+            if self._path.command.is_commanding and self._xml != embedded_description():
+                raise InvalidInputError(
+                    'a new robot_description arrived while efforts go out by the one in use, '
+                    'expected it while the node is inactive (~/change_state)')
             self._use_model(message.data)
         except Exception as error:  # rclpy ends its spin at anything that is raised here
             self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
@@ -183,7 +257,12 @@ class DynamicsNode(Node):
         options = options_from(values, arm)
         controller = Controller(arm, options)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
-        self._path.use(controller, check)
+        watch = StateWatch(
+            arm.joint_names, arm.limits.velocity, values['state_max_age'],
+            np.array([kind == 'continuous' for kind in arm.joint_kinds]))
+        self._path.use(controller, watch, check)
+        self._path.command.use(arm, guard_limits(values, arm), safety_options(values))
+        self._path.set_limits(values['state_max_age'], values['reference_timeout'])
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
         self._effort_check = check
@@ -210,16 +289,18 @@ class DynamicsNode(Node):
     def _apply(self, values: Values) -> None:
         if self._controller is not None and self._arm is not None:
             self._controller.set_options(options_from(values, self._arm))
+            self._path.command.set_options(
+                guard_limits(values, self._arm), safety_options(values))
+            self._path.set_limits(values['state_max_age'], values['reference_timeout'])
 
     # ------------------------------------------------------------------ the reference
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        controller = self._controller
         try:
-            if controller is None:
+            if self._controller is None:
                 raise InvalidInputError('no model yet, so that no trajectory can be followed')
-            trajectory = trajectory_from_ros(message, controller.arm.joint_names)
-            controller.follow(trajectory, stamp_from_ros(message.header.stamp))
+            trajectory = trajectory_from_ros(message, self._controller.arm.joint_names)
+            self._path.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
         except Exception as error:  # rclpy ends its spin at anything that is raised here
             self._refused, self._refusal = self._refused + 1, reason_of(error)
@@ -238,9 +319,10 @@ class DynamicsNode(Node):
                 {'refused': self._refused, 'refusal of the latest': self._refusal,
                  'over before the first state': (
                      self._controller.expired if self._controller else 0)}),
+            self._path.command.status(),
             Status(
-                'command', OK, str(self._settings.values['command']),
-                {'published': counters.commands, 'clamped': counters.clamped, 'model': model}),
+                'model', OK if self._arm else WARN, model,
+                {'command': self._settings.values['command']}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 

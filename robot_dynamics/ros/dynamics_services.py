@@ -86,6 +86,10 @@ class DynamicsServices:
         """Answer for this arm from the next request on."""
         self._served = ServedArm(ArmDynamics(controller.arm), controller)
 
+    def forget(self) -> None:
+        """Answer that there is no model."""
+        self._served = None
+
     def _guarded(self, name: str, handler: Handler) -> Callable[[Any, Any], Any]:
         def answer(request: Any, response: Any) -> Any:
             try:

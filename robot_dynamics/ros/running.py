@@ -12,17 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The `main` of a node: start, spin, and leave in order."""
+"""
+The `main` of a node: start, spin, and leave in order.
 
-from collections.abc import Callable, Sequence
+rclpy's own signal handlers shut the context down at once, after which a node cannot publish a last
+effort. So signals are blocked in all threads, and one thread waits for them (sigwait) and asks the
+spinning one to end. rclpy also ends its spin at whatever a callback raises, and at some requests
+that it cannot read itself; here that is logged, and the node goes on.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import signal
 import sys
+import threading
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
+
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+WAKE_UP = signal.SIGUSR1
+"""Ends the thread that waits for signals, when the node ends by itself."""
 
 
 def reason_of(error: Exception) -> str:
@@ -36,29 +50,55 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 
     A node that cannot start says why in one line and gives status 1.
     """
+    signal.pthread_sigmask(signal.SIG_BLOCK, {*END_SIGNALS, WAKE_UP})
     try:
-        rclpy.init(args=args)
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
         print(f'robot_dynamics: {error}', file=sys.stderr)
         return 1
     node = None
+    executor = SingleThreadedExecutor()
     try:
-        node = make_node()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
+        with _told_to_end(executor) as end:
+            node = make_node()
+            executor.add_node(node)
+            _spin(executor, node, end)
     except RobotDynamicsError as error:
         print(f'robot_dynamics: {error}', file=sys.stderr)
         return 1
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except rclpy_implementation.RCLError:
-        if rclpy.ok():
-            raise  # else a callback was about to publish when the node was told to stop
     finally:
-        # Ctrl-C under `ros2 launch` arrives twice; the second must not cut this short.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _spin(executor: SingleThreadedExecutor, node: Node, end: threading.Event) -> None:
+    while not end.is_set() and node.context.ok():
+        try:
+            executor.spin_once()
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # whatever arrives, the node goes on
+            if node.context.ok():
+                node.get_logger().error(f'A callback failed: {error!r}')
+
+
+@contextmanager
+def _told_to_end(executor: SingleThreadedExecutor) -> Iterator[threading.Event]:
+    """Give an event that is set, and the executor woken, at a signal to end."""
+    end = threading.Event()
+
+    def wait() -> None:
+        signal.sigwait({*END_SIGNALS, WAKE_UP})
+        end.set()
+        executor.wake()
+
+    waiter = threading.Thread(target=wait, name='signals', daemon=True)
+    waiter.start()
+    try:
+        yield end
+    finally:
+        if waiter.is_alive() and waiter.ident is not None:
+            signal.pthread_kill(waiter.ident, WAKE_UP)
+        waiter.join()

@@ -1,0 +1,89 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What an effort may be, joint by joint, before it goes to a real arm.
+
+Beyond what holds the arm (`hold`, g(q) as far as the robot does not add it itself), no effort
+pushes a joint on toward a position limit that it is about to pass, nor faster than its velocity
+limit. What is left changes no faster than the rate limit. Figures of the field: libfranka bounds
+the torque rate at 1000 N·m/s; ros2_control's joint limits fault 0.0087 rad past a limit.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.validation import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+LONGEST_STEP = 0.05
+"""[s] of change of effort that is allowed at once, however long ago the last effort was."""
+
+
+@dataclass(frozen=True, eq=False)
+class GuardLimits:
+    """
+    Limits of n joints.
+
+    `lower`, `upper` (n,) [rad] or [m] and `velocity` (n,) [rad/s] or [m/s], infinite where there
+    is none; `margin` [rad] or [m] before a position limit; `rate` [N·m/s] or [N/s].
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    velocity: FloatArray
+    margin: float
+    rate: float
+
+
+class GuardedEffort(NamedTuple):
+    """An effort (n,) that may go out, and which joints (n,) each limit held back."""
+
+    effort: FloatArray
+    by_position: BoolArray
+    by_velocity: BoolArray
+    by_rate: BoolArray
+
+
+class EffortGuard:
+    """Keeps efforts within limits; remembers the last one for its rate of change."""
+
+    def __init__(self, limits: GuardLimits) -> None:
+        self.limits = limits
+        self.last: FloatArray | None = None
+        """The effort that went out last, (n,); None where none did."""
+
+    def apply(
+        self, effort: FloatArray, hold: FloatArray, q: FloatArray, v: FloatArray | None,
+        dt: float,
+    ) -> GuardedEffort:
+        """
+        Return what may go out dt [s] after the last effort.
+
+        `hold` (n,) is what holds the arm still; the first effort changes from there.
+        """
+        limits = self.limits
+        push = effort - hold
+        by_position = ((push > 0.0) & (q > limits.upper - limits.margin)) | (
+            (push < 0.0) & (q < limits.lower + limits.margin))
+        by_velocity = np.zeros(len(q), dtype=bool) if v is None else (
+            (np.abs(v) > limits.velocity) & (push * v > 0.0))
+        allowed = np.where(by_position | by_velocity, hold, effort)
+        start = hold if self.last is None else self.last
+        step = limits.rate * min(max(dt, 0.0), LONGEST_STEP)
+        self.last = np.clip(allowed, start - step, start + step)
+        return GuardedEffort(self.last, by_position, by_velocity, self.last != allowed)

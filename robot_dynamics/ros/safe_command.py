@@ -1,0 +1,269 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The command of `dynamics` on its topics: supervised, and watched by a thread of its own.
+
+The thread sleeps until a joint state is overdue, on the steady clock, so that /clock does not
+matter; then, and while an effort ramps out, it publishes the efforts that no state asks for.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+import threading
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.command_supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
+from robot_dynamics.controller import ControlOutput
+from robot_dynamics.effort_guard import GuardLimits
+from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.validation import FloatArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+ACTION_PERIOD = 0.002
+"""[s] between efforts of a fault action."""
+IDLE = 1.0
+"""[s] between two looks where nothing can be overdue."""
+
+
+@dataclass
+class CommandCounters:
+    """What became of the command since the start; read by the diagnostics."""
+
+    published: int = 0
+    clamped: int = 0
+    limited: Counter[str] = field(default_factory=Counter)
+    faults: Counter[str] = field(default_factory=Counter)
+
+
+class SafeCommand:
+    """Publishes efforts for one arm as its supervisor lets them out; safe for several threads."""
+
+    def __init__(self, node: Node, qos: QoSProfile, when_faulty: Callable[[], None]) -> None:
+        """`when_faulty` is called when a fault begins, to forget the reference."""
+        self._node, self._when_faulty = node, when_faulty
+        self._command = node.create_publisher(JointState, 'effort_command', qos)
+        self._commands = node.create_publisher(Float64MultiArray, '~/commands', qos)
+        self._changed = threading.Condition(threading.RLock())
+        self._supervisor: CommandSupervisor | None = None
+        self._names: list[str] = []
+        self._stamp = Time()
+        self._is_active = self._ends = False
+        self._faults_seen = 0
+        self._mode_seen = Mode.INACTIVE
+        self.counters = CommandCounters()
+        self._thread = threading.Thread(target=self._watch, name='command watch', daemon=True)
+        self._thread.start()
+
+    # ------------------------------------------------------------------ what it serves
+
+    def use(self, arm: ArmModel, limits: GuardLimits, options: SafetyOptions) -> None:
+        """Serve this arm from now on, from a first effort that holds it."""
+        with self._changed:
+            self._supervisor = CommandSupervisor(arm.joint_names, limits, options)
+            self._names, self._faults_seen = list(arm.joint_names), 0
+            if self._is_active:
+                self._supervisor.activate()
+            self._changed.notify()
+
+    def forget(self) -> None:
+        """Serve no arm."""
+        with self._changed:
+            self._supervisor = None
+
+    def set_options(self, limits: GuardLimits, options: SafetyOptions) -> None:
+        """Take over limits and options."""
+        with self._changed:
+            if self._supervisor is not None:
+                self._supervisor.set_options(limits, options)
+            self._changed.notify()
+
+    @property
+    def is_commanding(self) -> bool:
+        """Tell whether efforts go out."""
+        with self._changed:
+            return self._supervisor is not None and self._supervisor.mode in (
+                Mode.RUNNING, Mode.STOPPING, Mode.FAULT)
+
+    def has_listeners(self) -> bool:
+        """Tell whether anybody gets the command."""
+        return bool(
+            self._command.get_subscription_count() or self._commands.get_subscription_count())
+
+    # ------------------------------------------------------------------ start and end
+
+    def activate(self) -> None:
+        """Let efforts out from the next joint state on."""
+        with self._changed:
+            self._is_active = True
+            if self._supervisor is not None:
+                self._supervisor.activate()
+
+    def deactivate(self) -> None:
+        """Ramp the effort out, and return when that is done."""
+        with self._changed:
+            self._is_active = False
+            supervisor = self._supervisor
+            if supervisor is None:
+                return
+            supervisor.deactivate(time.monotonic())
+            self._changed.notify()
+            self._changed.wait_for(
+                lambda: supervisor.mode is Mode.INACTIVE, supervisor.options.ramp_time + 1.0)
+
+    def reset(self) -> str:
+        """Forget a latched fault; return what was reset, in words."""
+        with self._changed:
+            if self._supervisor is None:
+                return 'there is no fault'
+            words = self._supervisor.reset()
+            self._node.get_logger().info(f'Asked to reset: {words}')
+            return words
+
+    def close(self) -> None:
+        """Ramp out and end the thread, before the node is destroyed."""
+        self.deactivate()
+        with self._changed:
+            self._ends = True
+            self._changed.notify()
+        self._thread.join()
+
+    # ------------------------------------------------------------------ efforts
+
+    def answer(
+        self, stamp: Time, q: FloatArray, v: FloatArray | None, output: ControlOutput,
+    ) -> FloatArray | None:
+        """Publish the effort that answers a state, if any goes out; return it."""
+        if output.command is None:
+            return None
+        with self._changed:
+            if self._supervisor is None:
+                return None
+            self._stamp = stamp
+            effort = self._supervisor.answer(
+                time.monotonic(), q, v, output.command, output.hold)
+            self._count(output)
+            self._publish(effort)
+            self._look_for_faults()
+            return effort
+
+    def repeat(self, stamp: Time) -> FloatArray | None:
+        """Publish the last effort again, for a state that came again; return it."""
+        with self._changed:
+            effort = None if self._supervisor is None else self._supervisor.repeat()
+            self._stamp = stamp
+            self._publish(effort)
+            return effort
+
+    def fail(self, fault: Fault) -> None:
+        """Begin the fault action."""
+        with self._changed:
+            if self._supervisor is not None:
+                self._supervisor.fail(time.monotonic(), fault)
+                self._look_for_faults()
+                self._changed.notify()
+
+    def _count(self, output: ControlOutput) -> None:
+        supervisor = self._supervisor
+        if supervisor is None or supervisor.mode is not Mode.RUNNING:
+            return
+        self.counters.clamped += bool(output.clamped.any())
+        guarded = supervisor.guarded
+        if guarded is not None:
+            for name, joints in (('position limit', guarded.by_position),
+                                 ('velocity limit', guarded.by_velocity),
+                                 ('effort rate', guarded.by_rate)):
+                if joints.any():
+                    self.counters.limited[name] += 1
+
+    def _publish(self, effort: FloatArray | None) -> None:
+        if effort is None or not self._node.context.ok():
+            return
+        data = floats_to_ros(effort)
+        message = JointState(name=self._names, effort=data)
+        message.header.stamp = self._stamp
+        self._command.publish(message)
+        self._commands.publish(Float64MultiArray(data=data))
+        self.counters.published += 1
+
+    # ------------------------------------------------------------------ the watch
+
+    def _watch(self) -> None:
+        with self._changed:
+            while not self._ends:
+                try:
+                    self._changed.wait(self._tick())
+                except Exception as error:  # the watch must not end before the node does
+                    self._node.get_logger().error(
+                        f'Command watch: {error!r}', throttle_duration_sec=LOG_PERIOD)
+                    self._changed.wait(ACTION_PERIOD)
+
+    def _tick(self) -> float:
+        """Do what is due; return in how many seconds to look again."""
+        supervisor = self._supervisor
+        if supervisor is None:
+            return IDLE
+        self._publish(supervisor.tick(time.monotonic()))
+        self._look_for_faults()
+        self._changed.notify_all()
+        if supervisor.acts_alone:
+            return ACTION_PERIOD
+        if supervisor.mode is Mode.RUNNING:
+            return max(supervisor.deadline - time.monotonic(), 0.0) + 1e-4
+        return supervisor.options.state_timeout
+
+    def _look_for_faults(self) -> None:
+        """Tell of a fault that began, and of one that is over."""
+        supervisor = self._supervisor
+        if supervisor is None:
+            return
+        if supervisor.fault_count != self._faults_seen and supervisor.fault is not None:
+            self._faults_seen = supervisor.fault_count
+            self.counters.faults[supervisor.fault.name] += 1
+            self._when_faulty()
+            self._node.get_logger().error(
+                f'{supervisor.options.fault_action}: {supervisor.fault.words}',
+                throttle_duration_sec=LOG_PERIOD)
+        if self._mode_seen is Mode.FAULT and supervisor.mode is Mode.RUNNING:
+            self._node.get_logger().info(
+                'Joint states are good again: commanding gravity compensation until a reference '
+                'arrives.', throttle_duration_sec=LOG_PERIOD)
+        self._mode_seen = supervisor.mode
+
+    def status(self) -> Status:
+        """Return the state of the command for the diagnostics."""
+        with self._changed:
+            supervisor, counters = self._supervisor, self.counters
+            level, words = WARN, 'no model yet'
+            if supervisor is not None:
+                level = {Mode.FAULT: ERROR, Mode.RUNNING: OK}.get(supervisor.mode, WARN)
+                words = supervisor.mode.value
+                if supervisor.mode is Mode.FAULT and supervisor.fault is not None:
+                    words = f'fault {supervisor.fault.name}: {supervisor.fault.words}'
+                    if supervisor.fault.latched:
+                        words += '; waits for ~/reset_fault'
+            figures: dict[str, Any] = {
+                'published': counters.published, 'clamped': counters.clamped,
+                **{f'held back by {name}': n for name, n in sorted(counters.limited.items())},
+                **{f'faults: {name}': n for name, n in sorted(counters.faults.items())}}
+            return Status('command', level, words, figures)
