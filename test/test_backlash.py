@@ -102,6 +102,16 @@ def test_motor_and_joint_are_never_further_apart_than_half_the_gap(
     assert (crossings > 5).all(), crossings
 
 
+@pytest.mark.parametrize('restitution', [0.0, 0.5, 1.0])
+def test_the_gap_holds_in_long_steps(restitution: float) -> None:
+    arm = geared(links(3), backlash=[0.005], restitution=[restitution])
+    simulation = released(arm, np.full(3, 0.3), max_step=0.05)
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        simulation.step(random.normal(0.0, [60.0, 30.0, 8.0]), 0.05)
+        assert (np.abs(play(simulation)) <= 0.0025 + 1e-10).all()
+
+
 @pytest.mark.parametrize('n', [1, 2, 3])
 def test_an_arm_that_is_let_go_leans_on_its_gears(n: int) -> None:
     arm, at_rest = geared(links(n), backlash=[0.02]), np.array([0.4, -0.7, 0.5])[:n]
