@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.actuator import Actuators
 from robot_dynamics.coordinates import JointCoordinates
@@ -104,7 +105,7 @@ class ArmModel:
         """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""
         return replace(self._with_armature(actuators.reflected_inertia), actuators=actuators)
 
-    def with_rotors_apart(self, apart: FloatArray) -> 'ArmModel':
+    def with_rotors_apart(self, apart: npt.NDArray[np.bool_]) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""
         if self.actuators is None:
             return self

@@ -127,7 +127,7 @@ class Motion:
         self._slides = GearModes(
             Modes(self._nowhere, self._none), self._nowhere, self._none, False)
         self._slowest_damping = np.inf
-        if arm.actuators is not None:  # M is at least the rotors' share, so that rates have a bound
+        if arm.actuators is not None:  # M is at least the rotors' share: a bound of rates
             with np.errstate(divide='ignore', invalid='ignore'):
                 rates = friction.viscous / arm.actuators.reflected_inertia
             self._slowest_damping = float(np.where(friction.viscous > 0.0, rates, 0.0).sum())
