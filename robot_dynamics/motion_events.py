@@ -92,7 +92,8 @@ class EventFinder:
             rate = self._margin_rate(kind, j, end.state, end.a, modes) or (
                 (worth - before[1]) / (time - before[0]))
             guess = time - worth / rate if rate else np.nan
-            if abs(worth) > 1.0 and abs(guess - time) < _NUDGE * h and early < guess < late:
+            near = kind in (_TURN, _MEET) and abs(guess - time) < _NUDGE * h
+            if abs(worth) > 1.0 and near and early < guess < late:
                 end = self._nudged(end, guess - time, modes)
                 margins, time = self._margins(end, modes), guess
                 worth = float(margins.min())
