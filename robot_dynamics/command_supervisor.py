@@ -23,7 +23,7 @@ once states are good again the command comes back by itself, except after a faul
 Times are of a steady clock, so that a clock that stops or jumps changes nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -31,9 +31,6 @@ from robot_dynamics.effort_guard import EffortGuard, GuardedEffort, GuardLimits
 from robot_dynamics.validation import FloatArray
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
-RECOVERY_STATES = 5
-"""Good states in a row after which a fault is over."""
-
 
 class Mode(Enum):
     """What the supervisor does."""
@@ -58,11 +55,16 @@ class SafetyOptions:
 
 @dataclass(frozen=True)
 class Fault:
-    """What went wrong: a name for machines, words for people, and whether it needs a reset."""
+    """
+    What went wrong: a name for machines, words for people, and whether it needs a reset.
+
+    Otherwise it is over after `recovery` good states in a row.
+    """
 
     name: str
     words: str
     latched: bool = False
+    recovery: int = 1
 
 
 class CommandSupervisor:
@@ -112,7 +114,7 @@ class CommandSupervisor:
         """Forget a latched fault; return in words what was reset."""
         if self.fault is None or self.mode is not Mode.FAULT:
             return 'there is no fault'
-        self.fault = Fault(self.fault.name, self.fault.words)
+        self.fault = replace(self.fault, latched=False)
         self._good = 0
         return f'reset {self.fault.name}: {self.fault.words}'
 
@@ -137,7 +139,8 @@ class CommandSupervisor:
             self.fail(now, beyond)
         if self.mode is Mode.FAULT:
             self._good = 0 if beyond is not None else self._good + 1
-            if self._good >= RECOVERY_STATES and not (self.fault and self.fault.latched):
+            if self.fault is not None and not self.fault.latched and (
+                    self._good >= self.fault.recovery):
                 self.mode = Mode.RUNNING
         if self.mode is Mode.WAITING:
             self.mode = Mode.RUNNING
@@ -146,6 +149,11 @@ class CommandSupervisor:
         self.guarded = self._guard.apply(command, hold, q, v, now - self._last_output)
         self._last_output = now
         return self.guarded.effort
+
+    def restart(self) -> None:
+        """Begin anew, from what holds the arm, with the next state."""
+        if self.mode is Mode.RUNNING:
+            self._guard.last = None
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state once more, where efforts go out."""
@@ -180,7 +188,8 @@ class CommandSupervisor:
             return None
         passed = now - self._since
         if self.mode is Mode.FAULT and self.options.fault_action == 'stop_publishing':
-            return self._finish()
+            self._finish()
+            return None
         if self.mode is Mode.FAULT and self.options.fault_action == 'hold_gravity_then_ramp':
             if passed < self.options.hold_time:
                 step = self._guard.limits.rate * passed
@@ -214,4 +223,4 @@ class CommandSupervisor:
             return None
         return Fault(
             'position_limit', f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
-            f'limit, expected at most {margin:g} (position_fault_margin)')
+            f'limit, expected at most {margin:g} (position_fault_margin)', recovery=5)

@@ -61,7 +61,7 @@ class ControlOutput:
     computed_torque: FloatArray | None
     command: FloatArray | None
     hold: FloatArray
-    clamped: FloatArray
+    clamped: BoolArray
     reference: Reference | None
     terms: EffortTerms | None
 

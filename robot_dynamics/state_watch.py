@@ -16,10 +16,12 @@
 Whether a measured state can be what comes after the one before it.
 
 A state is judged by its stamp, by its age where stamps follow the clock of the node, and by how
-far the joints have moved since. What persists is believed in the end: after RESYNC states in a row
-that fit each other, but not what came before them, time and place start anew from there.
+far the joints have moved since. Where it cannot follow, time and place start anew from it (a robot
+or a simulator was set back), unless several publishers speak of these joints: then one of them
+must not be believed, and the state is refused.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +31,9 @@ from robot_dynamics.validation import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-RESYNC = 10
 SAME_CLOCK = 1_000_000_000
 """[ns] within which the first stamp must be of the clock for ages to be watched."""
-LONGEST_GAP = 500_000_000
+LONGEST_GAP = 10_000_000_000
 """[ns] between two states after which time has jumped rather than passed."""
 PLAY = 0.05
 """[rad] or [m] that a joint may move between two states, whatever its speed."""
@@ -48,15 +49,14 @@ class ImplausibleStateError(InvalidInputError):
 
 
 class Judgement(NamedTuple):
-    """Whether a state is news (else a repetition), and whether time starts anew with it."""
+    """
+    Whether a state is news, and why time and place start anew with it, empty where they go on.
+
+    A state with the stamp of the one before is no news, whatever else it says.
+    """
 
     is_news: bool
-    restarts: bool
-
-
-class _Seen(NamedTuple):
-    stamp: int
-    q: FloatArray
+    restart: str = ''
 
 
 class StateWatch:
@@ -73,38 +73,37 @@ class StateWatch:
         """
         self._names, self._velocity_limit, self._wraps = joint_names, velocity_limit, wraps
         self.max_age = max_age
-        self._last: _Seen | None = None
-        self._refused: list[_Seen] = []
+        self._stamp: int | None = None
+        self._q = np.zeros(len(joint_names))
         self.watches_age: bool | None = None
         """Whether stamps are of the node's clock; None before the first state."""
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
+        is_crowded: Callable[[], bool],
     ) -> Judgement:
         """
         Return what the state is, at the time `clock` of the node.
 
-        Raises ImplausibleStateError, reason 'too old', 'from the future', 'frozen stamp',
-        'stamp went back' or 'jump'.
+        `is_crowded` tells whether there are several publishers; it is asked where the state does
+        not follow. Raises ImplausibleStateError, reason 'too old', 'from the future', 'stamp went
+        back' or 'jump'.
         """
-        seen = _Seen(stamp, q)
         self._check_age(stamp, clock)
-        last = self._last
-        if last is None:
-            self._last = seen
-            return Judgement(True, True)
-        if stamp == last.stamp and np.array_equal(q, last.q):
-            return Judgement(False, False)
+        if self._stamp is None:
+            self._stamp, self._q = stamp, q
+            return Judgement(True, 'first state')
+        if stamp == self._stamp:
+            return Judgement(False)
         try:
-            self._check_follows(last, seen, v)
-        except ImplausibleStateError:
-            if not self._is_believed(seen, v):
+            self._check_follows(1e-9 * (stamp - self._stamp), q, v)
+            restart = 'time jumped' if stamp - self._stamp > LONGEST_GAP else ''
+        except ImplausibleStateError as error:
+            if is_crowded():
                 raise
-            self._last = seen
-            return Judgement(True, True)
-        self._refused.clear()
-        self._last = seen
-        return Judgement(True, stamp - last.stamp > LONGEST_GAP)
+            restart = error.reason
+        self._stamp, self._q = stamp, q
+        return Judgement(True, restart)
 
     def _check_age(self, stamp: int, clock: int) -> None:
         age = clock - stamp
@@ -121,38 +120,20 @@ class StateWatch:
                 'from the future', f'header.stamp is {-1e-9 * age:.3f} s ahead of the clock, '
                 f'expected at most {self.max_age:g} s (state_max_age)')
 
-    def _check_follows(self, last: _Seen, seen: _Seen, v: FloatArray | None) -> None:
-        dt = 1e-9 * (seen.stamp - last.stamp)
-        if dt == 0.0:
-            raise ImplausibleStateError(
-                'frozen stamp', 'header.stamp is that of the state before, but position differs, '
-                'expected a stamp of its own for each state')
+    def _check_follows(self, dt: float, q: FloatArray, v: FloatArray | None) -> None:
         if dt < 0.0:
             raise ImplausibleStateError(
                 'stamp went back', f'header.stamp is {-dt:.3f} s before that of the state before, '
-                'expected it later')
+                'expected it later; there are several publishers of joint_states')
         speed = self._velocity_limit if v is None else np.maximum(
             self._velocity_limit, np.abs(v))
-        way = seen.q - last.q
-        moved = np.abs(np.where(self._wraps, way - 2.0 * np.pi * np.round(
-            way / (2.0 * np.pi)), way))
+        way = q - self._q
+        moved = np.abs(np.where(
+            self._wraps, way - 2.0 * np.pi * np.round(way / (2.0 * np.pi)), way))
         too_far = moved > PLAY + SPEED_FACTOR * speed * dt
         if too_far.any():
             j = int(np.argmax(too_far))
             raise ImplausibleStateError(
-                'jump', f'position of {self._names[j]!r} is {seen.q[j]:g}, {moved[j]:g} away from '
+                'jump', f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from '
                 f'that of {dt:.3f} s before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times '
-                'the way at its velocity limit; is there a second publisher of joint_states?')
-
-    def _is_believed(self, seen: _Seen, v: FloatArray | None) -> bool:
-        """Tell whether the states that were refused last, and this one, fit each other."""
-        if self._refused:
-            try:
-                self._check_follows(self._refused[-1], seen, v)
-            except ImplausibleStateError:
-                self._refused.clear()
-        self._refused.append(seen)
-        if len(self._refused) < RESYNC:
-            return False
-        self._refused.clear()
-        return True
+                'the way at its velocity limit; there are several publishers of joint_states')

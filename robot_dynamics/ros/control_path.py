@@ -45,6 +45,7 @@ class ControlCounters:
     """What the control path did since the start; read by the diagnostics."""
 
     states: int = 0
+    restarts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
@@ -136,9 +137,11 @@ class ControlPath:
         q, v = served.reader.read(message)
         clock = self._node.get_clock().now().nanoseconds
         stamp_ns = stamp_from_ros(message.header.stamp) or clock
-        judgement = served.watch.judge(stamp_ns, clock, q, v)
-        if judgement.restarts and self.counters.states > 0:
+        judgement = served.watch.judge(stamp_ns, clock, q, v, self._is_crowded)
+        if judgement.restart and self.counters.states > 0:
+            self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
+            self.command.restart()
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
             self._node.get_logger().warning(
@@ -157,6 +160,9 @@ class ControlPath:
             served.check.look(
                 served.reader, message, q, v, output.robot_gravity,
                 command if self.command.has_listeners() else None)
+
+    def _is_crowded(self) -> bool:
+        return bool(self._node.count_publishers('joint_states') > 1)
 
     def _publish(self, message: JointState, names: list[str], output: ControlOutput) -> None:
         self._gravity.publish(_effort_message(message, names, output.gravity_compensation))

@@ -15,14 +15,16 @@
 """
 The `main` of a node: start, spin, and leave in order.
 
-rclpy's own signal handlers shut the context down at once, after which a node cannot publish a last
-effort. So signals are blocked in all threads, and one thread waits for them (sigwait) and asks the
-spinning one to end. rclpy also ends its spin at whatever a callback raises, and at some requests
-that it cannot read itself; here that is logged, and the node goes on.
+rclpy's own signal handlers shut the context down at once, after which a node cannot publish a
+last effort. Here a signal is written to a pipe, as Python does even while its main thread waits in
+C, and a thread that reads the pipe asks the spinning one to end. rclpy also ends its spin at
+whatever a callback raises, and at some requests that it cannot read itself; here that is logged,
+and the node goes on.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import os
 import signal
 import sys
 import threading
@@ -35,8 +37,6 @@ from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-WAKE_UP = signal.SIGUSR1
-"""Ends the thread that waits for signals, when the node ends by itself."""
 
 
 def reason_of(error: Exception) -> str:
@@ -50,7 +50,6 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 
     A node that cannot start says why in one line and gives status 1.
     """
-    signal.pthread_sigmask(signal.SIG_BLOCK, {*END_SIGNALS, WAKE_UP})
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
@@ -88,17 +87,21 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: threading.Event) ->
 def _told_to_end(executor: SingleThreadedExecutor) -> Iterator[threading.Event]:
     """Give an event that is set, and the executor woken, at a signal to end."""
     end = threading.Event()
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
 
     def wait() -> None:
-        signal.sigwait({*END_SIGNALS, WAKE_UP})
+        os.read(reading, 1)
         end.set()
         executor.wake()
 
+    for end_signal in END_SIGNALS:
+        signal.signal(end_signal, lambda *_: None)
+    signal.set_wakeup_fd(writing)
     waiter = threading.Thread(target=wait, name='signals', daemon=True)
     waiter.start()
     try:
         yield end
-    finally:
-        if waiter.is_alive() and waiter.ident is not None:
-            signal.pthread_kill(waiter.ident, WAKE_UP)
+    finally:  # signals are still taken, and do nothing: a last effort may be on its way
+        os.write(writing, b'.')
         waiter.join()

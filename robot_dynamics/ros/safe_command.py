@@ -175,6 +175,12 @@ class SafeCommand:
             self._publish(effort)
             return effort
 
+    def restart(self) -> None:
+        """Begin anew, from what holds the arm, with the next effort."""
+        with self._changed:
+            if self._supervisor is not None:
+                self._supervisor.restart()
+
     def fail(self, fault: Fault) -> None:
         """Begin the fault action."""
         with self._changed:
