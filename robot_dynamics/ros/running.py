@@ -41,7 +41,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
     except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
         print(f'robot_dynamics: {error}', file=sys.stderr)
         return 1
-    node = None
+    node = executor = None
     try:
         node = make_node()
         executor = SingleThreadedExecutor()
@@ -60,5 +60,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
+        if executor is not None:  # left to the garbage collector, it may meet its parts destroyed
+            executor.shutdown()
         rclpy.try_shutdown()
     return 0
