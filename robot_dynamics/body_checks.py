@@ -50,12 +50,12 @@ def check_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
     for body in bodies:
         if body.mass is None or body.mass >= TINY_MASS:
             continue
-        negative = body.mass < 0.0
+        level, expected = WARNING, f'at least {TINY_MASS:g} kg, or no <inertial>'
+        if body.mass < 0.0:
+            level, expected = ERROR, 'a positive number'
         findings.append(Finding(
-            'mass', ERROR if negative else WARNING, body.name,
-            f'mass of link {body.name!r} is {body.mass:g} kg, expected '
-            f'{"a positive number" if negative else f"at least {TINY_MASS:g} kg, or no <inertial>"}'
-        ))
+            'mass', level, body.name,
+            f'mass of link {body.name!r} is {body.mass:g} kg, expected {expected}'))
     return findings
 
 

@@ -38,8 +38,8 @@ LAYERS = {
         'actuator', 'backlash', 'body_checks', 'coordinates', 'crossing', 'damped_step', 'drive',
         'effort_semantics', 'exceptions', 'filtering', 'friction', 'gravity_check',
         'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding', 'payload',
-        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta', 'sticking', 'trajectory', 'trajectory_checks',
-        'transmissions', 'urdf', 'validation',
+        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
+        'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
