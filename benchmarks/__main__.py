@@ -18,11 +18,12 @@ import argparse
 from collections.abc import Callable, Sequence
 import sys
 
-from benchmarks import control_path, library
+from benchmarks import control_path, library, simulation
 
 BENCHMARKS: dict[str, Callable[[], None]] = {
     'library': library.main,
     'control_path': control_path.main,
+    'simulation': simulation.main,
 }
 
 

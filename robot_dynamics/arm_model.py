@@ -24,6 +24,7 @@ from robot_dynamics.coordinates import JointCoordinates
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.friction import JointFriction, make_friction
 from robot_dynamics.payload import Payload
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.transmissions import gear_ratio, Reductions
 from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.validation import check_unique, check_vector, FloatArray
@@ -104,7 +105,7 @@ class ArmModel:
         """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""
         return replace(self._with_armature(actuators.reflected_inertia), actuators=actuators)
 
-    def with_rotors_apart(self, apart: FloatArray) -> 'ArmModel':
+    def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""
         if self.actuators is None:
             return self

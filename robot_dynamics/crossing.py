@@ -40,7 +40,7 @@ def quintic(h: float, start: Sequence[float], end: Sequence[float]) -> tuple[flo
 
 
 def first_crossing(coefficients: Sequence[float], h: float) -> float:
-    """Return t in (0, h) where a polynomial that is positive at first and negative at last is 0."""
+    """Return t in (0, h) where a polynomial is 0: positive at first, negative at last."""
     low, high, s = 0.0, 1.0, 1.0
     for _ in range(_ITERATIONS):
         value = slope = 0.0

@@ -22,15 +22,36 @@ the time constant T_c, as long as the voltage for it is within the limit:
     L di/dt = ±V_max − R i − K_e ω    otherwise.
 
 Both are linear, so that over a step, with ω at its middle, current and mean current follow in
-closed form however short L/R and T_c are against the step (an exponential integrator; M. Hochbruck
-and A. Ostermann, Acta Numerica 19, 2010, section 2).
+closed form however short L/R and T_c are against the step (an exponential integrator; M.
+Hochbruck and A. Ostermann, Acta Numerica 19, 2010, section 2). Where voltage is at its limit,
+back-EMF brakes the motor like viscous friction, and may be stiff against the step: for that
+`DriveStep.implicit`.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.actuator import Actuators
 from robot_dynamics.validation import FloatArray
+
+
+class DriveStep(NamedTuple):
+    """The mean joint effort over a step, and how much of it each [rad/s] takes away, (n,)."""
+
+    effort: FloatArray
+    damping: FloatArray
+
+    def implicit(self, before: FloatArray, M: FloatArray, h: float) -> FloatArray:
+        """
+        Return the effort (n,) over the step of h [s] if its own effect on the speed counts.
+
+        `before` (n,) is the effort of the step before, whose acceleration foresaw the velocity.
+        For a motor alone this is the implicit midpoint rule, stable at every step.
+        """
+        n = len(before)
+        feedback = 0.5 * h * self.damping[:, None] * np.linalg.inv(M)
+        change = np.linalg.solve(np.eye(n) + feedback, self.effort - before)
+        return np.asarray(before + change, dtype=np.float64)
 
 
 class Drive:
@@ -45,7 +66,7 @@ class Drive:
 
     def effort_over_step(
         self, effort: FloatArray, v: FloatArray, h: float,
-    ) -> FloatArray:
+    ) -> DriveStep:
         """
         Return the mean joint effort (n,) over a step of h [s], and advance the current.
 
@@ -57,33 +78,46 @@ class Drive:
         wanted = np.clip(
             motors.current(motors.motor_torque(effort, v, unknown)),
             -motors.current_limit, motors.current_limit)
-        mean = self._settle(wanted, v, h)
-        return motors.effort(motors.torque_constant * mean, v, unknown)
+        mean, share = self._settle(wanted, v, h)
+        effort = motors.effort(motors.torque_constant * mean, v, unknown)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            per_ampere = np.where(mean == 0.0, 0.0, effort / mean)
+            damping = np.where(share > 0.0, share * per_ampere * self._back_emf / (
+                motors.resistance), 0.0)
+        return DriveStep(effort, damping)
 
-    def _settle(self, wanted: FloatArray, v: FloatArray, h: float) -> FloatArray:
-        """Return the mean current (n,) over h [s] on the way to the wanted one."""
+    def _settle(
+        self, wanted: FloatArray, v: FloatArray, h: float,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the mean current (n,) over h [s], and to which share back-EMF reduces it."""
         motors = self.actuators
-        i, charge, rest = self._saturated(wanted, v, h)
+        i, charge, rest, share = self._saturated(wanted, v, h)
         i, more = _relax(i, wanted, motors.current_time_constant, rest)
         mean = (charge + more) / h
         if self._inert.all():
             self.current = i
-            return np.asarray(mean)
-        direct = np.clip(wanted, *motors.current_range(v))  # without inductance, at once
+            return np.asarray(mean), share
+        low, high = motors.current_range(v)  # without inductance, at once
+        direct = np.clip(wanted, low, high)
+        by_voltage = (direct != wanted) & (np.abs(direct) < motors.current_limit)
         self.current = np.where(self._inert, i, direct)
-        return np.where(self._inert, mean, direct)
+        return np.where(self._inert, mean, direct), np.where(self._inert, share, by_voltage)
 
     def _saturated(
         self, wanted: FloatArray, v: FloatArray, h: float,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return current, its integral, and the time left [s], after motors lacked voltage."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """
+        Return current, its integral, and the time left [s], after motors lacked voltage.
+
+        The last is d(mean current)/d(steady current at this voltage), both over h.
+        """
         motors, i = self.actuators, self.current
         back_emf = self._back_emf * v
         demand = motors.resistance * i + back_emf + self._loop_gain * (wanted - i)
         saturated = self._inert & (np.abs(demand) > motors.voltage_limit)
-        charge, rest = np.zeros_like(v), np.full_like(v, h)
+        charge, rest, share = np.zeros_like(v), np.full_like(v, h), np.zeros_like(v)
         if not saturated.any():
-            return i, charge, rest
+            return i, charge, rest, share
         i = i.copy()
         for j in np.flatnonzero(saturated):
             R, gain = motors.resistance[j], self._loop_gain[j]
@@ -91,11 +125,12 @@ class Drive:
             asymptote, electric = (limit - back_emf[j]) / R, motors.inductance[j] / R
             # where the loop's own demand comes back to the limit
             leave = (limit - back_emf[j] - gain * wanted[j]) / (R - gain) if gain != R else np.inf
-            share = (leave - asymptote) / (i[j] - asymptote)
-            until = min(h, -electric * np.log(share)) if 0.0 < share < 1.0 else h
+            rest_of_way = (leave - asymptote) / (i[j] - asymptote)
+            until = min(h, -electric * np.log(rest_of_way)) if 0.0 < rest_of_way < 1.0 else h
             i[j], charge[j] = _relax(i[j], asymptote, electric, until)
             rest[j] = h - until
-        return i, charge, rest
+            share[j] = (until - electric * (1.0 - np.exp(-until / electric))) / h
+        return i, charge, rest, share
 
 
 def _relax(i: Any, target: Any, time_constant: Any, t: Any) -> tuple[Any, Any]:

@@ -28,7 +28,8 @@ from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.backlash import Backlash
 from robot_dynamics.drive import Drive
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.motion import Motion, MotionState
+from robot_dynamics.joint_forces import MotionState
+from robot_dynamics.motion import Motion
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray
@@ -166,14 +167,13 @@ class ArmSimulation:
     ) -> ArmState:
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
         h = duration / steps
-        effort, acceleration = tau, self._motor_acceleration
+        acceleration = self._motor_acceleration
+        effort = tau if self._drive is None else self.effort
         now, heat, work = self._now, 0.0, 0.0
         for _ in range(steps):
             before = now
             if self._drive is not None:
-                # The velocity in the middle of the step, as far as it can be foreseen.
-                effort = self._drive.effort_over_step(
-                    tau, before.omega + 0.5 * h * acceleration, h)
+                effort = self._driven(tau, effort, before, acceleration, h)
             self._motion.drive(effort, wrenches)
             leg = self._motion.step(before, h)
             now, heat = leg.state, heat + leg.heat
@@ -187,6 +187,21 @@ class ArmSimulation:
         self.heat, self.work = self.heat + heat, self.work + work
         self._now, self._motor_acceleration, self.effort = now, acceleration, effort
         return self.state
+
+    def _driven(
+        self, tau: FloatArray, effort: FloatArray, now: MotionState, acceleration: FloatArray,
+        h: float,
+    ) -> FloatArray:
+        """Return what the motors deliver over h [s], after `effort` and its `acceleration`."""
+        assert self._drive is not None
+        # The velocity in the middle of the step, as far as it can be foreseen.
+        step = self._drive.effort_over_step(tau, now.omega + 0.5 * h * acceleration, h)
+        # What sticks does not feel its own effort.
+        moves = (now.omega != 0.0) | (self._dynamics.friction.static == 0.0)
+        if not (step.damping * moves).any():
+            return step.effort
+        step = step._replace(damping=step.damping * moves)
+        return step.implicit(effort, self._motion.motor_inertia(now), h)
 
     def _not_finite(self, reason: str) -> InvalidInputError:
         return InvalidInputError(

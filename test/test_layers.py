@@ -46,8 +46,8 @@ LAYERS = {
     # and whatever is not ROS
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
-        'gravity_capability', 'identification', 'inertia_survey', 'limit_warnings',
-        'model_check', 'motion', 'motion_events', 'playback', 'plotting',
+        'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
+        'limit_warnings', 'model_check', 'motion', 'motion_events', 'playback', 'plotting',
         'recording', 'reference_motion', 'robot_side', 'simulation', 'trajectory_efforts',
     ),
     # and ROS

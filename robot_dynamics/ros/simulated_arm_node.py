@@ -78,6 +78,10 @@ SPECS = (
         'What this arm adds by itself to the effort that it is commanded, by its own model '
         'without a payload: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
     ParameterSpec(
+        'encoders', Type.STRING, 'joint',
+        'Where joint_states measures position and velocity where gears have backlash: at the '
+        'joint, or at the motor.', read_only=True, choices=('joint', 'motor')),
+    ParameterSpec(
         'position_noise', Type.DOUBLE, 0.0,
         'Standard deviation of the noise on measured positions [rad] or [m].',
         minimum=0.0, maximum=1.0),
@@ -115,6 +119,7 @@ class SimulatedArmNode(Node):
         self._plant = Plant(
             simulation, RobotSide(self._arm, semantics_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
+        self._plant.encoders_at_motor = values['encoders'] == 'motor'
         self._apply(values)
         self._own_time = values['publish_clock'] or values['lock_step']
         topics = ArmTopics(self, self._arm.joint_names, self._own_time)

@@ -23,7 +23,9 @@ however fast the processes run.
 import math
 import threading
 import time
+from typing import NamedTuple
 
+from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -36,7 +38,7 @@ from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
 from robot_dynamics.ros.running import reason_of
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation import ArmSimulation, ArmState
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -49,6 +51,15 @@ FASTEST_PERIOD = 0.8
 """Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """[s] after which lock-step says its state again: the first time nobody may have listened."""
+
+
+class Measured(NamedTuple):
+    """Position, velocity and effort (n,), the latter empty for none; the motors as they are."""
+
+    position: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+    motors: ArmState
 
 
 class Plant:
@@ -64,6 +75,7 @@ class Plant:
         self.wrenches: dict[str, ExternalWrench] = {}
         self.position_noise = 0.0
         self.velocity_noise = 0.0
+        self.encoders_at_motor = False
         self._brakes = brakes
         self._noise = noise
 
@@ -84,16 +96,17 @@ class Plant:
         effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
         self.simulation.step(effort, period, list(self.wrenches.values()))
 
-    def measure(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return measured position, velocity and effort, the latter empty for none."""
-        q, v = self.simulation.state
+    def measure(self) -> Measured:
+        """Return what the sensors say now."""
+        simulation = self.simulation
+        q, v = simulation.motor_state if self.encoders_at_motor else simulation.state
         n = len(q)
-        effort = self._robot.measured(self.simulation.effort, q, v, self.simulation.braked)
+        effort = self._robot.measured(simulation.effort, q, v, simulation.braked)
         if self.position_noise > 0.0:
             q = q + self.position_noise * self._noise.standard_normal(n)
         if self.velocity_noise > 0.0:
             v = v + self.velocity_noise * self._noise.standard_normal(n)
-        return q, v, effort
+        return Measured(q, v, effort, simulation.motor_state)
 
 
 class ArmTopics:
@@ -104,6 +117,7 @@ class ArmTopics:
         self._names = list(joint_names)
         self._reader = JointStateReader(joint_names)
         self._states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+        self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
         self.efforts = node.create_subscription(
             JointState, 'effort_command', lambda _: None, NEWEST_ONLY,
@@ -132,20 +146,23 @@ class ArmTopics:
         stamp = message.header.stamp
         return effort, stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec
 
-    def state_message(
-        self, stamp_ns: int, measured: tuple[FloatArray, FloatArray, FloatArray],
+    def publish(self, stamp_ns: int, measured: Measured) -> None:
+        """Publish what is measured, after the time that it is of."""
+        stamp = stamp_to_ros(stamp_ns)
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=stamp))
+        self._states.publish(self._message(stamp, *measured[:3]))
+        if self._motors.get_subscription_count() > 0:
+            self._motors.publish(self._message(stamp, *measured.motors, measured.effort))
+
+    def _message(
+        self, stamp: Time, position: FloatArray, velocity: FloatArray, effort: FloatArray,
     ) -> JointState:
         message = JointState(name=self._names)
-        message.header.stamp = stamp_to_ros(stamp_ns)
+        message.header.stamp = stamp
         message.position, message.velocity, message.effort = (
-            floats_to_ros(values) for values in measured)
+            floats_to_ros(values) for values in (position, velocity, effort))
         return message
-
-    def publish(self, state: JointState) -> None:
-        """Publish a state, after the time that it is of."""
-        if self._clock is not None:
-            self._clock.publish(Clock(clock=state.header.stamp))
-        self._states.publish(state)
 
 
 class _Loop:
@@ -195,7 +212,7 @@ class _Loop:
         wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
         return bool(wait_set.get_ready_entities('subscription'))
 
-    def _advance(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _advance(self) -> Measured:
         """Return what is measured one period on; an arm flung to infinity starts again."""
         with self._lock:
             try:
@@ -223,8 +240,7 @@ class WallTimeLoop(_Loop):
         with self._lock:
             measured = self._plant.measure()
         while self._running():
-            self._topics.publish(
-                self._topics.state_message(first_ns + tick * self._period_ns, measured))
+            self._topics.publish(first_ns + tick * self._period_ns, measured)
             tick += 1
             due = start + tick * self._period
             self._take_efforts_until(max(due, before + FASTEST_PERIOD * self._period))
@@ -258,7 +274,7 @@ class LockStepLoop(_Loop):
             measured = self._plant.measure()
         while self._running():
             stamp_ns = tick * self._period_ns
-            effort = self._ask(self._topics.state_message(stamp_ns, measured), stamp_ns)
+            effort = self._ask(stamp_ns, measured)
             if effort is None:
                 return
             with self._lock:
@@ -266,10 +282,10 @@ class LockStepLoop(_Loop):
             tick += 1
             measured = self._advance()
 
-    def _ask(self, state: JointState, stamp_ns: int) -> FloatArray | None:
+    def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:
         """Publish a state until its effort arrives; return None when told to stop."""
         while self._running():
-            self._topics.publish(state)
+            self._topics.publish(stamp_ns, measured)
             deadline = time.monotonic() + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
                 if not self._wait_for_effort(remaining):

@@ -1,0 +1,96 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Draw docs/images/backlash.png: hysteresis, dead zone, and the limit cycle that backlash causes.
+
+The runs are those that test/test_backlash_theory.py checks.
+"""
+
+from pathlib import Path
+import sys
+from typing import Any
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+import numpy as np
+from robot_dynamics.plotting import BLACK, BLUE, GREY, ORANGE, STYLE, VERMILION
+
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+import backlash_theory as theory  # noqa: E402
+
+MILLI = 1e3
+
+
+def draw_hysteresis(axes: Any, way: theory.Way) -> None:
+    b, A = MILLI * theory.HALF_GAP, MILLI * theory.AMPLITUDE
+    h = A - b
+    corners = np.array([(A, h), (A - 2.0 * b, h), (-A, -h), (2.0 * b - A, -h), (A, h)])
+    axes.plot(MILLI * way.theta, MILLI * way.q, color=BLUE, linewidth=3.2, label='simulated')
+    axes.plot(*corners.T, color=BLACK, linestyle=(0, (4, 2)), linewidth=1.2,
+              label='play operator')
+    axes.annotate('', (A, h + 1.5), (A - 2.0 * b, h + 1.5), arrowprops={
+        'arrowstyle': '<->', 'color': VERMILION, 'shrinkA': 0.0, 'shrinkB': 0.0})
+    axes.text(A - b, h + 2.5, 'the gap, 2b', color=VERMILION, ha='center', va='bottom')
+    axes.set(xlabel='motor, divided by N [mrad]', ylabel='joint [mrad]', ylim=(-25.0, 29.0),
+             title='The motor swings: hysteresis of the joint')
+    axes.legend(frameon=False, loc='lower right')
+
+
+def draw_dead_zone(axes: Any, way: theory.Way) -> None:
+    still = np.abs(way.theta - way.q) < theory.HALF_GAP - 1e-9
+    axes.plot(way.t, MILLI * way.theta, color=ORANGE, linestyle=(0, (5, 2)), label='motor')
+    axes.plot(way.t, MILLI * way.q, color=BLUE, label='joint')
+    axes.fill_between(way.t, 0.0, 1.0, where=still, transform=axes.get_xaxis_transform(),
+                      color=GREY, alpha=0.2, linewidth=0.0, label='teeth apart')
+    axes.set(xlabel='time [s]', ylabel='position [mrad]', ylim=(-33.0, 50.0),
+             title='Dead zone: the joint waits for the teeth')
+    axes.legend(frameon=False, loc='upper center', ncols=3)
+
+
+def draw_cycle(axes: Any) -> None:
+    way, predicted = theory.feed_back(20.0, start=0.04), theory.predicted_cycle()
+    first, last = theory.Way(*(x[way.t < 5.0] for x in way)), theory.after(way, 15.0)
+
+    def orbit(part: theory.Way) -> tuple[np.ndarray, np.ndarray]:
+        return MILLI * part.theta, MILLI * np.gradient(part.theta, part.t)
+
+    axes.plot(*orbit(first), color=GREY, linewidth=0.7, label='on the way, from 40 mrad')
+    axes.plot(*orbit(last), color=BLUE, linewidth=2.4, label='after 15 s')
+    phase = np.linspace(0.0, 2.0 * np.pi, 200)
+    A = MILLI * predicted.amplitude
+    axes.plot(A * np.cos(phase), A * predicted.frequency * np.sin(phase), color=BLACK,
+              linestyle=(0, (4, 2)), linewidth=1.2, label='harmonic balance')
+    axes.set(xlabel='motor, divided by N [mrad]', ylabel='its velocity [mrad/s]',
+             title='Feedback from the joint: limit cycle')
+    axes.set_ylim(top=1.5 * axes.get_ylim()[1])
+    axes.legend(frameon=False, loc='upper right')
+
+
+def main(directory: Path) -> None:
+    """Write the picture into a directory."""
+    way = theory.after(theory.swing(6.0), 2.0)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(13.0, 3.6), layout='constrained')
+        FigureCanvasAgg(figure)
+        hysteresis, dead_zone, cycle = figure.subplots(1, 3)
+        draw_hysteresis(hysteresis, way)
+        draw_dead_zone(dead_zone, way)
+        draw_cycle(cycle)
+        figure.savefig(directory / 'backlash.png')
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]))

@@ -1,0 +1,129 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How an arm moves on from a state: which joints stick, which teeth touch, and which meet.
+
+Motors whose teeth touch push their joints; those that would have to pull part from them. Which
+do is found by trying, one change at a time, the one that is furthest from what can be.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
+from robot_dynamics.sticking import BoolArray, choose_modes, Modes
+from robot_dynamics.validation import FloatArray
+
+_BOUNCES = 40
+"""Meetings at one time after which teeth stay together."""
+_SLOW = 1e-3
+"""[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
+_STRIBECK_RANGE = 4.0
+"""Multiple of v_s beyond which friction no longer falls: exp(−4²) is 1e-7."""
+_TRIES_PER_JOINT = 4
+
+
+class Met(NamedTuple):
+    """The state after teeth met, the heat [J], and whether any did."""
+
+    state: MotionState
+    heat: float
+    jolted: bool
+
+
+class ModeChooser:
+    """Chooses the modes of motions under the same forces."""
+
+    def __init__(self, forces: JointForces) -> None:
+        self._forces = forces
+        friction = forces.friction
+        n = len(friction.viscous)
+        self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
+        self._rubs = friction.static > 0.0
+        self._falls_below = np.where(
+            friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
+        self.free = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none, False)
+        """Without dry friction and backlash."""
+
+    def choose(self, state: MotionState) -> tuple[GearModes, FloatArray]:
+        """Return how the joints move on from a state, and their acceleration (n,)."""
+        if self._forces.play is None:
+            joints = self._joint_modes(state, self._none)
+            modes = GearModes(
+                joints, self._nowhere, self._none, self.falls(joints, state.v, state.v))
+            return modes, self._forces.acceleration(modes)(state.q, state.v)
+        touching = self._forces.play.touching(state.q, state.theta)
+        parted = self._forces.play.exists & (touching == 0.0)
+        opened = self._forces.play.exists & (touching * (state.omega - state.v) < 0.0) | parted
+        J, tau, tried = self._forces.play.inertia, self._forces.tau, 0
+        while True:
+            joints = self._joint_modes(state, opened)
+            modes = GearModes(
+                joints, np.where(opened, 0.0, touching), opened,
+                self.falls(joints, state.v, state.v))
+            a = self._forces.acceleration(modes)(state.q, state.v)
+            push = touching * (tau - J * a)
+            wrong = np.where(opened, push, -push)
+            wrong[state.omega != state.v] = 0.0  # teeth that part
+            worst = int(np.argmax(wrong))
+            slack = 1e-12 * float(np.abs(tau).max() + np.abs(J * a).max())
+            if wrong[worst] <= slack or tried > _TRIES_PER_JOINT * len(tau):
+                return modes, a
+            opened, tried = opened.copy(), tried + 1
+            opened[worst] = not opened[worst]
+
+    def _joint_modes(self, state: MotionState, opened: BoolArray) -> Modes:
+        v = state.v
+        if not self._forces.is_dry:
+            return self.free.joints
+        if v.all():
+            return Modes(np.where(self._rubs, np.sign(v), 0.0), self._none)
+        forces = self._forces
+        return choose_modes(
+            forces.body_with(opened).mass_matrix(state.q), v, forces.effort(state.q, v, opened),
+            forces.friction.dry(v), forces.friction.static)
+
+    def meet(self, state: MotionState, a: FloatArray | None, plastic: bool) -> Met:
+        """
+        Return the state after all teeth that touch and approach have met.
+
+        `a` (n,) is the acceleration of the joints so far, where it is known.
+        """
+        assert self._forces.play is not None
+        play, (q, v, theta, omega) = self._forces.play, state
+        side = play.touching(q, theta)
+        closing = side * (omega - v)
+        if closing.max() <= 0.0:
+            return Met(state, 0.0, False)
+        push = self._nowhere if a is None else side * (self._forces.tau - play.inertia * a)
+        M = self._forces.body_with(play.exists).mass_matrix(q)
+        heat, meetings = 0.0, 0
+        while closing.max() > 0.0:
+            if plastic or closing.max() < _SLOW or meetings > _BOUNCES:
+                # All at once: one after the other they would lift each other off without end.
+                v, omega, lost = play.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
+            else:
+                v, omega, lost = play.meet(int(np.argmax(closing)), M, side, v, omega, push)
+            heat, meetings = heat + lost, meetings + 1
+            closing = side * (omega - v)
+        theta = np.where(side != 0.0, q + side * play.half_gap, theta)
+        return Met(MotionState(q, v, theta, omega), heat, True)
+
+    def falls(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
+        """Tell whether dry friction changes noticeably with speed on the way."""
+        if not self._forces.friction.has_stribeck_effect:
+            return False
+        slowest = np.minimum(v * joints.direction, after * joints.direction)
+        return bool(((joints.direction != 0.0) & (slowest < self._falls_below)).any())

@@ -1,0 +1,147 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What accelerates the joints of an arm while they slide, stick, or are parted from their motors.
+
+Dry friction that slides has one direction between two events; motors in the gap of their gears
+do not act on their joints, and their rotors do not move with them.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.backlash import Backlash
+from robot_dynamics.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.runge_kutta import Acceleration
+from robot_dynamics.sticking import BoolArray, hold, Modes
+from robot_dynamics.validation import FloatArray
+
+
+class MotionState(NamedTuple):
+    """
+    Position q and velocity v of the joints, θ and ω of their motors, all (n,), on the joint side.
+
+    Without backlash the motor is where the joint is.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    theta: FloatArray
+    omega: FloatArray
+
+
+class GearModes(NamedTuple):
+    """
+    How an arm moves between two events.
+
+    The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own; `falls`,
+    whether dry friction changes with speed.
+    """
+
+    joints: Modes
+    side: FloatArray
+    open: BoolArray
+    falls: bool
+
+
+class JointForces:
+    """The forces on the joints under the efforts and wrenches given last to `drive`."""
+
+    def __init__(self, dynamics: ArmDynamics) -> None:
+        self.friction, self.body = dynamics.friction, dynamics.rigid_body
+        self.play = Backlash.of(dynamics.arm.actuators)
+        self.is_damped = bool(self.friction.viscous.any())
+        self.is_dry = bool(self.friction.static.any())
+        self._arm = dynamics.arm
+        self._bodies: dict[bytes, RigidBody] = {}
+
+    def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
+        """Let these efforts of the motors (n,) and wrenches act from now on."""
+        self.tau, self.wrenches = tau, wrenches
+        self.joint_tau = tau - self.friction.offset
+
+    def kinetic_energy(self, state: MotionState) -> float:
+        """Return that of links and rotors [J]."""
+        energy = self.body.kinetic_energy(state.q, state.v)
+        if self.play is not None:
+            share = self.play.inertia * (state.omega**2 - state.v**2)
+            energy += 0.5 * float(share @ self.play.exists)
+        return energy
+
+    def motor_inertia(self, state: MotionState) -> FloatArray:
+        """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
+        if self.play is None:
+            return self.body.mass_matrix(state.q)
+        opened = self.play.exists & (self.play.touching(state.q, state.theta) == 0.0)
+        M = np.where(opened | opened[:, None], 0.0, self.body.mass_matrix(state.q))
+        return np.asarray(M + np.diag(self.play.inertia * opened))
+
+    def body_with(self, opened: BoolArray) -> RigidBody:
+        """Return the rigid bodies without the rotors of motors on their own."""
+        if self.play is None or not opened.any():
+            return self.body
+        key = opened.tobytes()
+        if key not in self._bodies:
+            self._bodies[key] = RigidBody(self._arm.with_rotors_apart(opened))
+        return self._bodies[key]
+
+    def effort(self, q: FloatArray, v: FloatArray, opened: BoolArray) -> FloatArray:
+        """Return what is left to accelerate the joints, but for dry friction."""
+        body = self.body
+        effort = self.joint_tau - body.nonlinear(q, v) - self.friction.viscous * v
+        if opened.any():
+            effort = effort - self.tau * opened
+        return effort - body.external(q, self.wrenches) if self.wrenches else effort
+
+    def after_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
+        """Return what sliding friction leaves of the efforts at the joints, (..., n), by v."""
+        friction, direction = self.friction, modes.joints.direction
+        tau = self.joint_tau
+        if self.play is not None:
+            tau = np.where(modes.open, -friction.offset, tau)
+        if not (self.is_dry or self.is_damped):
+            return lambda v: tau
+        F_v, base = friction.viscous, tau - direction * friction.coulomb
+        if not modes.falls:
+            return lambda v: base - F_v * v
+        rise, rate = direction * (friction.static - friction.coulomb), (
+            1.0 / friction.stribeck_velocity)
+
+        def remaining(v: FloatArray) -> FloatArray:
+            ratio = v * rate
+            return np.asarray(base - F_v * v - rise * np.exp(-ratio * ratio))
+
+        return remaining
+
+    def rubbing(self, v: FloatArray, modes: GearModes) -> FloatArray:
+        """Return sliding friction (..., n) at the velocities v."""
+        return np.where(modes.open, 0.0, self.tau) - self.after_friction(modes)(v)
+
+    def acceleration(self, modes: GearModes) -> Acceleration:
+        """Return the joints' acceleration (n,) in these modes, by q and v."""
+        body, wrenches, stuck = self.body_with(modes.open), self.wrenches, modes.joints.stuck
+        remaining = self.after_friction(modes)
+        if not stuck.any():
+            return lambda q, v: body.acceleration(q, v, remaining(v), wrenches)
+
+        def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
+            effort = remaining(v) - body.nonlinear(q, v)
+            if wrenches:
+                effort = effort - body.external(q, wrenches)
+            return hold(body.mass_matrix(q), effort, stuck).acceleration
+
+        return acceleration

@@ -1,0 +1,185 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+When the way in which an arm moves changes: joints stop or break away, teeth meet or part.
+
+Each kind of event has a margin, positive until it happens. A step after which one is negative is
+taken anew up to the first event, found by Newton's method from a guess by the motion at both ends.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.backlash import TOUCH
+from robot_dynamics.crossing import cubic, first_crossing, quintic
+from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
+from robot_dynamics.sticking import hold
+from robot_dynamics.validation import FloatArray
+
+_ITERATIONS = 60
+_FINEST = 1e-12
+"""Share of a step to which the time of an event is known at least."""
+_NUDGE = 1e-3
+"""Share of a step over which accelerations are taken as constant to reach an event exactly."""
+# Kinds of events, and what counts as having reached one.
+_TURN, _SLIP, _MEET, _PART = range(4)
+_AT_REST = 1e-10
+"""[rad/s] or [m/s]"""
+_MET = 0.1 * TOUCH
+_SLACK = 1e-9
+"""Share of an effort."""
+
+
+class End(NamedTuple):
+    """Where a piece of motion ends, the heat on the way [J], and the accelerations `a` (n,)."""
+
+    state: MotionState
+    heat: float
+    a: FloatArray
+
+
+Advance = Callable[[float], End]
+"""From one state, for a time [s], in one mode."""
+
+
+class Event(NamedTuple):
+    """The first event of a step: when [s], and the motion up to it."""
+
+    time: float
+    end: End
+
+
+class EventFinder:
+    """Finds the events of motions under the same forces."""
+
+    def __init__(self, forces: JointForces) -> None:
+        self._forces = forces
+
+    def first(
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: End,
+        advance: Advance,
+    ) -> Event | None:
+        """
+        Return the first event in the h [s] from `state` to `end`, or None.
+
+        `a` (n,) is the acceleration at first.
+        """
+        margins = self._margins(end, modes)
+        if margins.min() >= 0.0:
+            return None
+        early, late, time, before = 0.0, h, h, (0.0, 1.0)
+        guess = self._first_guess(state, h, modes, a, end, margins)
+        for i in range(1, _ITERATIONS):
+            # Newton's step, kept between the trials on either side.
+            time = guess if i % 4 and early < guess < late else 0.5 * (early + late)
+            end = advance(time)
+            margins = self._margins(end, modes)
+            kind, j = divmod(int(np.argmin(margins)), len(a))
+            worth = float(margins[kind, j])
+            rate = self._margin_rate(kind, j, end.state, end.a, modes) or (
+                (worth - before[1]) / (time - before[0]))
+            guess = time - worth / rate if rate else np.nan
+            near = kind in (_TURN, _MEET) and abs(guess - time) < _NUDGE * h
+            if abs(worth) > 1.0 and near and early < guess < late:
+                end = self._nudged(end, guess - time, modes)
+                margins, time = self._margins(end, modes), guess
+                worth = float(margins.min())
+            if abs(worth) <= 1.0 or late - early <= _FINEST * h:
+                break
+            early, late = (time, late) if worth > 0.0 else (early, time)
+            before = time, worth
+        q, v, theta, omega = end.state
+        stops = margins[_TURN] <= 1.0
+        stopped = MotionState(
+            q, np.where(stops, 0.0, v), theta, np.where(stops & ~modes.open, 0.0, omega))
+        return Event(time, end._replace(state=stopped))
+
+    def _first_guess(
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: End,
+        margins: FloatArray,
+    ) -> float:
+        """Return when [s] the first event happens, by what is known at both ends."""
+        after, times = end.state, [h]
+        for kind, j in np.argwhere(margins < 0.0):
+            if kind == _TURN:
+                way = modes.joints.direction[j]
+                times.append(first_crossing(cubic(
+                    h, (way * state.v[j], way * a[j]),
+                    (way * after.v[j], way * end.a[j])), h))
+            elif kind == _MEET:
+                side = np.sign(after.theta[j] - after.q[j])
+                times.append(first_crossing(quintic(
+                    h, self._distance(j, side, state, a), self._distance(j, side, after, end.a)),
+                    h))
+            else:
+                at_first = float(self._margins(End(state, 0.0, a), modes)[kind, j])
+                times.append(h * max(at_first, 0.0) / (at_first - margins[kind, j]))
+        return min(times)
+
+    def _distance(
+        self, j: int, side: float, state: MotionState, a: FloatArray,
+    ) -> tuple[float, float, float]:
+        """Return how far the teeth of joint j are on that side, and its two derivatives."""
+        assert self._forces.play is not None
+        q, v, theta, omega = (float(x[j]) for x in state)
+        spin_up = float(self._forces.tau[j] / self._forces.play.inertia[j])
+        return (float(self._forces.play.half_gap[j]) - side * (theta - q), -side * (omega - v),
+                -side * (spin_up - float(a[j])))
+
+    def _margin_rate(
+        self, kind: int, j: int, state: MotionState, a: FloatArray, modes: GearModes,
+    ) -> float | None:
+        """Return how fast a margin changes [1/s], or None where that is not at hand."""
+        if kind == _TURN:
+            return float(modes.joints.direction[j] * a[j] / _AT_REST)
+        if kind == _MEET:
+            side = np.sign(state.theta[j] - state.q[j])
+            return self._distance(j, side, state, a)[1] / _MET
+        return None
+
+    def _nudged(self, end: End, dt: float, modes: GearModes) -> End:
+        """Return what follows so little later or earlier that accelerations stay the same."""
+        q, v, theta, omega = end.state
+        spin_up = end.a
+        if self._forces.play is not None:
+            spin_up = np.where(modes.open, self._forces.tau / self._forces.play.inertia, end.a)
+        state = MotionState(
+            q + v * dt + 0.5 * dt * dt * end.a, v + end.a * dt,
+            theta + omega * dt + 0.5 * dt * dt * spin_up, omega + spin_up * dt)
+        return End(state, end.heat + dt * float(self._forces.rubbing(v, modes) @ v), end.a)
+
+    def _margins(self, end: End, modes: GearModes) -> FloatArray:
+        """
+        Return how far (4, n) each kind of event is, ∞ where it cannot be, negative where it was.
+
+        The unit is what counts as reached: an event is between -1 and 1.
+        """
+        forces, (q, v, theta, _), (direction, stuck) = self._forces, end.state, modes.joints
+        margins = np.full((4, len(v)), np.inf)
+        if forces.is_dry:
+            np.divide(direction * v, _AT_REST, out=margins[_TURN], where=direction != 0.0)
+        if stuck.any():
+            static = forces.friction.static[stuck]
+            effort = forces.effort(q, v, modes.open) - direction * forces.friction.dry(v)
+            needed = hold(forces.body_with(modes.open).mass_matrix(q), effort, stuck).friction
+            margins[_SLIP, stuck] = (static - np.abs(needed[stuck])) / (_SLACK * static) + 2.0
+        if forces.play is not None:
+            touches = modes.side != 0.0
+            margins[_MEET, modes.open] = forces.play.room(q, theta)[modes.open] / _MET
+            push = modes.side * (forces.tau - forces.play.inertia * end.a)
+            slack = _SLACK * (np.abs(forces.tau) + 1e-3)
+            margins[_PART, touches] = (push / slack)[touches] + 2.0
+        return margins

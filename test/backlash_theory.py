@@ -1,0 +1,158 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One joint with play, as control theory sees it, and as the simulated arm moves it.
+
+A motor whose load is light, and held by dry friction, moves it as the play operator says: the load
+stands still while the motor crosses the gap. Sources: J.-J. E. Slotine and W. Li, *Applied
+Nonlinear Control*, Prentice Hall 1991, sections 5.1 to 5.4 (describing functions, that of
+backlash, limit cycles); M. Nordin and P.-O. Gutman, Automatica 38, 2002, section 3. The test and
+the picture of the documentation use the same runs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.friction import make_friction
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.validation import FloatArray
+from scipy.optimize import fsolve
+
+HALF_GAP = 0.01
+"""b [rad]"""
+LOAD, MOTOR = 2e-3, 1.0
+"""Inertia of the link, and of its motor on the joint side [kg·m²]."""
+AMPLITUDE, FREQUENCY = 0.03, np.pi
+"""Of the motor's sinusoid [rad] and [rad/s]."""
+DRAG = 0.02
+"""Dry friction of the load [N·m]: far more than LOAD needs to be braked."""
+
+K_D, K_P, K_I = 10.0, 100.0, 400.0
+"""Gains of the loop that cycles: motor speed, joint position, its integral."""
+CYCLE_DRAG = 5e-3
+"""Its load's dry friction [N·m]: 0.4 % of the motor's effort, which the prediction leaves out."""
+PERIOD = 2e-3
+"""Of both control loops [s]."""
+
+
+class Way(NamedTuple):
+    """Time [s], the motor's θ and the joint's q, each (m,)."""
+
+    t: FloatArray
+    theta: FloatArray
+    q: FloatArray
+
+
+class Cycle(NamedTuple):
+    """Amplitude of the motor's fundamental [rad], and frequency [rad/s]."""
+
+    amplitude: float
+    frequency: float
+
+
+def arm(gap: float, drag: float) -> ArmModel:
+    bare = load_arm(
+        planar_arm_urdf([0.1], [0.2], [0.1], [LOAD - 1e-3]), gravity=(0.0, 0.0, 0.0))
+    with_drag = bare.with_friction(make_friction(bare.joint_names, coulomb=[drag]))
+    return with_drag.with_actuators(make_actuators(
+        bare.joint_names, [0.05], [100.0], rotor_inertia=[MOTOR / 1e4], backlash=[gap]))
+
+
+def swing(duration: float) -> Way:
+    """Return how a stiff servo on the motor's side swings it through the gap."""
+    simulation, rows, w = ArmSimulation(arm(2.0 * HALF_GAP, DRAG)), [], FREQUENCY
+    simulation.release()
+    for k in range(round(duration / PERIOD)):
+        theta, omega = simulation.motor_state
+        goal, rate = AMPLITUDE * np.sin(w * k * PERIOD), AMPLITUDE * w * np.cos(w * k * PERIOD)
+        simulation.step(
+            1e4 * (goal - theta) + 200.0 * (rate - omega) - MOTOR * w * w * goal, PERIOD)
+        rows.append(((k + 1) * PERIOD, simulation.motor_state.position[0], simulation.q[0]))
+    return Way(*np.array(rows).T)
+
+
+def feed_back(duration: float, gap: float = 2.0 * HALF_GAP, joint_side: bool = True,
+              start: float = 0.1) -> Way:
+    """Return the way back to 0 with integral action on the joint's position, or the motor's."""
+    simulation, rows, integral = ArmSimulation(arm(gap, CYCLE_DRAG), (start,)), [], 0.0
+    simulation.release()
+    for k in range(round(duration / PERIOD)):
+        theta, omega = simulation.motor_state
+        measured = simulation.q if joint_side else theta
+        integral -= float(measured[0]) * PERIOD
+        simulation.step(K_I * integral - K_P * measured - K_D * omega, PERIOD)
+        rows.append(((k + 1) * PERIOD, simulation.motor_state.position[0], simulation.q[0]))
+    return Way(*np.array(rows).T)
+
+
+def play_operator(theta: FloatArray, q: float) -> FloatArray:
+    """Return where a load at q (m,) is that stands still while θ (m,) is within the gap."""
+    way = []
+    for x in theta:
+        q = min(max(q, x - HALF_GAP), x + HALF_GAP)
+        way.append(q)
+    return np.array(way)
+
+
+def describing_function(amplitude: float) -> complex:
+    """Return the fundamental of the load over that of the motor (Slotine and Li, section 5.2)."""
+    b, A = HALF_GAP, amplitude
+    r = 2.0 * b / A - 1.0
+    in_phase = (0.5 * np.pi - np.arcsin(r) - r * np.sqrt(1.0 - r * r)) / np.pi
+    return complex(in_phase, 4.0 * b / (np.pi * A) * (b / A - 1.0))
+
+
+def predicted_cycle() -> Cycle:
+    """Return where L(jω) N(A) = −1, with L(s) = (K_P s + K_I) / (s² (J s + K_D))."""
+
+    def balance(unknown: FloatArray) -> list[float]:
+        s = 1j * np.exp(unknown[1])
+        rest = (K_P * s + K_I) / (s * s * (MOTOR * s + K_D)) * describing_function(
+            HALF_GAP * (1.0 + np.exp(unknown[0]))) + 1.0
+        return [rest.real, rest.imag]
+
+    logarithms, _, found, message = fsolve(balance, [0.0, np.log(5.0)], full_output=True)
+    assert found == 1, message
+    return Cycle(float(HALF_GAP * (1.0 + np.exp(logarithms[0]))), float(np.exp(logarithms[1])))
+
+
+def fundamental(way: Way, frequency: float) -> tuple[complex, complex]:
+    """Return that of motor and joint over the whole number of periods at the end of a way."""
+    period = 2.0 * np.pi / frequency
+    last = way.t > way.t[-1] - np.floor(way.t[-1] / period) * period
+    wave = np.exp(-1j * frequency * way.t[last])
+    theta, q = (2.0 * np.mean(x[last] * wave) for x in (way.theta, way.q))
+    return complex(theta), complex(q)
+
+
+def measured_cycle(way: Way) -> Cycle:
+    """Return that of a way that has settled to one; 0 where it does not swing."""
+    centred = way.theta - 0.5 * (way.theta.max() + way.theta.min())
+    k = np.flatnonzero((centred[:-1] < 0.0) & (centred[1:] >= 0.0))
+    if len(k) < 3:
+        return Cycle(0.0, 0.0)
+    rises = way.t[k] - centred[k] * (way.t[k + 1] - way.t[k]) / (centred[k + 1] - centred[k])
+    frequency = float(2.0 * np.pi / np.mean(np.diff(rises)))
+    whole = Way(*(x[k[0]:k[-1]] for x in way))
+    wave = np.exp(-1j * frequency * whole.t)
+    return Cycle(float(abs(2.0 * np.mean(whole.theta * wave))), frequency)
+
+
+def after(way: Way, seconds: float) -> Way:
+    """Return the part of a way from there on."""
+    return Way(*(x[way.t > seconds] for x in way))

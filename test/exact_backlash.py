@@ -1,0 +1,113 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One joint with play and viscous friction, solved piece by piece, without a method of integration.
+
+Between events the motion is exponentials and parabolas, and events are found by bracketing.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from robot_dynamics.backlash import CONTACT_TIME
+from scipy.optimize import brentq
+
+SLOW = 1e-3
+"""[rad/s] below which teeth that meet stay together."""
+
+
+class ExactJoint:
+    """
+    A joint of inertia M [kg·m²] with friction F [N·m·s/rad], and its motor J on the joint side.
+
+    On their own, J θ̈ = τ and M q̈ = −F q̇; while teeth touch, (M + J) q̈ = τ − F q̇.
+    """
+
+    def __init__(self, M: float, J: float, F: float, half_gap: float, restitution: float) -> None:
+        self._M, self._J, self._F, self._b, self._e = M, J, F, half_gap, restitution
+        self.q = self.v = self.theta = self.omega = 0.0
+        self._side = 0.0
+        """Where the teeth stay together, 0 while they do not."""
+        self.meetings = self.partings = 0
+
+    def step(self, tau: float, h: float) -> None:
+        """Move on for h [s] under a constant effort of the motor."""
+        while h > 0.0:
+            h -= self._together(tau, h) if self._side else self._apart(tau, h)
+
+    def _coast(self, tau: float, inertia: float, t: float) -> tuple[float, float]:
+        """Return position and velocity of the joint after t."""
+        rate = self._F / inertia
+        decay, last = np.exp(-rate * t), tau / self._F
+        return (self.q + last * t + (self.v - last) * (1.0 - decay) / rate,
+                last + (self.v - last) * decay)
+
+    def _push(self, tau: float, v: float) -> float:
+        """Return the force with which teeth press that stay together."""
+        return self._side * (tau - self._J * (tau - self._F * v) / (self._M + self._J))
+
+    def _together(self, tau: float, h: float) -> float:
+        """Return the time until teeth part, at most h, and go there."""
+        until, both = 0.0, self._M + self._J
+        if self._push(tau, self.v) >= 0.0:
+            until = first_below(lambda t: self._push(tau, self._coast(tau, both, t)[1]), h)
+            self.q, self.v = self._coast(tau, both, until)
+            self.theta, self.omega = self.q + self._side * self._b, self.v
+        if until < h:
+            self._side, self.partings = 0.0, self.partings + 1
+        return until
+
+    def _apart(self, tau: float, h: float) -> float:
+        """Return the time until teeth meet, at most h, and go there."""
+        def motor(t: float) -> float:
+            return self.theta + self.omega * t + 0.5 * tau / self._J * t * t
+
+        until = first_below(
+            lambda t: self._b - abs(motor(t) - self._coast(0.0, self._M, t)[0]), h)
+        (self.q, self.v), self.theta = self._coast(0.0, self._M, until), motor(until)
+        self.omega += tau / self._J * until
+        if until < h:
+            self._meet(tau)
+        return until
+
+    def _meet(self, tau: float) -> None:
+        self._side, self.meetings = np.sign(self.theta - self.q), self.meetings + 1
+        self.theta = self.q + self._side * self._b
+        w, m = self.omega - self.v, self._M * self._J / (self._M + self._J)
+        press = self._side * (tau + self._J * self._F * self.v / self._M)
+        if abs(w) < SLOW or 2.0 * self._e * abs(w) * self._J < press * CONTACT_TIME:
+            e = 0.0
+        else:
+            e = self._e
+        self.v += (1.0 + e) * m * w / self._M
+        self.omega -= (1.0 + e) * m * w / self._J
+        if e == 0.0:
+            self.omega = self.v
+        else:
+            self._side = 0.0
+
+
+def first_below(f: Callable[[float], float], h: float) -> float:
+    """Return when f, not below 0 at 0, first falls below 0 on the way to h, or else h."""
+    times = np.linspace(0.0, h, 65)
+    below = [k for k in range(1, len(times)) if f(times[k]) < 0.0]
+    if not below:
+        return h
+    early, late = times[below[0] - 1], times[below[0]]
+    if early == 0.0:  # from the touch itself: look for the way back
+        early = 1e-9 * late
+        if f(early) < 0.0:
+            return 0.0
+    return float(brentq(f, early, late, xtol=1e-15, rtol=1e-14))

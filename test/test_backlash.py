@@ -1,0 +1,331 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Backlash in the simulated arm: the gap, impacts, energy, an exact solution, the order."""
+
+from collections.abc import Callable
+
+from exact_backlash import ExactJoint
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.friction import make_friction
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.validation import FloatArray
+
+M, J = 0.6, 0.2
+"""Inertia of the one link, and of its motor on the joint side [kg·m²]."""
+GAP = 0.1
+"""[rad]"""
+
+
+def geared(arm: ArmModel, **changes: list[float]) -> ArmModel:
+    return arm.with_actuators(make_actuators(arm.joint_names, **{
+        'torque_constant': [0.05], 'gear_ratio': [100.0], 'rotor_inertia': [J / 1e4],
+        'backlash': [GAP], **changes}))
+
+
+def one_link(**changes: list[float]) -> ArmModel:
+    arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]), gravity=(0.0, 0.0, 0.0))
+    return geared(arm, **changes)
+
+
+def links(n: int, gravity: float = 9.81) -> ArmModel:
+    """Return a planar arm of up to three links, without motors and friction."""
+    masses, lengths = [5.0, 3.0, 1.0][:n], [1.0, 0.8, 0.5][:n]
+    return load_arm(
+        planar_arm_urdf(masses, lengths, [0.5, 0.4, 0.2][:n], [0.1, 0.05, 0.01][:n]),
+        gravity=(0.0, 0.0, -gravity))
+
+
+def rubbing(arm: ArmModel, **friction: list[float]) -> ArmModel:
+    return arm.with_friction(make_friction(arm.joint_names, **friction))
+
+
+def released(arm: ArmModel, position: object = None, velocity: object = None,
+             max_step: float = 1e-3) -> ArmSimulation:
+    simulation = ArmSimulation(arm, position, velocity, max_step)
+    simulation.release()
+    return simulation
+
+
+def play(simulation: ArmSimulation) -> FloatArray:
+    """Return θ − q (n,)."""
+    return simulation.motor_state.position - simulation.q
+
+
+def closing(simulation: ArmSimulation) -> FloatArray:
+    """Return w = θ̇ − q̇ (n,)."""
+    return simulation.motor_state.velocity - simulation.v
+
+
+# --- the gap -------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('restitution', [0.0, 0.5, 1.0])
+@pytest.mark.parametrize('n', [1, 2, 3])
+def test_motor_and_joint_are_never_further_apart_than_half_the_gap(
+        n: int, restitution: float) -> None:
+    gaps = np.array([0.02, 0.05, 0.01])[:n]
+    arm = geared(
+        rubbing(links(n), viscous=[0.3], coulomb=[0.4], static=[0.6], stribeck_velocity=[0.05]),
+        backlash=gaps.tolist(), restitution=[restitution])
+    simulation = released(arm, np.full(n, 0.3))
+    random = np.random.default_rng(n)
+    furthest, crossings = np.zeros(n), np.zeros(n)
+    side = np.sign(play(simulation))
+    for _ in range(150):
+        weight = ArmDynamics(arm).rigid_body.gravity(simulation.q)
+        tau = weight + random.normal(0.0, [60.0, 30.0, 8.0][:n])
+        for _ in range(5):
+            simulation.step(tau, 2e-3)
+            distance = play(simulation)
+            furthest = np.maximum(furthest, np.abs(distance))
+            crossings += side * distance < 0.0
+            side = np.sign(distance)
+    assert (furthest <= 0.5 * gaps + 1e-10).all(), furthest - 0.5 * gaps
+    assert (furthest > 0.49 * gaps).all(), furthest
+    assert (crossings > 5).all(), crossings
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.5, 1.0])
+def test_the_gap_holds_in_long_steps(restitution: float) -> None:
+    arm = geared(links(3), backlash=[0.005], restitution=[restitution])
+    simulation = released(arm, np.full(3, 0.3), max_step=0.05)
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        simulation.step(random.normal(0.0, [60.0, 30.0, 8.0]), 0.05)
+        assert (np.abs(play(simulation)) <= 0.0025 + 1e-10).all()
+
+
+@pytest.mark.parametrize('n', [1, 2, 3])
+def test_an_arm_that_is_let_go_leans_on_its_gears(n: int) -> None:
+    arm, at_rest = geared(links(n), backlash=[0.02]), np.array([0.4, -0.7, 0.5])[:n]
+    simulation = released(arm, at_rest)
+    weight = ArmDynamics(arm).rigid_body.gravity(at_rest)
+    assert play(simulation) == pytest.approx(np.sign(weight) * 0.01)
+    for _ in range(100):
+        simulation.step(weight, 1e-3)
+    assert simulation.q == pytest.approx(at_rest, abs=1e-12)
+    assert simulation.motor_state.position == pytest.approx(
+        at_rest + np.sign(weight) * 0.01, abs=1e-12)
+
+
+def sway(arm: ArmModel) -> FloatArray:
+    """Return the way (m, n) of two links under efforts that change."""
+    simulation, way = released(arm, (0.2, -0.3)), []
+    for k in range(300):
+        wave = np.array([20.0 * np.sin(0.05 * k), 8.0 * np.cos(0.08 * k)])
+        simulation.step(wave, 2e-3)
+        way.append(simulation.q.copy())
+    return np.array(way)
+
+
+def test_a_gap_that_closes_is_a_rigid_gear() -> None:
+    arm = rubbing(links(2), viscous=[2.0, 0.8])
+    rigid, gaps = sway(geared(arm, backlash=[0.0])), [1e-3, 1e-5, 1e-7, 1e-9]
+    apart = [np.abs(sway(geared(arm, backlash=[gap])) - rigid).max() for gap in gaps]
+    print('gap, largest distance from the rigid gear:', list(zip(gaps, apart)))
+    assert np.ptp(rigid) > 0.1
+    assert all(distance < 5.0 * gap for gap, distance in zip(gaps, apart)), apart
+
+
+# --- impacts -------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('restitution', [0.0, 0.3, 0.8, 1.0])
+def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitution: float) -> None:
+    simulation = released(one_link(restitution=[restitution]))
+    simulation.step(np.array([2.0]), 0.05)  # the motor alone, in the gap
+    assert simulation.v.tolist() == [0.0]
+    momentum, energy = J * simulation.motor_state.velocity[0], sum(simulation.energy())
+    assert momentum == pytest.approx(2.0 * 0.05)
+    m, meetings = M * J / (M + J), 0
+    for _ in range(2000):
+        before, heat = closing(simulation)[0], simulation.heat
+        simulation.step(np.zeros(1), 1e-3)
+        after = closing(simulation)[0]
+        now = J * simulation.motor_state.velocity[0] + M * simulation.v[0]
+        assert now == pytest.approx(momentum, abs=1e-9)
+        if after == before:
+            assert simulation.heat == heat
+            continue
+        meetings += 1
+        lasting = abs(before) > 1e-3  # slower teeth stay together
+        e = restitution if lasting else 0.0
+        assert after == pytest.approx(-e * before, abs=1e-9)
+        assert simulation.heat - heat == pytest.approx(
+            0.5 * (1.0 - e * e) * m * before**2, abs=1e-12)
+    assert meetings >= (1 if restitution == 0.0 else 2)
+    assert sum(simulation.energy()) + simulation.heat == pytest.approx(energy, abs=1e-12)
+    if restitution == 1.0:
+        assert simulation.heat == pytest.approx(0.0, abs=1e-15)
+
+
+def test_angular_momentum_of_two_links_lasts_through_every_impact() -> None:
+    """About the base: (M v)₁ + J ω₁, with no weight and no effort."""
+    bare = links(2, gravity=0.0)
+    simulation = released(
+        geared(bare, restitution=[0.7], backlash=[0.05]), (0.2, 0.9), (1.0, -2.5))
+    body, momenta, jolts = ArmDynamics(bare).rigid_body, [], np.zeros(2)
+    for _ in range(3000):
+        before = closing(simulation)
+        simulation.step(np.zeros(2), 1e-3)
+        jolts += before * closing(simulation) < 0.0
+        momenta.append(
+            (body.mass_matrix(simulation.q) @ simulation.v)[0]
+            + J * simulation.motor_state.velocity[0])
+    assert (jolts > 3).all(), jolts
+    print('momentum about the base varies by', np.ptp(momenta))
+    assert np.ptp(momenta) < 1e-9 * abs(momenta[0])
+
+
+def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
+    """M v + J ω (2,) across microseconds in which one of two joints meets its motor."""
+    bare = links(2, gravity=0.0)
+    simulation = released(
+        geared(bare, restitution=[0.7], backlash=[0.05]), (0.2, 0.9), (1.0, -2.5))
+    body = ArmDynamics(bare).rigid_body
+
+    def momentum() -> FloatArray:
+        return np.asarray(body.mass_matrix(simulation.q) @ simulation.v
+                          + J * simulation.motor_state.velocity)
+
+    impacts, h = 0, 2e-6
+    while impacts < 3:
+        v, w, before = simulation.v.copy(), closing(simulation), momentum()
+        distance = 0.025 - np.abs(play(simulation))
+        near = (distance < 2.0 * np.abs(w) * 1e-4 + 1e-9).any()
+        simulation.step(np.zeros(2), h if near else 1e-4)
+        if near and (np.abs(closing(simulation) - w) > 0.01).any():
+            impacts += 1
+            assert np.abs(simulation.v - v).max() > 0.005  # the joints were struck
+            assert momentum() == pytest.approx(before, abs=20.0 * h)  # ∂T/∂q acts meanwhile
+
+
+# --- energy --------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('restitution', [0.0, 0.5])
+def test_no_energy_comes_or_goes(restitution: float) -> None:
+    """Two links with every kind of friction, motors with inductance, and play."""
+    arm = geared(
+        rubbing(links(2), viscous=[1.0, 0.4], coulomb=[2.0, 0.8], static=[3.0, 1.2],
+                stribeck_velocity=[0.05]),
+        backlash=[0.02, 0.03], restitution=[restitution], resistance=[0.8], inductance=[4e-4],
+        voltage_limit=[48.0], efficiency=[0.8])
+    simulation = released(arm, (0.5, -0.4))
+    start, energies, work, total = sum(simulation.energy()), [], 0.0, 0.0
+    for k in range(2000):
+        t = 2e-3 * k
+        goal = np.array([0.5 + 0.4 * np.sin(3.0 * t), -0.4 - 0.5 * np.sin(5.0 * t)])
+        simulation.step(200.0 * (goal - simulation.q) - 15.0 * simulation.v, 2e-3)
+        energies.append(sum(simulation.energy()))
+        total += abs(simulation.work - work)
+        work = simulation.work
+    scale = total + simulation.heat + np.ptp(energies)
+    error = energies[-1] - start - simulation.work + simulation.heat
+    print(f'work {work:.4f}, heat {simulation.heat:.4f}, scale {scale:.4f}, error {error:.3g} J')
+    assert np.ptp(energies) > 10.0
+    assert simulation.heat > 10.0
+    assert abs(error) < 1e-6 * scale
+
+
+# --- against solutions in closed form ------------------------------------------------------------
+
+@pytest.mark.parametrize(('restitution', 'accuracy'), [
+    (0.0, 1e-10), (0.5, 1e-9), (0.8, 1e-8),
+    (1.0, 1e-6),  # bounces without end, each of which magnifies differences
+])
+def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(
+        restitution: float, accuracy: float) -> None:
+    """A PD law on the joint, its effort held over each millisecond, swings through the gap."""
+    viscous, gap, h = 0.5, 0.02, 1e-3
+    simulation = released(rubbing(
+        one_link(restitution=[restitution], backlash=[gap]), viscous=[viscous]))
+    exact, worst = ExactJoint(M, J, viscous, 0.5 * gap, restitution), 0.0
+    for k in range(2000):
+        goal = 0.2 * np.sin(2.0 * np.pi * k * h)
+        tau = 60.0 * (goal - exact.q) - 3.0 * exact.v
+        simulation.step(np.array([tau]), h)
+        exact.step(tau, h)
+        motor = simulation.motor_state
+        worst = max(worst, *np.abs([
+            simulation.q[0] - exact.q, motor.position[0] - exact.theta]))
+    print(f'{exact.meetings} meetings, {exact.partings} partings, {worst:.3g} rad apart')
+    assert exact.meetings >= 5
+    assert worst < accuracy
+
+
+# --- the order of the method ---------------------------------------------------------------------
+
+def errors(run: Callable[[float], FloatArray], steps: list[float], finest: float) -> FloatArray:
+    exact = run(finest)
+    return np.array([np.abs(run(step) - exact).max() for step in steps])
+
+
+def orders(steps: list[float], wrong: FloatArray) -> FloatArray:
+    return np.asarray(-np.diff(np.log(wrong)) / np.log(np.array(steps[:-1]) / steps[1:]))
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.5])
+def test_events_do_not_cost_the_method_its_order(restitution: float) -> None:
+    arm = geared(rubbing(links(2), viscous=[1.0, 0.4]), backlash=[0.02], restitution=[restitution])
+
+    def run(step: float) -> FloatArray:
+        simulation = released(arm, (0.4, 0.6), max_step=step)
+        side = np.sign(play(simulation))
+        simulation.step(np.array([-15.0, 4.0]), 0.64)
+        assert (side * play(simulation) < 0.0).any()  # teeth met on the other side
+        return np.concatenate([simulation.q, simulation.v])
+
+    steps = [0.02, 0.01, 0.005, 0.0025]
+    wrong = errors(run, steps, 2.5e-4)
+    print('errors', wrong, 'orders', orders(steps, wrong))
+    assert orders(steps, wrong).min() > 4.0
+
+
+def test_motors_with_inductance_are_coupled_with_order_two() -> None:
+    arm = geared(
+        rubbing(links(2), viscous=[1.0, 0.4]), backlash=[0.02], resistance=[0.8],
+        inductance=[4e-4], current_time_constant=[0.02])
+
+    def run(step: float) -> FloatArray:
+        simulation = released(arm, (0.4, 0.6), max_step=step)
+        simulation.step(np.array([-15.0, 4.0]), 0.64)
+        return np.concatenate([simulation.q, simulation.v])
+
+    steps = [4e-3, 2e-3, 1e-3, 5e-4]
+    wrong = errors(run, steps, 5e-5)
+    print('errors', wrong, 'orders', orders(steps, wrong))
+    assert orders(steps, wrong).mean() > 1.8
+
+
+# --- what is refused -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'backlash': [-0.01]}, "actuator.backlash of 'joint1' is -0.01, expected a number >= 0"),
+    ({'backlash': [float('nan')]}, r'actuator.backlash\[0\] is nan'),
+    ({'backlash': [0.1, 0.1]}, 'actuator.backlash has 2 values, expected 1'),
+    ({'restitution': [-0.1]}, r"actuator.restitution of 'joint1' is -0.1, expected .* in \[0, 1"),
+    ({'restitution': [1.1]}, r"actuator.restitution of 'joint1' is 1.1, expected .* in \[0, 1\]"),
+    ({'restitution': [float('nan')]}, r'actuator.restitution\[0\] is nan'),
+    ({'restitution': [0.1, 0.1]}, 'actuator.restitution has 2 values, expected 1'),
+    ({'rotor_inertia': [0.0]},
+     "actuator.rotor_inertia of 'joint1' is 0, expected a number > 0 where there is backlash"),
+])
+def test_what_cannot_be_is_refused_by_name(changes: dict[str, list[float]], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        one_link(**changes)

@@ -1,0 +1,69 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Backlash in the running `simulated_arm`: motor and joint have a state each."""
+
+import numpy as np
+import pytest
+from robot_dynamics.ros.conversions import stamp_from_ros
+from ros_harness import has_stamp, NodeProcess, RosClient, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+
+GAP = 0.02
+GEARED = {
+    'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [100.0],
+    'actuator.rotor_inertia': [1e-5], 'actuator.backlash': [GAP], 'lock_step': True,
+    'joints': ['joint1', 'joint2'], 'initial_position': [1.0, 0.5],
+}
+STEPS = 60
+
+
+def plays(client: RosClient, namespace: str) -> np.ndarray:
+    """Return how far (steps, 2) the motors are from the joints that are measured, on the way."""
+    states = client.collect(JointState, f'{namespace}/joint_states')
+    motors = client.collect(JointState, f'{namespace}/simulated_arm/motor_states')
+    with states, motors:
+        efforts = client.publisher(JointState, f'{namespace}/effort_command')
+        motors.wait_matched()
+        found = []
+        state = states.wait_for()
+        for _ in range(STEPS):
+            stamp = state.header.stamp
+            motor = motors.wait_for(has_stamp(stamp))
+            found.append(np.subtract(motor.position, state.position))
+            answer = JointState(
+                header=state.header, name=['joint1', 'joint2'], effort=[20.0, 5.0])
+            before = stamp_from_ros(stamp)
+            state = client.ask(
+                efforts, answer, states,
+                lambda message, then=before: stamp_from_ros(message.header.stamp) > then)
+            states.clear()
+            assert list(motor.name) == ['joint1', 'joint2']
+        return np.array(found)
+
+
+def test_joint_and_motor_are_apart_by_the_gap(client: RosClient) -> None:
+    """The arm leans on its gears; under a torque the other way its motors cross the gap."""
+    with NodeProcess(SIMULATED_ARM, GEARED, namespace='/at_joint'):
+        play = plays(client, '/at_joint')
+    # It falls forward, g(q) < 0, so that at first the motors lean back.
+    assert play[0] == pytest.approx([-0.5 * GAP] * 2, abs=1e-10)
+    assert play[-1] == pytest.approx([0.5 * GAP] * 2, abs=1e-10)
+    assert np.abs(play).max() <= 0.5 * GAP + 1e-10
+    assert np.abs(play[:, 0]).min() < 0.4 * GAP  # seen on the way across
+
+
+def test_encoders_at_the_motor_do_not_see_the_gap(client: RosClient) -> None:
+    with NodeProcess(SIMULATED_ARM, {**GEARED, 'encoders': 'motor'}, namespace='/at_motor'):
+        assert np.abs(plays(client, '/at_motor')).max() == 0.0

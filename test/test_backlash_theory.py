@@ -1,0 +1,104 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Backlash in the simulated arm against theory: dead zone, describing function, limit cycle."""
+
+from backlash_theory import (
+    after,
+    AMPLITUDE,
+    CYCLE_DRAG,
+    describing_function,
+    feed_back,
+    FREQUENCY,
+    fundamental,
+    HALF_GAP,
+    LOAD,
+    measured_cycle,
+    MOTOR,
+    play_operator,
+    predicted_cycle,
+    swing,
+    Way,
+)
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope='module')
+def way() -> Way:
+    return swing(6.0)
+
+
+def test_the_load_follows_the_play_operator(way: Way) -> None:
+    settled = after(way, 2.0)
+    theory = play_operator(settled.theta, settled.q[0])
+    print('largest distance from the play operator:', np.abs(settled.q - theory).max())
+    assert settled.q == pytest.approx(theory, abs=1e-9)
+
+
+def test_it_stands_still_while_the_motor_crosses_the_gap(way: Way) -> None:
+    settled = after(way, 2.0)
+    crossing = np.abs(settled.theta - settled.q) < HALF_GAP - 1e-9
+    inside = crossing[1:] & crossing[:-1]
+    assert inside.sum() > 0.2 * len(inside)
+    assert (np.diff(settled.q)[inside] == 0.0).all()
+    # The motor's way through the gap, from each end of its swing, takes acos(1 − 2b/A)/ω.
+    share = 2.0 * np.arccos(1.0 - 2.0 * HALF_GAP / AMPLITUDE) / (2.0 * np.pi)
+    assert inside.mean() == pytest.approx(share, rel=0.01)
+
+
+def test_the_loop_is_the_parallelogram_of_the_gap(way: Way) -> None:
+    """Its height is 2 (A − b), and its area 4 b (A − b)."""
+    period = after(way, 4.0)
+    assert 0.5 * np.ptp(period.theta) == pytest.approx(AMPLITUDE, rel=1e-3)
+    assert 0.5 * np.ptp(period.q) == pytest.approx(AMPLITUDE - HALF_GAP, rel=1e-3)
+    theta, q = np.append(period.theta, period.theta[0]), np.append(period.q, period.q[0])
+    area = abs(np.sum(0.5 * (q[1:] + q[:-1]) * np.diff(theta)))
+    print('area of the loop:', area, 'rad²')
+    assert area == pytest.approx(4.0 * HALF_GAP * (AMPLITUDE - HALF_GAP), rel=1e-3)
+
+
+def test_amplitude_and_phase_are_those_of_the_describing_function(way: Way) -> None:
+    motor, joint = fundamental(after(way, 2.0), FREQUENCY)
+    measured, theory = joint / motor, describing_function(AMPLITUDE)
+    print(f'measured {abs(measured):.6f} at {np.angle(measured, deg=True):.4f}°, '
+          f'theory {abs(theory):.6f} at {np.angle(theory, deg=True):.4f}°')
+    assert abs(measured) == pytest.approx(abs(theory), rel=1e-3)
+    assert np.angle(measured, deg=True) == pytest.approx(np.angle(theory, deg=True), abs=0.05)
+
+
+# --- the limit cycle -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize('start', [0.03, 0.3])
+def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: float) -> None:
+    predicted = predicted_cycle()
+    # What the describing function asks for: friction brakes the load, and hardly the motor.
+    effort = MOTOR * predicted.amplitude * predicted.frequency**2
+    assert 2.0 * LOAD / MOTOR * effort < CYCLE_DRAG
+    assert effort > 100.0 * CYCLE_DRAG
+    way = feed_back(20.0, start=start)
+    cycle, later = measured_cycle(after(way, 10.0)), measured_cycle(after(way, 15.0))
+    amplitude = later.amplitude / predicted.amplitude - 1.0
+    frequency = later.frequency / predicted.frequency - 1.0
+    print(f'{predicted} predicted, {later} measured: {amplitude:+.2%}, {frequency:+.2%}')
+    assert later == pytest.approx(cycle, rel=1e-3)  # it neither grows nor fades
+    assert later.amplitude == pytest.approx(predicted.amplitude, rel=0.05)
+    assert later.frequency == pytest.approx(predicted.frequency, rel=0.03)
+
+
+@pytest.mark.parametrize(('gap', 'joint_side'), [(0.0, True), (2.0 * HALF_GAP, False)])
+def test_without_the_gap_in_the_loop_there_is_no_cycle(gap: float, joint_side: bool) -> None:
+    last = after(feed_back(20.0, gap, joint_side), 15.0)
+    assert np.ptp(last.theta) < 1e-9
+    assert np.ptp(last.q) < 1e-9
