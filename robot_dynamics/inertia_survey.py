@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.gravity_capability import sample_positions
 from robot_dynamics.rigid_body import RigidBody
 from robot_dynamics.validation import FloatArray
 
@@ -55,8 +56,10 @@ class InertiaMatrix(NamedTuple):
         return self.smallest > SMALLEST_EIGENVALUE
 
 
-def survey_inertia(arm: ArmModel, q: FloatArray) -> InertiaMatrix:
-    """Return what M is over the positions q (samples, n)."""
+def survey_inertia(arm: ArmModel, samples: int) -> InertiaMatrix:
+    """Return what M is at position 0, or the limits nearest to it, and over the workspace."""
+    home = np.clip(0.0, arm.limits.lower, arm.limits.upper)
+    q = np.vstack([home, sample_positions(arm, samples)])
     body = RigidBody(arm)
     M = np.array([body.mass_matrix(row) for row in q])
     diagonal = np.diagonal(M, axis1=1, axis2=2)

@@ -31,7 +31,7 @@ from robot_dynamics.body_checks import (
     check_masses,
     TINY_MASS,
 )
-from robot_dynamics.gravity_capability import sample_positions, Search, THOROUGH, worst_gravity
+from robot_dynamics.gravity_capability import Search, THOROUGH, worst_gravity
 from robot_dynamics.inertia_survey import InertiaMatrix, survey_inertia
 from robot_dynamics.link_bodies import LinkBody, read_bodies
 from robot_dynamics.mesh_bounds import MeshReader
@@ -41,6 +41,8 @@ from robot_dynamics.validation import FloatArray
 
 LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
+LARGEST_SURVEY = 256
+"""Positions at which M(q) is looked at, at most."""
 _LOST_SHARE = 1e-6
 
 
@@ -66,7 +68,7 @@ def check_model(
     robot = parse_urdf(urdf)
     arm = load_arm(urdf) if arm is None else arm
     moved = _moved_bodies(robot, arm, bodies)
-    q = sample_positions(arm, min(search.samples, 256))
+    M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
     of_bodies = [
         *check_masses(moved), *check_inertias(moved),
         *check_extents(moved, _joint_origins(urdf)),
@@ -74,7 +76,7 @@ def check_model(
     explained = any(finding.level == ERROR for finding in of_bodies)
     findings = [
         *of_bodies,
-        *_check_inertia_matrix(arm, robot, moved, survey_inertia(arm, q), explained),
+        *_check_inertia_matrix(arm, robot, moved, M, explained),
         *_check_limits(arm),
         *_check_gravity(arm, search)]
     return sorted(findings, key=lambda finding: finding.level != ERROR)
