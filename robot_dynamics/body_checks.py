@@ -89,9 +89,8 @@ def check_inertias(bodies: Iterable[LinkBody]) -> list[Finding]:
         elif excess > TRIANGLE_TOLERANCE * moments[2]:
             findings.append(Finding(
                 'triangle_inequality', WARNING, body.name,
-                f'principal moments of inertia of {where} are ({words}) kg·m²: the largest is '
-                f'{moments[2] / (moments[0] + moments[1]):.3g} times the sum of the others, '
-                'expected at most 1'))
+                f'principal moments of inertia of {where} are ({words}) kg·m², expected the '
+                f'largest to be at most the sum of the others, {moments[0] + moments[1]:.4g}'))
     return findings
 
 

@@ -18,8 +18,9 @@ The largest effort that holding still needs anywhere in the workspace, joint by 
 As a function of one position q_j alone, g_i(q) is a + b cos q_j + c sin q_j where joint j turns,
 and a + b q_j where it slides (the potential energy is a sum of products of such functions). Three
 values so give its exact maximum along q_j, and the search goes from coordinate to coordinate,
-from several starts, until nothing grows. Where mimic joints follow a coordinate that does not
-hold, and it is searched on a grid.
+from several starts, until nothing grows; after each round it also tries to go on as it went
+(R. Hooke and T. A. Jeeves, *Direct search*, Journal of the ACM 8, 1961: the pattern move). Where
+mimic joints follow a coordinate, that form does not hold, and steps of many sizes are tried.
 """
 
 from typing import NamedTuple
@@ -34,8 +35,11 @@ IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 UNLIMITED_TRAVEL = 1.0
 """[m] to which a slide without a limit is taken to go, either way."""
-_GRID = 17
-_CONVERGED = 1e-6
+_CONVERGED = 1e-9
+_STEPS = 2.0 ** -np.arange(1, 13)
+"""Of the range of a coordinate, either way, where its maximum has no formula."""
+_LEAPS = np.array([1.0, 3.0, 9.0, 27.0])
+"""Lengths of the last round's way that are tried on top of it, as ridges lie askew."""
 
 
 class Search(NamedTuple):
@@ -46,7 +50,7 @@ class Search(NamedTuple):
     rounds: int
 
 
-QUICK = Search(samples=64, starts=2, rounds=4)
+QUICK = Search(samples=128, starts=4, rounds=6)
 """For a node that starts."""
 THOROUGH = Search(samples=512, starts=4, rounds=10)
 """For a tool that somebody asks."""
@@ -117,9 +121,10 @@ class _Ascent:
         self._value = self._own_gravity(self._q, self._joint)
         growing = np.ones(len(self._q), dtype=bool)
         for _ in range(self._search.rounds):
-            before = np.abs(self._value)
+            before, q_before = np.abs(self._value), self._q.copy()
             for j in range(n):
                 self._along(j, np.flatnonzero(growing & self._related[self._joint, j]))
+            self._onwards(q_before, np.flatnonzero(growing))
             growing = np.abs(self._value) - before > _CONVERGED * (1.0 + before)
             if not growing.any():
                 break
@@ -133,21 +138,33 @@ class _Ascent:
         if not rows.size or self._low[j] == self._high[j]:
             return
         candidates = self._candidates(j, rows)
-        q = np.repeat(self._q[rows], candidates.shape[1], axis=0)
-        q[:, j] = candidates.ravel()
-        value = self._own_gravity(q, np.repeat(self._joint[rows], candidates.shape[1]))
-        value = value.reshape(candidates.shape)
+        q = np.repeat(self._q[rows][:, None], candidates.shape[1], axis=1)
+        q[:, :, j] = candidates
+        self._take_best(rows, q)
+
+    def _onwards(self, q_before: FloatArray, rows: IntArray) -> None:
+        """Move these climbers on in the direction of their last round."""
+        way = (self._q - q_before)[rows]
+        q = self._q[rows][:, None] + _LEAPS[:, None] * way[:, None]
+        self._take_best(rows, np.clip(q, self._low, self._high))
+
+    def _take_best(self, rows: IntArray, q: FloatArray) -> None:
+        """Move climbers to the best of their candidates (rows, candidates, n), if better."""
+        count = q.shape[1]
+        value = self._own_gravity(
+            q.reshape(-1, q.shape[2]), np.repeat(self._joint[rows], count)).reshape(-1, count)
         best = np.abs(value).argmax(axis=1)
-        chosen = value[np.arange(rows.size), best]
-        better = np.abs(chosen) > np.abs(self._value[rows])
-        self._q[rows[better], j] = candidates[better, best[better]]
-        self._value[rows[better]] = chosen[better]
+        each = np.arange(rows.size)
+        better = np.abs(value[each, best]) > np.abs(self._value[rows])
+        self._q[rows[better]] = q[each, best][better]
+        self._value[rows[better]] = value[each, best][better]
 
     def _candidates(self, j: int, rows: IntArray) -> FloatArray:
         """Return where |g_i| may be largest along q_j, one row for each climber."""
         low, high = self._low[j], self._high[j]
         if not self._exact[j]:
-            return np.tile(np.linspace(low, high, _GRID), (rows.size, 1))
+            steps = (high - low) * np.concatenate([_STEPS, -_STEPS])
+            return np.asarray(np.clip(self._q[rows, j][:, None] + steps, low, high))
         ends = np.tile([low, high], (rows.size, 1))
         if self._slides[j]:
             return ends

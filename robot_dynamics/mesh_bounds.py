@@ -74,7 +74,9 @@ def mesh_bounds(path: Path) -> FloatArray | None:
         vertices = reader(path.read_bytes())
     except (OSError, ValueError, IndexError):
         return None
-    if vertices.size == 0 or not np.isfinite(vertices).all():
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or not len(vertices):
+        return None
+    if not np.isfinite(vertices).all():
         return None
     return np.array([vertices.min(axis=0), vertices.max(axis=0)])
 
