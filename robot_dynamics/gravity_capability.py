@@ -52,6 +52,8 @@ class Search(NamedTuple):
 
 QUICK = Search(samples=128, starts=4, rounds=6)
 """For a node that starts."""
+BRIEF = Search(samples=64, starts=1, rounds=2)
+"""The same for whole robots, as the work grows with the square of the number of joints."""
 THOROUGH = Search(samples=512, starts=4, rounds=10)
 """For a tool that somebody asks."""
 

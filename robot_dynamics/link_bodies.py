@@ -56,11 +56,18 @@ def read_bodies(xml: str, meshes: MeshReader | None = None) -> list[LinkBody]:
 
     Meshes are left unread without `meshes`.
     """
-    root = ElementTree.fromstring(xml.strip())
-    namespace = root.tag[:root.tag.find('}') + 1]
-    for element in root.iter():
-        element.tag = element.tag.removeprefix(namespace)
-    return [_read_body(link, meshes) for link in root.findall('link')]
+    return [_read_body(link, meshes) for link in _robot_element(xml).findall('link')]
+
+
+def read_joint_origins(xml: str) -> dict[str, list[FloatArray]]:
+    """Return where the joints of each link to its children are, (3,) [m] in its frame."""
+    origins: dict[str, list[FloatArray]] = {}
+    for joint in _robot_element(xml).findall('joint'):
+        parent = joint.find('parent')
+        if parent is not None:
+            origins.setdefault(parent.get('link') or '', []).append(
+                _vector(joint.find('origin'), 'xyz', '0 0 0'))
+    return origins
 
 
 def rotation(rpy: FloatArray) -> FloatArray:
@@ -70,6 +77,14 @@ def rotation(rpy: FloatArray) -> FloatArray:
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
         [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
         [-sp, cp * sr, cp * cr]])
+
+
+def _robot_element(xml: str) -> ElementTree.Element:
+    root = ElementTree.fromstring(xml.strip())
+    namespace = root.tag[:root.tag.find('}') + 1]
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(namespace)
+    return root
 
 
 def _read_body(link: ElementTree.Element, meshes: MeshReader | None) -> LinkBody:

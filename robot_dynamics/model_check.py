@@ -33,7 +33,7 @@ from robot_dynamics.body_checks import (
 )
 from robot_dynamics.gravity_capability import Search, THOROUGH, worst_gravity
 from robot_dynamics.inertia_survey import InertiaMatrix, survey_inertia
-from robot_dynamics.link_bodies import LinkBody, read_bodies
+from robot_dynamics.link_bodies import LinkBody, read_bodies, read_joint_origins
 from robot_dynamics.mesh_bounds import MeshReader
 from robot_dynamics.model_finding import ERROR, Finding, WARNING
 from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
@@ -71,7 +71,7 @@ def check_model(
     M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
     of_bodies = [
         *check_masses(moved), *check_inertias(moved),
-        *check_extents(moved, _joint_origins(urdf)),
+        *check_extents(moved, read_joint_origins(urdf)),
         *check_lost_masses(moved), *_lost_by_the_engine(arm, moved)]
     explained = any(finding.level == ERROR for finding in of_bodies)
     findings = [
@@ -107,18 +107,6 @@ def _links_from(robot: UrdfRobot, link: str) -> set[str]:
         found.update(children)
         frontier += children
     return found
-
-
-def _joint_origins(urdf: str) -> dict[str, list[FloatArray]]:
-    """Return where the joints of each link are in its frame, those towards its children."""
-    origins: dict[str, list[FloatArray]] = {}
-    for joint in ElementTree.fromstring(urdf.strip()).iter('joint'):
-        parent, origin = joint.find('parent'), joint.find('origin')
-        text = '0 0 0' if origin is None else origin.get('xyz', '0 0 0')
-        if parent is not None:
-            origins.setdefault(parent.get('link') or '', []).append(
-                np.array([float(word) for word in text.split()]))
-    return origins
 
 
 def _lost_by_the_engine(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:

@@ -17,11 +17,13 @@
 from typing import Any
 
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.gravity_capability import QUICK
+from robot_dynamics.gravity_capability import BRIEF, QUICK
 from robot_dynamics.model_check import check_model
 from robot_dynamics.model_finding import CHECKS, refuse_errors
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 
+LARGEST_ARM = 12
+"""Joints up to which the start of a node has time for the quick search, not only a brief one."""
 IGNORE_CHECKS_SPEC = ParameterSpec(
     'ignore_checks', Type.STRING_ARRAY, [],
     'Checks of the model whose errors do not refuse it, by name; they are logged as warnings.',
@@ -36,7 +38,8 @@ def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> Non
     search for the worst gravity is a quick one; the tool check_model does both thoroughly.
     """
     ignored = values['ignore_checks']
-    findings = check_model(xml, arm, search=QUICK)
+    search = QUICK if arm.joint_count <= LARGEST_ARM else BRIEF
+    findings = check_model(xml, arm, search=search)
     refuse_errors(findings, ignored)
     for finding in findings:
         logger.warning(f'Model check: {finding}')
