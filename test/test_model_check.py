@@ -186,6 +186,12 @@ def test_locked_joints_are_not_checked():
     assert check_model(urdf, load_arm(urdf, ['hinge'])) == []
 
 
+def test_locked_joints_lose_no_mass():
+    urdf = robot_urdf('xarm7')
+    names = load_arm(urdf).joint_names[1::2]
+    assert check_model(urdf, load_arm(urdf, names), search=QUICK) == []
+
+
 def test_a_refusal_says_how_to_accept():
     findings = check_model(CASES['no mass behind a joint'][0])
     with pytest.raises(ModelError, match=r"mass: joint 'to_hand' .*ignore_checks: \[mass\]"):
