@@ -46,6 +46,7 @@ setup(
         'console_scripts': [
             'dynamics_node = robot_dynamics.ros.dynamics_node:main',
             'simulated_arm = robot_dynamics.ros.simulated_arm_node:main',
+            'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
         ],

@@ -150,23 +150,24 @@ def load_arm(
     robot = parse_urdf(urdf)
     g = check_vector('gravity', gravity, 3, ('x', 'y', 'z'))
     actuated = _actuated_joints(robot, joints)
-    engine = _build_engine(robot)
-    engine.gravity.linear = g
     index = {joint.name: i for i, joint in enumerate(actuated)}
     locked = {
         joint.name: float(np.clip(0.0, joint.lower, joint.upper)) for joint in robot.joints
         if joint.moves and joint.mimic is None and joint.name not in index}
+    still = _locked_positions(robot, locked)
+    engine = _without_joints(_build_engine(robot), still)
+    engine.gravity.linear = g
     G, q0 = np.zeros((engine.nv, len(actuated))), np.zeros(engine.nv)
     mimic_joints = []
     viscous, coulomb = np.zeros(len(actuated)), np.zeros(len(actuated))
     for joint in robot.joints:
-        if not joint.moves:
+        if not joint.moves or not engine.existJointName(joint.name):
             continue
         row = engine.joints[engine.getJointId(joint.name)].idx_v
-        leader, multiplier, offset = _leader_of(joint, robot)
-        if leader in locked:
-            q0[row] = multiplier * locked[leader] + offset
+        if joint.name in still:
+            q0[row] = still[joint.name]
             continue
+        leader, multiplier, offset = _leader_of(joint, robot)
         column = index[leader]
         G[row, column], q0[row] = multiplier, offset
         # Friction of a mimic joint is felt at its leader: power is the same on both sides.
@@ -207,6 +208,34 @@ def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint,
             raise InvalidInputError(
                 f'joints has {name!r}, expected joints out of {list(candidates)}')
     return tuple(candidates[name] for name in names) or tuple(candidates.values())
+
+
+def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, float]:
+    """Return where the joints stand that are locked, or mimic one that is."""
+    positions = {}
+    for joint in robot.joints:
+        if joint.moves:
+            leader, multiplier, offset = _leader_of(joint, robot)
+            if leader in locked:
+                positions[joint.name] = multiplier * locked[leader] + offset
+    return positions
+
+
+def _without_joints(engine: pin.Model, positions: dict[str, float]) -> pin.Model:
+    """
+    Return the engine with these joints fixed where they stand; their links keep their mass.
+
+    Where Pinocchio cannot do that, as a link has the name of a joint, they stay coordinates.
+    """
+    if not positions:
+        return engine
+    q = np.zeros(engine.nq)
+    for name, position in positions.items():
+        q[engine.joints[engine.getJointId(name)].idx_q] = position
+    try:
+        return pin.buildReducedModel(engine, [engine.getJointId(name) for name in positions], q)
+    except ValueError:
+        return engine
 
 
 def _leader_of(joint: UrdfJoint, robot: UrdfRobot) -> tuple[str, float, float]:

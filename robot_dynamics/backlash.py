@@ -27,7 +27,7 @@ Pfeiffer and C. Glocker, *Multibody Dynamics with Unilateral Contacts*, Wiley 19
 and 8; on gears: M. Nordin and P.-O. Gutman, Automatica 38, 2002, sections 2 and 3.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +65,8 @@ class Backlash:
     half_gap: FloatArray
     restitution: FloatArray
     inertia: FloatArray
+    exists: BoolArray = field(init=False)
+    """Which joints have play."""
 
     @staticmethod
     def of(actuators: Actuators | None) -> 'Backlash | None':
@@ -74,10 +76,8 @@ class Backlash:
         return Backlash(
             0.5 * actuators.backlash, actuators.restitution, actuators.reflected_inertia)
 
-    @property
-    def exists(self) -> BoolArray:
-        """Return (n,): which joints have play."""
-        return np.asarray(self.half_gap > 0.0)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'exists', np.asarray(self.half_gap > 0.0))
 
     def leaning(self, q: FloatArray, effort: FloatArray) -> FloatArray:
         """Return θ (n,) of motors that bear an effort (n,): on the side to which they push."""

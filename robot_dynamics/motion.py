@@ -68,7 +68,7 @@ class Motion:
     def __init__(self, dynamics: ArmDynamics) -> None:
         self._forces = forces = JointForces(dynamics)
         self._modes, self._events = ModeChooser(forces), EventFinder(forces)
-        self._slowest_damping = _bound_of_damping_rate(dynamics)
+        self._damping_bound = _bound_of_damping_rate(dynamics)
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
         """Let these efforts of the motors (n,) and wrenches act from now on."""
@@ -113,7 +113,7 @@ class Motion:
     def _is_stiff(self, q: FloatArray, h: float, opened: BoolArray) -> bool:
         if not self._forces.is_damped:
             return False
-        if self._slowest_damping * h <= STIFF and not opened.any():
+        if self._damping_bound * h <= STIFF and not opened.any():
             return False
         M = self._forces.body_with(opened).mass_matrix(q)
         return damping_rate(M, self._forces.friction.viscous) * h > STIFF

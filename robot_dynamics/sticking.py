@@ -60,10 +60,10 @@ def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
     a, friction = np.zeros_like(effort), np.zeros_like(effort)
     if not stuck.any():
         return Holding(np.asarray(np.linalg.solve(M, effort), dtype=np.float64), friction)
-    free = ~stuck
-    if free.any():
-        a[free] = np.linalg.solve(M[np.ix_(free, free)], effort[free])
-    friction[stuck] = effort[stuck] - M[np.ix_(stuck, free)] @ a[free]
+    free, held = np.flatnonzero(~stuck), np.flatnonzero(stuck)
+    if len(free):
+        a[free] = np.linalg.solve(M[free[:, None], free], effort[free])
+    friction[held] = effort[held] - M[held[:, None], free] @ a[free]
     return Holding(a, friction)
 
 

@@ -16,6 +16,7 @@
 
 import ast
 from pathlib import Path
+import re
 from typing import Any
 
 import pytest
@@ -66,6 +67,37 @@ def test_both_nodes_run_on_it(client: RosClient, file: str) -> None:
             written['/simulated_arm']['ros__parameters']['initial_position'], abs=1e-3)
         efforts = client.wait_for(JointState, '/dynamics/gravity_compensation')
         assert list(efforts.name) == list(state.name)
+        client.forget('/')
+
+
+EXAMPLE = re.compile(r'^( +)# (( *)(\w+):( *\[.*)?)(#.*)?$')
+"""A parameter, or a group of them, that stands in a comment."""
+
+
+def uncommented(text: str) -> str:
+    """Return a parameter file with its examples switched on."""
+    return '\n'.join(
+        f'{match[1]}{match[2]}' if (match := EXAMPLE.match(line)) else line
+        for line in text.splitlines())
+
+
+def test_the_examples_in_the_comments_are_taken_too(client: RosClient, tmp_path: Path) -> None:
+    path = tmp_path / 'default_arm.yaml'
+    text = uncommented((ROOT / 'config' / path.name).read_text(encoding='utf-8'))
+    path.write_text(text, encoding='utf-8')
+    written = {
+        node: flat(entry['ros__parameters']) for node, entry in yaml.safe_load(text).items()}
+    for node in written.values():
+        assert {'friction.coulomb', 'actuator.torque_constant', 'robot_compensates'} <= set(node)
+    assert 'actuator.backlash' in written['/simulated_arm']
+    arguments = ('--ros-args', '--params-file', str(path))
+    with NodeProcess(DYNAMICS, arguments=arguments), \
+            NodeProcess(SIMULATED_ARM, arguments=arguments):
+        for node, parameters in written.items():
+            for name, value in parameters.items():
+                taken = client.get_parameter(node, name)
+                assert (list(taken) if isinstance(value, list) else taken) == value, name
+        client.wait_for(JointState, '/dynamics/gravity_compensation')
         client.forget('/')
 
 

@@ -66,6 +66,14 @@ CASES = {
     'no mass to simulate': Case(
         {'robot_description': MASSLESS},
         r"joints \['joint2'\] of robot 'r' move no mass or inertia", SIMULATED_ARM),
+    'no mass to compute with': Case(
+        {'robot_description': MASSLESS},
+        r"model check mass: joint 'joint2' moves 0 kg .*ignore_checks: \[mass\] accepts it"),
+    'unknown check': Case(
+        {'ignore_checks': ['beauty']}, r"ignore_checks\[0\] is 'beauty', expected one of"),
+    'another check ignored': Case(
+        {'robot_description': MASSLESS, 'ignore_checks': ['inertia', 'limits']},
+        r"model check mass: joint 'joint2' moves"),
     'not XML': Case(
         {'robot_description': 'joint1, joint2'},
         r"robot_description is not well-formed XML .*it begins with 'joint1, joint2'"),
@@ -194,6 +202,14 @@ def test_its_process_ends_with_status_1(name: str) -> None:
     assert node.wait() == 1
     line, = node.log.splitlines()
     assert re.search(case.words, line), line
+
+
+def test_an_ignored_error_is_a_warning() -> None:
+    parameters = {'robot_description': MASSLESS, 'ignore_checks': ['mass']}
+    with NodeProcess(DYNAMICS, parameters) as node:
+        assert '[WARN]' in node.wait_for_log(r"Model check: mass: joint 'joint2' moves 0 kg")
+        node.wait_for_log("Model 'r': joints")
+        node.wait_for_log("Model check: limits: joint 'joint1' has no velocity")
 
 
 XACRO = """<robot name="from_xacro" xmlns:xacro="http://www.ros.org/wiki/xacro">

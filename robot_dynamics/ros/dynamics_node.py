@@ -48,6 +48,7 @@ from robot_dynamics.ros.diagnostics import Diagnostics, ERROR, OK, Status, WARN
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.message_loop import MessageLoop
+from robot_dynamics.ros.model_check_log import check_or_refuse, IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
@@ -78,6 +79,7 @@ SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
+    IGNORE_CHECKS_SPEC,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '
@@ -254,6 +256,7 @@ class DynamicsNode(LifecycleNode):
     def _use_model(self, xml: str) -> None:
         values = self._settings.values
         arm = arm_from_parameters(xml, values)
+        check_or_refuse(xml, arm, values, self.get_logger())
         options = options_from(values, arm)
         controller = Controller(arm, options)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])

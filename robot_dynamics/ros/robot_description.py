@@ -18,8 +18,9 @@ from pathlib import Path
 
 from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.description_file import read_description
 from robot_dynamics.effort_semantics import EffortSemantics, make_effort_semantics
-from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, ModelError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.friction import make_friction
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
@@ -167,14 +168,7 @@ def embedded_description() -> str:
 
 def read_description_file(file: str) -> str:
     """Return the URDF in a file, expanding xacro; raise ModelError where that fails."""
-    path = _resolve(file)
-    if path.suffix == '.xacro':
-        return _expand_xacro(path)
-    try:
-        return path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(
-            f'robot_description_file is {file!r}, which cannot be read: {error}') from None
+    return read_description(_resolve(file), 'robot_description_file')
 
 
 def _resolve(file: str) -> Path:
@@ -194,17 +188,3 @@ def _resolve(file: str) -> Path:
         raise ModelError(
             f'robot_description_file is {file!r}, but there is no package {package!r} in this '
             'environment') from None
-
-
-def _expand_xacro(path: Path) -> str:
-    try:
-        import xacro
-    except ImportError:
-        raise MissingDependencyError(
-            f'robot_description_file is {str(path)!r}, which needs the package xacro '
-            '(apt install ros-jazzy-xacro, or pip install xacro)') from None
-    try:
-        return str(xacro.process_file(str(path)).toxml())
-    except Exception as error:  # xacro raises what the document makes it raise
-        raise ModelError(
-            f'robot_description_file: xacro cannot expand {str(path)!r}: {error}') from None

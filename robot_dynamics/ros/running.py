@@ -68,6 +68,8 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
     finally:
         if node is not None:
             node.destroy_node()
+        if executor is not None:  # left to the garbage collector, it may meet its parts destroyed
+            executor.shutdown()
         rclpy.try_shutdown()
     return 0
 

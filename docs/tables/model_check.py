@@ -1,0 +1,106 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Write the table of docs/model_check.md: what the model check finds on example-robot-data.
+
+Without an argument the page is written anew; `--print` shows the table alone.
+"""
+
+from collections import Counter
+from importlib import metadata
+from pathlib import Path
+import sys
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.gravity_capability import THOROUGH, worst_gravity
+from robot_dynamics.inertia_survey import survey_inertia
+from robot_dynamics.mesh_bounds import MeshReader
+from robot_dynamics.model_check import check_model, LARGEST_SURVEY
+from robot_dynamics.model_finding import Finding
+
+PACKAGE = 'example-robot-data'
+PAGE = Path(__file__).parents[1] / 'model_check.md'
+BEGIN, END = '<!-- table: begin -->\n', '<!-- table: end -->\n'
+HEAD = (
+    '| robot | joints | errors | warnings | gravity | condition |\n'
+    '| --- | --- | --- | --- | --- | --- |\n')
+
+
+def robot_directory() -> Path:
+    """Return where the robots are; raise PackageNotFoundError where they are not installed."""
+    prefix = Path(str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
+    return prefix / 'share' / PACKAGE / 'robots'
+
+
+def table(directory: Path) -> str:
+    """Return the table as markdown, and below it what could not be loaded."""
+    rows, refused = [], []
+    paths = sorted(directory.rglob('*.urdf'))
+    stems = Counter(path.stem for path in paths)
+    for path in paths:
+        xml, name = path.read_text(encoding='utf-8'), path.stem
+        if stems[name] > 1:
+            name = f'{path.relative_to(directory).parts[0]}/{name}'
+        try:
+            arm = load_arm(xml)
+        except ModelError as error:
+            reason, _, _ = str(error).removeprefix('robot_description: ').partition(', expected')
+            refused.append(f'- `{name}`: {reason}\n')
+            continue
+        findings = check_model(xml, arm, meshes=MeshReader(path.parent))
+        rows.append(
+            f'| {name} | {arm.joint_count} | {_counts(findings, "error")} | '
+            f'{_counts(findings, "warning")} | {_gravity(arm)} | {_condition(arm)} |\n')
+    return (
+        f'{len(rows)} robots of {PACKAGE} {metadata.version(PACKAGE)}:\n\n{HEAD}{"".join(rows)}\n'
+        f'Not loaded, and so not checked:\n\n{"".join(refused)}')
+
+
+def _counts(findings: list[Finding], level: str) -> str:
+    counts = Counter(finding.check for finding in findings if finding.level == level)
+    return ', '.join(f'{check} {count}' for check, count in counts.items()) or '–'
+
+
+def _gravity(arm: ArmModel) -> str:
+    limit = arm.limits.effort
+    if not np.isfinite(limit).any():
+        return 'no limits'
+    ratio = worst_gravity(arm, THOROUGH).effort / limit
+    return f'{ratio.max():.2g} ({arm.joint_names[int(ratio.argmax())]})'
+
+
+def _condition(arm: ArmModel) -> str:
+    M = survey_inertia(arm, LARGEST_SURVEY)
+    if M.idle.any():
+        return f'singular ({int(M.idle.sum())})'
+    return f'{M.condition:.1e}' if M.is_definite else 'singular'
+
+
+def main() -> None:
+    """Write the page, or print the table."""
+    text = table(robot_directory())
+    if '--print' in sys.argv[1:]:
+        print(text, end='')
+        return
+    page = PAGE.read_text(encoding='utf-8')
+    before, rest = page.split(BEGIN)
+    _, after = rest.split(END)
+    PAGE.write_text(f'{before}{BEGIN}{text}{END}{after}', encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,182 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Checks of the bodies of a URDF, link by link: mass, inertia, and both against the geometry.
+
+Source: S. Traversaro et al., *Identification of fully physical consistent inertial parameters
+using optimization on manifolds*, IROS 2016, section II: a rigid body has a positive mass, and
+principal moments of inertia that are positive and obey the triangle inequality.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
+from robot_dynamics.link_bodies import LinkBody
+from robot_dynamics.model_finding import ERROR, Finding, WARNING
+from robot_dynamics.validation import FloatArray
+
+TINY_MASS = 1e-6
+"""[kg] below which a mass is a placeholder."""
+EIGENVALUE_TOLERANCE = 1e-6
+"""Share of the largest moment by which one may be negative: URDFs are rounded."""
+ZERO_INERTIA = 1e-12
+"""[kg·m²] up to which a moment counts as 0."""
+TRIANGLE_TOLERANCE = 0.01
+"""Share of the largest moment by which it may exceed the sum of the others, likewise."""
+RADIUS_MARGIN = 1.1
+"""Factor by which a radius of gyration may exceed the geometry, which is often simplified."""
+BARE_RADIUS_MARGIN = 2.0
+"""The same where joints alone tell the size of a link."""
+COM_MARGIN = 0.25
+"""Share of the diagonal of its geometry by which a center of mass may be outside."""
+_AXES = 'xyz'
+
+
+def check_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
+    """Return the links with an <inertial> whose mass is negative, zero or tiny."""
+    findings = []
+    for body in bodies:
+        if body.mass is None or body.mass >= TINY_MASS:
+            continue
+        level, expected = WARNING, f'at least {TINY_MASS:g} kg, or no <inertial>'
+        if body.mass < 0.0:
+            level, expected = ERROR, 'a positive number'
+        findings.append(Finding(
+            'mass', level, body.name,
+            f'mass of link {body.name!r} is {body.mass:g} kg, expected {expected}'))
+    return findings
+
+
+def check_inertias(bodies: Iterable[LinkBody]) -> list[Finding]:
+    """
+    Return the links whose inertia tensor no body has.
+
+    A negative moment is an error, as M(q) may lose its definiteness by it; a point mass, or
+    moments against the triangle inequality, leave M(q) positive definite and are warnings.
+    """
+    findings = []
+    for body in bodies:
+        if body.mass is None or not np.isfinite(body.inertia).all():
+            continue
+        where = f'link {body.name!r}'
+        moments = np.asarray(np.linalg.eigvalsh(body.inertia))
+        words = ', '.join(f'{moment:.4g}' for moment in moments)
+        largest = float(np.abs(moments).max())
+        excess = moments[2] - moments[0] - moments[1]
+        if largest <= ZERO_INERTIA:
+            if body.mass >= TINY_MASS:
+                findings.append(Finding(
+                    'inertia', WARNING, body.name,
+                    f'inertia of {where} is zero with {body.mass:g} kg, a point mass, expected '
+                    'positive moments'))
+        elif moments[0] < -EIGENVALUE_TOLERANCE * largest:
+            findings.append(Finding(
+                'inertia', ERROR, body.name,
+                f'principal moments of inertia of {where} are ({words}) kg·m², expected none '
+                'below 0'))
+        elif excess > TRIANGLE_TOLERANCE * moments[2]:
+            findings.append(Finding(
+                'triangle_inequality', WARNING, body.name,
+                f'principal moments of inertia of {where} are ({words}) kg·m², expected the '
+                f'largest to be at most the sum of the others, {moments[0] + moments[1]:.4g}'))
+    return findings
+
+
+def check_extents(
+    bodies: Iterable[LinkBody], joint_origins: Mapping[str, Sequence[FloatArray]],
+) -> list[Finding]:
+    """
+    Return the links whose mass cannot be where their geometry is.
+
+    With k_a² = I_a / m about an axis a through the center of mass, no radius of gyration k_a is
+    larger than the distance from that axis to the furthest point of the body. A link without
+    geometry is measured by `joint_origins`, those of its joints in its frame; one with geometry
+    that could not be read is left out.
+    """
+    findings = []
+    for body in bodies:
+        if body.mass is None or body.mass < TINY_MASS:
+            continue
+        if body.has_geometry:
+            if body.corners is not None:
+                findings += _against_geometry(body, body.corners)
+        else:
+            findings += _against_joints(body, joint_origins.get(body.name, ()))
+    return findings
+
+
+def check_lost_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
+    """Return the links with geometry and no <inertial>, or with more than one."""
+    findings = []
+    for body in bodies:
+        if body.inertials > 1:
+            findings.append(Finding(
+                'lost_mass', WARNING, body.name,
+                f'link {body.name!r} has {body.inertials} <inertial> elements, of which the '
+                'first alone is read, expected one'))
+        elif body.inertials == 0 and body.has_geometry:
+            findings.append(Finding(
+                'lost_mass', WARNING, body.name,
+                f'link {body.name!r} has geometry and no <inertial>, so that it moves without '
+                'mass, expected one'))
+    return findings
+
+
+def unmeasured(bodies: Iterable[LinkBody]) -> Collection[str]:
+    """Return the links with mass whose geometry could not be read."""
+    return [body.name for body in bodies
+            if body.mass is not None and body.has_geometry and body.corners is None]
+
+
+def _against_geometry(body: LinkBody, corners: FloatArray) -> list[Finding]:
+    findings = []
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    diagonal = float(np.linalg.norm(high - low))
+    outside = float(np.linalg.norm(body.com - np.clip(body.com, low, high)))
+    if outside > COM_MARGIN * diagonal:
+        findings.append(Finding(
+            'radius_of_gyration', WARNING, body.name,
+            f'center of mass of link {body.name!r} is {outside:.3g} m outside its geometry, '
+            f'whose diagonal is {diagonal:.3g} m, expected it inside'))
+    arms = corners - body.com
+    reach = np.sqrt([np.delete(arms**2, axis, axis=1).sum(axis=1).max() for axis in range(3)])
+    radius = radii_of_gyration(body)
+    worst = int(np.argmax(radius - RADIUS_MARGIN * reach))
+    if radius[worst] > RADIUS_MARGIN * reach[worst]:
+        findings.append(Finding(
+            'radius_of_gyration', WARNING, body.name,
+            f'radius of gyration of link {body.name!r} about its {_AXES[worst]} axis is '
+            f'{radius[worst]:.3g} m, expected at most {reach[worst]:.3g} m, how far its geometry '
+            'reaches from there'))
+    return findings
+
+
+def _against_joints(body: LinkBody, origins: Sequence[FloatArray]) -> list[Finding]:
+    points = np.array([body.com, np.zeros(3), *origins])
+    size = float(np.linalg.norm(points[:, None] - points, axis=2).max())
+    radius = float(radii_of_gyration(body).max())
+    if size == 0.0 or radius <= BARE_RADIUS_MARGIN * size:
+        return []
+    return [Finding(
+        'radius_of_gyration', WARNING, body.name,
+        f'radius of gyration of link {body.name!r}, which has no geometry, is {radius:.3g} m, '
+        f'expected at most {BARE_RADIUS_MARGIN:g} times {size:.3g} m, the largest distance '
+        'between its joints and its center of mass')]
+
+
+def radii_of_gyration(body: LinkBody) -> FloatArray:
+    """Return √(I_a / m) (3,) [m] about the axes of the link through its center of mass."""
+    moments = np.maximum(np.diag(body.inertia), 0.0)
+    return np.asarray(np.sqrt(moments / body.mass))

@@ -1,0 +1,46 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Read a robot description from a file, expanding xacro."""
+
+from pathlib import Path
+
+from robot_dynamics.exceptions import MissingDependencyError, ModelError
+
+
+def read_description(path: Path, field: str) -> str:
+    """
+    Return the URDF in a file; `field` names it in errors.
+
+    Raises ModelError where that fails, MissingDependencyError where xacro is needed and missing.
+    """
+    if path.suffix == '.xacro':
+        return _expand_xacro(path, field)
+    try:
+        return path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f'{field} is {str(path)!r}, which cannot be read: {error}') from None
+
+
+def _expand_xacro(path: Path, field: str) -> str:
+    try:
+        import xacro
+    except ImportError:
+        raise MissingDependencyError(
+            f'{field} is {str(path)!r}, which needs the package xacro '
+            '(apt install ros-jazzy-xacro, or pip install xacro)') from None
+    try:
+        return str(xacro.process_file(str(path)).toxml())
+    except Exception as error:  # xacro raises what the document makes it raise
+        raise ModelError(f'{field}: xacro cannot expand {str(path)!r}: {error}') from None

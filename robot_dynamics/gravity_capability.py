@@ -1,0 +1,204 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The largest effort that holding still needs anywhere in the workspace, joint by joint.
+
+As a function of one position q_j alone, g_i(q) is a + b cos q_j + c sin q_j where joint j turns,
+and a + b q_j where it slides (the potential energy is a sum of products of such functions). Three
+values so give its exact maximum along q_j, and the search goes from coordinate to coordinate,
+from several starts, until nothing grows; after each round it also tries to go on as it went
+(R. Hooke and T. A. Jeeves, *Direct search*, Journal of the ACM 8, 1961: the pattern move). Where
+mimic joints follow a coordinate, that form does not hold, and steps of many sizes are tried.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.validation import FloatArray
+
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+UNLIMITED_TRAVEL = 1.0
+"""[m] to which a slide without a limit is taken to go, either way."""
+_CONVERGED = 1e-9
+_STEPS = 2.0 ** -np.arange(1, 13)
+"""Of the range of a coordinate, either way, where its maximum has no formula."""
+_LEAPS = np.array([1.0, 3.0, 9.0, 27.0])
+"""Lengths of the last round's way that are tried on top of it, as ridges lie askew."""
+
+
+class Search(NamedTuple):
+    """How thoroughly to search: positions sampled, starts per joint, rounds over the joints."""
+
+    samples: int
+    starts: int
+    rounds: int
+
+
+QUICK = Search(samples=128, starts=4, rounds=6)
+"""For a node that starts."""
+BRIEF = Search(samples=64, starts=1, rounds=2)
+"""The same for whole robots, as the work grows with the square of the number of joints."""
+THOROUGH = Search(samples=512, starts=4, rounds=10)
+"""For a tool that somebody asks."""
+
+
+class WorstGravity(NamedTuple):
+    """The most that gravity asks of each joint: efforts |g_i| (n,), where: positions (n, n)."""
+
+    effort: FloatArray
+    position: FloatArray
+
+
+def search_box(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest position, each (n,), finite: a turn, where there is more."""
+    low, high = arm.limits.lower.copy(), arm.limits.upper.copy()
+    for i, kind in enumerate(arm.joint_kinds):
+        if kind == 'prismatic':
+            low[i] = low[i] if np.isfinite(low[i]) else min(-UNLIMITED_TRAVEL, high[i])
+            high[i] = high[i] if np.isfinite(high[i]) else max(UNLIMITED_TRAVEL, low[i])
+        elif not high[i] - low[i] < 2.0 * np.pi:
+            start = min(max(-np.pi, low[i]), high[i] - 2.0 * np.pi)
+            low[i], high[i] = start, start + 2.0 * np.pi
+    return low, high
+
+
+def sample_positions(arm: ArmModel, count: int) -> FloatArray:
+    """
+    Return positions (count, n) spread evenly over the limits, always the same.
+
+    The additive recurrence R_n of M. Roberts, *The unreasonable effectiveness of quasirandom
+    sequences*, 2018: steps are powers of 1/φ_n, with φ_n the root of x^(n+1) = x + 1.
+    """
+    n = arm.joint_count
+    phi = 2.0
+    for _ in range(60):
+        phi = (1.0 + phi) ** (1.0 / (n + 1))
+    steps = phi ** -np.arange(1.0, n + 1.0)
+    low, high = search_box(arm)
+    share = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
+    return np.asarray(low + share * (high - low))
+
+
+def worst_gravity(arm: ArmModel, search: Search = THOROUGH) -> WorstGravity:
+    """Return the largest efforts that gravity asks for within the position limits."""
+    return _Ascent(arm, search).climb()
+
+
+class _Ascent:
+    """Climbs |g_i| for all joints i, from several starts each, at the same time."""
+
+    def __init__(self, arm: ArmModel, search: Search) -> None:
+        self._arm, self._search = arm, search
+        self._body = RigidBody(arm)
+        self._low, self._high = search_box(arm)
+        G = arm.coordinates.G
+        alone = (np.count_nonzero(G, axis=0) == 1) & (np.abs(G).sum(axis=0) == 1.0)
+        self._slides = np.array([kind == 'prismatic' for kind in arm.joint_kinds])
+        self._exact = alone
+        self._related = _related(arm)
+
+    def climb(self) -> WorstGravity:
+        n, starts = self._arm.joint_count, self._search.starts
+        q = sample_positions(self._arm, self._search.samples)
+        best = np.argsort(-np.abs(self._gravity(q)), axis=0, kind='stable')[:starts]
+        starts = len(best)
+        self._joint = np.repeat(np.arange(n), starts)
+        self._q = q[best.T.ravel()]
+        self._value = self._own_gravity(self._q, self._joint)
+        growing = np.ones(len(self._q), dtype=bool)
+        for _ in range(self._search.rounds):
+            before, q_before = np.abs(self._value), self._q.copy()
+            for j in range(n):
+                self._along(j, np.flatnonzero(growing & self._related[self._joint, j]))
+            self._onwards(q_before, np.flatnonzero(growing))
+            growing = np.abs(self._value) - before > _CONVERGED * (1.0 + before)
+            if not growing.any():
+                break
+        value = np.abs(self._value).reshape(n, starts)
+        top = value.argmax(axis=1)
+        return WorstGravity(
+            value[np.arange(n), top], self._q.reshape(n, starts, n)[np.arange(n), top])
+
+    def _along(self, j: int, rows: IntArray) -> None:
+        """Move these climbers along q_j to the largest |g_i| there."""
+        if not rows.size or self._low[j] == self._high[j]:
+            return
+        candidates = self._candidates(j, rows)
+        q = np.repeat(self._q[rows][:, None], candidates.shape[1], axis=1)
+        q[:, :, j] = candidates
+        self._take_best(rows, q)
+
+    def _onwards(self, q_before: FloatArray, rows: IntArray) -> None:
+        """Move these climbers on in the direction of their last round."""
+        way = (self._q - q_before)[rows]
+        q = self._q[rows][:, None] + _LEAPS[:, None] * way[:, None]
+        self._take_best(rows, np.clip(q, self._low, self._high))
+
+    def _take_best(self, rows: IntArray, q: FloatArray) -> None:
+        """Move climbers to the best of their candidates (rows, candidates, n), if better."""
+        count = q.shape[1]
+        value = self._own_gravity(
+            q.reshape(-1, q.shape[2]), np.repeat(self._joint[rows], count)).reshape(-1, count)
+        best = np.abs(value).argmax(axis=1)
+        each = np.arange(rows.size)
+        better = np.abs(value[each, best]) > np.abs(self._value[rows])
+        self._q[rows[better]] = q[each, best][better]
+        self._value[rows[better]] = value[each, best][better]
+
+    def _candidates(self, j: int, rows: IntArray) -> FloatArray:
+        """Return where |g_i| may be largest along q_j, one row for each climber."""
+        low, high = self._low[j], self._high[j]
+        if not self._exact[j]:
+            steps = (high - low) * np.concatenate([_STEPS, -_STEPS])
+            return np.asarray(np.clip(self._q[rows, j][:, None] + steps, low, high))
+        ends = np.tile([low, high], (rows.size, 1))
+        if self._slides[j]:
+            return ends
+        here = self._q[rows, j]
+        third = 2.0 * np.pi / 3.0
+        shifted = np.repeat(self._q[rows], 2, axis=0)
+        shifted[:, j] += np.tile([third, -third], rows.size)
+        joints = np.repeat(self._joint[rows], 2)
+        after, back = self._own_gravity(shifted, joints).reshape(-1, 2).T
+        # f(x) = a + b cos(x − here) + c sin(x − here) through its three values.
+        a = (self._value[rows] + after + back) / 3.0
+        b = self._value[rows] - a
+        c = (after - back) / np.sqrt(3.0)
+        crest = here + np.arctan2(c, b)
+        inner = np.column_stack([crest, crest + np.pi])
+        inner = low + (inner - low) % (2.0 * np.pi)
+        return np.column_stack([ends, np.where(inner <= high, inner, low)])
+
+    def _gravity(self, q: FloatArray) -> FloatArray:
+        zero = np.zeros_like(q)
+        return self._body.inverse_dynamics_batch(q, zero, zero)
+
+    def _own_gravity(self, q: FloatArray, joints: IntArray) -> FloatArray:
+        return np.asarray(self._gravity(q)[np.arange(len(q)), joints])
+
+
+def _related(arm: ArmModel) -> BoolArray:
+    """Return which g_i may depend on q_j, (n, n): one joint moves the other, or is moved."""
+    engine = arm.engine
+    above = np.zeros((engine.nv, engine.nv))
+    for joint in range(1, engine.njoints):
+        for ancestor in list(engine.supports[joint])[1:]:
+            above[engine.joints[joint].idx_v, engine.joints[ancestor].idx_v] = 1.0
+    used = (arm.coordinates.G != 0.0).astype(np.float64)
+    return np.asarray(used.T @ (above + above.T) @ used > 0.0)

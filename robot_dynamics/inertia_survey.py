@@ -1,0 +1,81 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Whether M(q) can be inverted: joints that move nothing, and its condition number.
+
+Definiteness is judged on D^(−1/2) M D^(−1/2) with D the diagonal of M, which has no units and is
+within a factor n of the best that any scaling can do (A. van der Sluis, *Condition numbers and
+equilibration of matrices*, Numerische Mathematik 14, 1969).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.gravity_capability import sample_positions
+from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.validation import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+SMALLEST_EIGENVALUE = 1e-10
+"""Of the scaled M(q), below which it is singular to working precision."""
+SMALLEST_INERTIA = 1e-12
+"""[kg·m²] or [kg] at a joint, at and below which it moves nothing."""
+
+
+class InertiaMatrix(NamedTuple):
+    """
+    M(q) over many positions.
+
+    `idle` (n,) tells the joints that move nothing anywhere, which the rest leaves out:
+    `smallest` is the smallest eigenvalue of the scaled matrix, at the position `singular_at` (n,),
+    `condition` the largest condition number, at the position `worst_at` (n,).
+    """
+
+    idle: BoolArray
+    smallest: float
+    singular_at: FloatArray
+    condition: float
+    worst_at: FloatArray
+
+    @property
+    def is_definite(self) -> bool:
+        return self.smallest > SMALLEST_EIGENVALUE
+
+
+def survey_inertia(arm: ArmModel, samples: int) -> InertiaMatrix:
+    """Return what M is at position 0, or the limits nearest to it, and over the workspace."""
+    home = np.clip(0.0, arm.limits.lower, arm.limits.upper)
+    q = np.vstack([home, sample_positions(arm, samples)])
+    body = RigidBody(arm)
+    M = np.array([body.mass_matrix(row) for row in q])
+    diagonal = np.diagonal(M, axis1=1, axis2=2)
+    idle = np.asarray(np.abs(diagonal).max(axis=0) <= SMALLEST_INERTIA)
+    if idle.all():
+        return InertiaMatrix(idle, 1.0, q[0], 1.0, q[0])
+    M, diagonal = M[:, ~idle][:, :, ~idle], diagonal[:, ~idle]
+    if np.any(diagonal <= 0.0):
+        lowest = int(diagonal.min(axis=1).argmin())
+        return InertiaMatrix(idle, min(0.0, float(diagonal.min())), q[lowest], np.inf, q[lowest])
+    scale = 1.0 / np.sqrt(diagonal)
+    smallest = np.asarray(np.linalg.eigvalsh(M * scale[:, :, None] * scale[:, None, :]))[:, 0]
+    values = np.abs(np.asarray(np.linalg.eigvalsh(M)))
+    least = values.min(axis=1)
+    condition = np.divide(
+        values.max(axis=1), least, out=np.full(len(q), np.inf), where=least > 0.0)
+    lowest, worst = int(smallest.argmin()), int(condition.argmax())
+    return InertiaMatrix(
+        idle, float(smallest[lowest]), q[lowest], float(condition[worst]), q[worst])

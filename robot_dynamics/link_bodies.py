@@ -1,0 +1,166 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The bodies of a URDF as they are written: mass, center of mass, inertia, corners of the geometry.
+
+Source: the URDF XML specification, `link` element.
+"""
+
+from dataclasses import dataclass
+import itertools
+import math
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+from robot_dynamics.mesh_bounds import MeshReader
+from robot_dynamics.validation import FloatArray
+
+_UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBody:
+    """
+    One link, in its own frame.
+
+    `mass` [kg], `com` (3,) [m] and `inertia` (3, 3) [kg·m²], about the center of mass, are None
+    without an <inertial>. `corners` (k, 3) [m] are those of boxes around its shapes; None where
+    there are shapes, none of which could be read. `inertials` counts the <inertial> elements, of
+    which the first is read.
+    """
+
+    name: str
+    mass: float | None
+    com: FloatArray
+    inertia: FloatArray
+    corners: FloatArray | None
+    has_geometry: bool
+    inertials: int
+
+
+def read_bodies(xml: str, meshes: MeshReader | None = None) -> list[LinkBody]:
+    """
+    Return the links of a URDF; numbers that are none are NaN, and well-formed XML is expected.
+
+    Meshes are left unread without `meshes`.
+    """
+    return [_read_body(link, meshes) for link in _robot_element(xml).findall('link')]
+
+
+def read_joint_origins(xml: str) -> dict[str, list[FloatArray]]:
+    """Return where the joints of each link to its children are, (3,) [m] in its frame."""
+    origins: dict[str, list[FloatArray]] = {}
+    for joint in _robot_element(xml).findall('joint'):
+        parent = joint.find('parent')
+        if parent is not None:
+            origins.setdefault(parent.get('link') or '', []).append(
+                _vector(joint.find('origin'), 'xyz', '0 0 0'))
+    return origins
+
+
+def rotation(rpy: FloatArray) -> FloatArray:
+    """Return the rotation matrix (3, 3) of roll, pitch and yaw [rad] about fixed axes."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr]])
+
+
+def _robot_element(xml: str) -> ElementTree.Element:
+    root = ElementTree.fromstring(xml.strip())
+    namespace = root.tag[:root.tag.find('}') + 1]
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(namespace)
+    return root
+
+
+def _read_body(link: ElementTree.Element, meshes: MeshReader | None) -> LinkBody:
+    inertials = link.findall('inertial')
+    mass: float | None = None
+    com, inertia = np.zeros(3), np.zeros((3, 3))
+    if inertials:
+        mass = _number(inertials[0].find('mass'), 'value')
+        R, com = _pose(inertials[0])
+        xx, xy, xz, yy, yz, zz = (
+            _number(inertials[0].find('inertia'), entry)
+            for entry in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'))
+        inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+    collisions, visuals = link.findall('collision'), link.findall('visual')
+    corners = _corners(collisions, meshes)
+    if corners is None:
+        corners = _corners(visuals, meshes)
+    return LinkBody(
+        link.get('name') or '', mass, com, inertia, corners, bool(collisions or visuals),
+        len(inertials))
+
+
+def _corners(shapes: list[ElementTree.Element], meshes: MeshReader | None) -> FloatArray | None:
+    """Return the corners of boxes around all of these shapes; None where one is unknown."""
+    boxes = [_shape_box(shape.find('geometry'), meshes) for shape in shapes]
+    known = [box for box in boxes if box is not None]
+    if not known or len(known) < len(boxes):
+        return None
+    placed = []
+    for shape, (center, size) in zip(shapes, known):
+        R, p = _pose(shape)
+        placed.append((center + _UNIT_CORNERS * size) @ R.T + p)
+    corners = np.concatenate(placed)
+    return corners if np.isfinite(corners).all() else None
+
+
+def _shape_box(
+    geometry: ElementTree.Element | None, meshes: MeshReader | None,
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return center and size, each (3,), of the box around a shape, in the shape's frame."""
+    shape = None if geometry is None else next(iter(geometry), None)
+    if shape is None:
+        return None
+    if shape.tag == 'box':
+        return np.zeros(3), _vector(shape, 'size', '')
+    if shape.tag == 'sphere':
+        return np.zeros(3), np.full(3, 2.0 * _number(shape, 'radius'))
+    if shape.tag in ('cylinder', 'capsule'):
+        width, length = 2.0 * _number(shape, 'radius'), _number(shape, 'length')
+        caps = width if shape.tag == 'capsule' else 0.0
+        return np.zeros(3), np.array([width, width, length + caps])
+    bounds = None
+    if shape.tag == 'mesh' and meshes is not None:
+        bounds = meshes.bounds(shape.get('filename') or '')
+    if bounds is None:
+        return None
+    low, high = bounds * _vector(shape, 'scale', '1 1 1')
+    return (low + high) / 2.0, np.abs(high - low)
+
+
+def _pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:
+    origin = element.find('origin')
+    return rotation(_vector(origin, 'rpy', '0 0 0')), _vector(origin, 'xyz', '0 0 0')
+
+
+def _number(element: ElementTree.Element | None, attribute: str) -> float:
+    try:
+        return float('' if element is None else element.get(attribute, ''))
+    except ValueError:
+        return math.nan
+
+
+def _vector(element: ElementTree.Element | None, attribute: str, default: str) -> FloatArray:
+    text = default if element is None else element.get(attribute, default)
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        values = np.zeros(0)
+    return values if values.shape == (3,) else np.full(3, math.nan)

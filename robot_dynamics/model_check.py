@@ -1,0 +1,198 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Is a model fit to compute with? Findings about a URDF and the arm that is made of it.
+
+An error is a model for which the equation of motion has no unique solution, or none that a body
+can have; it is refused by default. Whatever leaves M(q) positive definite is a warning, however
+unlikely it looks. The checks and their levels are described in docs/model_check.md.
+"""
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.body_checks import (
+    check_extents,
+    check_inertias,
+    check_lost_masses,
+    check_masses,
+    TINY_MASS,
+)
+from robot_dynamics.gravity_capability import Search, THOROUGH, worst_gravity
+from robot_dynamics.inertia_survey import InertiaMatrix, survey_inertia
+from robot_dynamics.link_bodies import LinkBody, read_bodies, read_joint_origins
+from robot_dynamics.mesh_bounds import MeshReader
+from robot_dynamics.model_finding import ERROR, Finding, WARNING
+from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
+from robot_dynamics.validation import FloatArray
+
+LARGEST_CONDITION = 1e6
+"""Condition number of M(q) above which accelerations lose half the digits of their efforts."""
+LARGEST_SURVEY = 256
+"""Positions at which M(q) is looked at, at most."""
+_LOST_SHARE = 1e-6
+
+
+def check_model(
+    urdf: str, arm: ArmModel | None = None, *, search: Search = THOROUGH,
+    meshes: MeshReader | None = None,
+) -> list[Finding]:
+    """
+    Return what is wrong with the model in a URDF, errors first.
+
+    `arm` is what was made of it, with joints, gravity and motors of its own; without, it is
+    loaded. A mesh counts as geometry that cannot be read where `meshes` is not given. A negative
+    mass is found even though no arm can be made of it; the checks of the arm are then left out.
+    Raises ModelError where the URDF cannot be used at all.
+    """
+    try:
+        bodies = read_bodies(urdf, meshes)
+    except ElementTree.ParseError:
+        bodies = []  # parse_urdf has better words for it
+    negative = [finding for finding in check_masses(bodies) if finding.level == ERROR]
+    if negative:
+        return negative
+    robot = parse_urdf(urdf)
+    arm = load_arm(urdf) if arm is None else arm
+    moved = _moved_bodies(robot, arm, bodies)
+    M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
+    of_bodies = [
+        *check_masses(moved), *check_inertias(moved),
+        *check_extents(moved, read_joint_origins(urdf)),
+        *check_lost_masses(moved), *_lost_by_the_engine(arm, moved)]
+    explained = any(finding.level == ERROR for finding in of_bodies)
+    findings = [
+        *of_bodies,
+        *_check_inertia_matrix(arm, robot, moved, M, explained),
+        *_check_limits(arm),
+        *_check_gravity(arm, search)]
+    return sorted(findings, key=lambda finding: finding.level != ERROR)
+
+
+# ---------------------------------------------------------------------------------------- bodies
+
+def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> list[LinkBody]:
+    """Return the links that some joint of the arm moves: the mass of others is of no effect."""
+    names = {name for joint in robot.joints if _is_driven(joint, robot, arm)
+             for name in _links_from(robot, joint.child)}
+    return [body for body in bodies if body.name in names]
+
+
+def _is_driven(joint: UrdfJoint, robot: UrdfRobot, arm: ArmModel) -> bool:
+    if not joint.moves:
+        return False
+    leader = joint.name if joint.mimic is None else resolve_mimic(joint, robot.joints).leader
+    return leader not in arm.locked_joints
+
+
+def _links_from(robot: UrdfRobot, link: str) -> set[str]:
+    """Return a link and all that it carries."""
+    found, frontier = {link}, [link]
+    while frontier:
+        parent = frontier.pop()
+        children = [joint.child for joint in robot.joints if joint.parent == parent]
+        found.update(children)
+        frontier += children
+    return found
+
+
+def _lost_by_the_engine(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
+    """Compare the mass that the engine moves with that of the URDF."""
+    driven = np.abs(arm.coordinates.G).sum(axis=1) > 0.0
+    carried = np.zeros(arm.engine.njoints, dtype=bool)
+    for joint in range(1, arm.engine.njoints):
+        carried[joint] = any(
+            driven[arm.engine.joints[above].idx_v]
+            for above in list(arm.engine.supports[joint])[1:])
+    engine = sum(
+        inertia.mass for inertia, counts in zip(arm.bare_engine.inertias, carried) if counts)
+    written = sum(body.mass or 0.0 for body in moved)
+    if abs(engine - written) <= _LOST_SHARE * max(written, TINY_MASS):
+        return []
+    return [Finding(
+        'lost_mass', WARNING, '',
+        f'the links that move have {written:.6g} kg in the URDF, but {engine:.6g} kg in the '
+        'model, expected the same')]
+
+
+# ----------------------------------------------------------------------------------------- joints
+
+def _check_inertia_matrix(
+    arm: ArmModel, robot: UrdfRobot, moved: list[LinkBody], M: InertiaMatrix, explained: bool,
+) -> list[Finding]:
+    """Return the joints that move nothing, and what is left of M(q) where they are not it."""
+    masses = {body.name: body.mass or 0.0 for body in moved}
+    findings = []
+    for name in np.array(arm.joint_names)[M.idle].tolist():
+        mass = sum(masses.get(link, 0.0) for link in _links_from(robot, robot.joint(name).child))
+        findings.append(Finding(
+            'mass' if mass < TINY_MASS else 'inertia', ERROR, name,
+            f'joint {name!r} moves {mass:g} kg and no moment of inertia about its axis, so that '
+            'M(q) is singular, expected a link with mass and inertia behind it'))
+    if not M.is_definite:
+        return findings if explained else [*findings, Finding(
+            'condition', ERROR, '',
+            f'M(q) is {"singular" if M.smallest >= 0.0 else "not positive definite"} at position '
+            f'{_rounded(M.singular_at)}: its smallest eigenvalue, in units of its diagonal, is '
+            f'{M.smallest:.3g}, expected a positive one')]
+    if M.condition > LARGEST_CONDITION:
+        findings.append(Finding(
+            'condition', WARNING, '',
+            f'condition number of M(q) is {M.condition:.3g} at position {_rounded(M.worst_at)}, '
+            f'expected at most {LARGEST_CONDITION:g}'))
+    return findings
+
+
+def _check_limits(arm: ArmModel) -> list[Finding]:
+    """Return the joints without a limit: 0, or none, stands for "not known" in a URDF."""
+    limits = arm.limits
+    findings = []
+    for i, name in enumerate(arm.joint_names):
+        missing = [
+            words for words, limit in (('velocity', limits.velocity), ('effort', limits.effort))
+            if np.isinf(limit[i])]
+        lower, upper = limits.lower[i], limits.upper[i]
+        if arm.joint_kinds[i] != 'continuous' and (np.isinf(lower) or np.isinf(upper)):
+            missing.insert(0, 'position')
+        if missing:
+            findings.append(Finding(
+                'limits', WARNING, name,
+                f'joint {name!r} has no {" and no ".join(missing)} limit (none, or 0), expected '
+                'one: nothing is bounded without'))
+        if lower == upper:
+            findings.append(Finding(
+                'limits', WARNING, name,
+                f'joint {name!r} has the position limits [{lower:g}, {upper:g}], expected lower '
+                'below upper'))
+    return findings
+
+
+def _check_gravity(arm: ArmModel, search: Search) -> list[Finding]:
+    limit = arm.limits.effort
+    if not np.isfinite(limit).any() or not np.any(arm.engine.gravity.linear):
+        return []
+    worst = worst_gravity(arm, search)
+    return [
+        Finding(
+            'gravity_capability', WARNING, name,
+            f'effort limit of joint {name!r} is {limit[i]:.4g}, but holding the arm takes '
+            f'{worst.effort[i]:.4g}, {worst.effort[i] / limit[i]:.3g} times that, at position '
+            f'{_rounded(worst.position[i])}, expected a limit that holds it everywhere')
+        for i, name in enumerate(arm.joint_names) if worst.effort[i] > limit[i]]
+
+
+def _rounded(q: FloatArray) -> list[float]:
+    return [round(float(value), 3) + 0.0 for value in q]

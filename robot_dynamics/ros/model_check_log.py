@@ -1,0 +1,45 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The model check of a node: findings are logged, errors refuse the model."""
+
+from typing import Any
+
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.gravity_capability import BRIEF, QUICK
+from robot_dynamics.model_check import check_model
+from robot_dynamics.model_finding import CHECKS, refuse_errors
+from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+
+LARGEST_ARM = 12
+"""Joints up to which the start of a node has time for the quick search, not only a brief one."""
+IGNORE_CHECKS_SPEC = ParameterSpec(
+    'ignore_checks', Type.STRING_ARRAY, [],
+    'Checks of the model whose errors do not refuse it, by name; they are logged as warnings.',
+    read_only=True, choices=tuple(CHECKS))
+
+
+def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> None:
+    """
+    Log what the model check finds; raise ModelError with the first error that is not ignored.
+
+    `arm` is what the parameters `values` made of the URDF `xml`. Meshes are not read, and the
+    search for the worst gravity is a quick one; the tool check_model does both thoroughly.
+    """
+    ignored = values['ignore_checks']
+    search = QUICK if arm.joint_count <= LARGEST_ARM else BRIEF
+    findings = check_model(xml, arm, search=search)
+    refuse_errors(findings, ignored)
+    for finding in findings:
+        logger.warning(f'Model check: {finding}')

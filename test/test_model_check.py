@@ -1,0 +1,351 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Every finding of the model check on a URDF made for it, and none on the default arm."""
+
+from pathlib import Path
+import struct
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.gravity_capability import (
+    QUICK,
+    sample_positions,
+    Search,
+    search_box,
+    THOROUGH,
+    worst_gravity,
+)
+from robot_dynamics.link_bodies import rotation
+from robot_dynamics.mesh_bounds import mesh_bounds, MeshReader
+from robot_dynamics.model_check import check_model
+from robot_dynamics.model_finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.rigid_body import RigidBody
+from robots import robot_urdf
+
+BOX = '<collision><geometry><box size="0.1 0.1 1"/></geometry></collision>'
+LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
+
+
+def inertial(mass=1.0, moments=(0.1, 0.1, 0.002), xyz='0 0 0', products=(0.0, 0.0, 0.0)):
+    (xx, yy, zz), (xy, xz, yz) = moments, products
+    return (
+        f'<inertial><origin xyz="{xyz}"/><mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}" '
+        f'izz="{zz}" ixy="{xy}" ixz="{xz}" iyz="{yz}"/></inertial>')
+
+
+def arm_of(link=None, limit=LIMIT, kind='revolute', more='', axis='0 1 0', geometry=BOX):
+    """Return an arm of one joint whose link holds this."""
+    link = inertial() if link is None else link
+    return f"""<robot name="r"><link name="base"/><link name="arm">{link}{geometry}</link>
+      <joint name="hinge" type="{kind}"><parent link="base"/><child link="arm"/>
+      <axis xyz="{axis}"/>{limit}</joint>{more}</robot>"""
+
+
+def link_behind(link, kind='continuous', name='hand', parent='arm'):
+    limit = '' if kind == 'fixed' else '<limit effort="100" velocity="1"/>'
+    return f"""<link name="{name}">{link}</link><joint name="to_{name}" type="{kind}">
+      <parent link="{parent}"/><child link="{name}"/><axis xyz="0 1 0"/>{limit}</joint>"""
+
+
+def found(urdf, **options):
+    return {(f.check, f.level, f.where) for f in check_model(urdf, **options)}
+
+
+# ---------------------------------------------------------------------------------- good models
+
+def test_nothing_is_found_on_the_default_arm():
+    assert check_model(default_arm_urdf()) == []
+
+
+def test_nothing_is_found_on_the_arm_that_the_cases_vary():
+    assert check_model(arm_of()) == []
+
+
+def test_what_does_not_move_is_not_looked_at():
+    fixed = link_behind(inertial(0.0), 'fixed', 'stand', 'base')
+    root = '<link name="base"><inertial><mass value="9"/>' \
+        '<inertia ixx="1" iyy="1" izz="9" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    assert check_model(arm_of(more=fixed).replace('<link name="base"/>', root)) == []
+
+
+# -------------------------------------------------------------------------------------- findings
+
+CASES = {
+    'negative mass': (arm_of(inertial(-1.0)), ('mass', ERROR, 'arm')),
+    'no mass behind a joint': (arm_of(more=link_behind('')), ('mass', ERROR, 'to_hand')),
+    'zero mass': (
+        arm_of(more=link_behind(inertial(0.0, (0, 0, 0)), 'fixed')), ('mass', WARNING, 'hand')),
+    'tiny mass': (
+        arm_of(more=link_behind(inertial(1e-7, (0, 0, 0)), 'fixed')), ('mass', WARNING, 'hand')),
+    'negative moment': (
+        arm_of(inertial(moments=(0.1, 0.1, -0.01))), ('inertia', ERROR, 'arm')),
+    'negative moment by products': (
+        arm_of(inertial(products=(0.2, 0.0, 0.0))), ('inertia', ERROR, 'arm')),
+    'point mass on the axis': (
+        arm_of(inertial(moments=(0, 0, 0))), ('inertia', ERROR, 'hinge')),
+    'point mass': (
+        arm_of(inertial(moments=(0, 0, 0), xyz='0 0 0.3')), ('inertia', WARNING, 'arm')),
+    'triangle inequality': (
+        arm_of(inertial(moments=(0.01, 0.01, 0.03)), geometry=''),
+        ('triangle_inequality', WARNING, 'arm')),
+    'radius of gyration': (
+        arm_of(inertial(moments=(0.9, 0.9, 0.002))), ('radius_of_gyration', WARNING, 'arm')),
+    'center of mass': (
+        arm_of(inertial(xyz='0 0 0.9')), ('radius_of_gyration', WARNING, 'arm')),
+    'radius of gyration without geometry': (
+        arm_of(inertial(moments=(1, 1, 1), xyz='0 0 0.1'), geometry=''),
+        ('radius_of_gyration', WARNING, 'arm')),
+    'geometry without mass': (
+        arm_of(more=link_behind(BOX, 'fixed')), ('lost_mass', WARNING, 'hand')),
+    'two inertials': (arm_of(inertial() + inertial()), ('lost_mass', WARNING, 'arm')),
+    'no effort limit': (
+        arm_of(limit='<limit lower="-2" upper="2" effort="0" velocity="2"/>'),
+        ('limits', WARNING, 'hinge')),
+    'no velocity limit': (
+        arm_of(limit='<limit lower="-2" upper="2" effort="9"/>'), ('limits', WARNING, 'hinge')),
+    'no limit at all': (arm_of(limit='', kind='continuous'), ('limits', WARNING, 'hinge')),
+    'infinite travel': (
+        arm_of(limit='<limit lower="-inf" upper="inf" effort="9" velocity="2"/>'),
+        ('limits', WARNING, 'hinge')),
+    'no travel': (arm_of(limit='<limit effort="9" velocity="2"/>'), ('limits', WARNING, 'hinge')),
+    'too weak': (
+        arm_of(inertial(xyz='0 0 0.4'),
+               '<limit lower="-2" upper="2" effort="3.9" velocity="2"/>'),
+        ('gravity_capability', WARNING, 'hinge')),
+    'two joints, one point mass': (
+        arm_of('', geometry='', more=link_behind(inertial(moments=(0, 0, 0), xyz='0 0 0.3'))),
+        ('condition', ERROR, '')),
+    'badly conditioned': (
+        arm_of(inertial(1000.0, (50, 50, 2)), more=link_behind(inertial(1e-4, (0, 1e-7, 0)))),
+        ('condition', WARNING, '')),
+}
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_it_finds(name):
+    urdf, expected = CASES[name]
+    assert expected in found(urdf)
+
+
+def test_every_check_has_a_case():
+    assert {expected[0] for _, expected in CASES.values()} == set(CHECKS)
+
+
+@pytest.mark.parametrize('name', ['negative moment', 'no mass behind a joint'])
+def test_one_cause_is_one_kind_of_error(name):
+    """Else whoever ignores it by name meets the next."""
+    urdf, (check, _, _) = CASES[name]
+    assert {finding.check for finding in errors_of(check_model(urdf))} == {check}
+    assert errors_of(check_model(urdf), [check]) == []
+
+
+def test_what_just_suffices_is_no_finding():
+    weight = 9.81 * 0.4
+    strong = arm_of(inertial(xyz='0 0 0.4'),
+                    f'<limit lower="-2" upper="2" effort="{weight + 1e-6}" velocity="2"/>')
+    assert check_model(strong) == []
+    # Within ±0.5 rad of upright it takes only the sine of that.
+    narrow = arm_of(
+        inertial(xyz='0 0 0.4'),
+        f'<limit lower="-0.5" upper="0.5" effort="{weight * np.sin(0.5) + 1e-6}" velocity="2"/>')
+    assert check_model(narrow) == []
+
+
+@pytest.mark.parametrize('moments', [(0.02, 0.03, 0.05), (0.02, 0.03, 0.0503), (0.0, 0.05, 0.05)])
+def test_plates_rods_and_rounding_obey_the_triangle_inequality(moments):
+    assert check_model(arm_of(inertial(moments=moments), geometry='')) == []
+
+
+def test_rotors_are_inertia_too():
+    from robot_dynamics.actuator import make_actuators
+    urdf = arm_of(inertial(moments=(0, 0, 0)))
+    arm = load_arm(urdf)
+    motor = make_actuators(arm.joint_names, [0.1], [50.0], [], [], [], [1e-4])
+    assert errors_of(check_model(urdf)) != []
+    assert errors_of(check_model(urdf, arm.with_actuators(motor))) == []
+
+
+def test_locked_joints_are_not_checked():
+    urdf = arm_of(more=link_behind('', name='hand'))
+    assert errors_of(check_model(urdf)) != []
+    assert check_model(urdf, load_arm(urdf, ['hinge'])) == []
+
+
+def test_locked_joints_lose_no_mass():
+    urdf = robot_urdf('xarm7')
+    names = load_arm(urdf).joint_names[1::2]
+    assert check_model(urdf, load_arm(urdf, names), search=QUICK) == []
+
+
+def test_a_refusal_says_how_to_accept():
+    findings = check_model(CASES['no mass behind a joint'][0])
+    with pytest.raises(ModelError, match=r"mass: joint 'to_hand' .*ignore_checks: \[mass\]"):
+        refuse_errors(findings)
+    refuse_errors(findings, ['mass'])
+
+
+def test_what_cannot_be_read_is_refused_as_everywhere():
+    with pytest.raises(ModelError, match='not well-formed XML'):
+        check_model('<robot')
+
+
+# ------------------------------------------------------------------------------- the worst gravity
+
+# 3R with twisted axes, a slide, and a mimic joint: all kinds that the search tells apart.
+MIXED = arm_of(
+    inertial(2.0, xyz='0.1 0 0.3'), geometry='', axis='0.3 1 0.2', more=f"""
+  {link_behind(inertial(1.5, xyz="0 0.2 0.4"), name="a")}
+  <link name="b">{inertial(1.0, xyz="0.2 0 0.1")}</link>
+  <joint name="to_b" type="prismatic"><parent link="a"/><child link="b"/>
+    <axis xyz="0 0.6 0.8"/><limit lower="-0.2" upper="0.5" effort="9" velocity="1"/></joint>
+  <link name="c">{inertial(0.5, xyz="0 0.1 0.3")}</link>
+  <joint name="to_c" type="revolute"><parent link="b"/><child link="c"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="2" effort="9" velocity="1"/>
+    <mimic joint="hinge" multiplier="0.5" offset="0.2"/></joint>""")
+
+
+def grid_of(arm, points):
+    low, high = search_box(arm)
+    axes = [np.linspace(a, b, points) for a, b in zip(low, high)]
+    return np.stack(np.meshgrid(*axes, indexing='ij'), axis=-1).reshape(-1, arm.joint_count)
+
+
+def brute_force(arm, q):
+    zero = np.zeros_like(q)
+    return np.abs(RigidBody(arm).inverse_dynamics_batch(q, zero, zero)).max(axis=0)
+
+
+@pytest.mark.parametrize('search', [QUICK, THOROUGH], ids=['quick', 'thorough'])
+def test_the_default_arm_against_brute_force_and_closed_form(search):
+    arm = load_arm(default_arm_urdf())
+    worst = worst_gravity(arm, search).effort
+    # Both links horizontal: (m1 r1 + m2 (l1 + r2)) g, and m2 r2 g.
+    np.testing.assert_allclose(
+        worst, [9.81 * (5.0 * 0.5 + 3.0 * 1.4), 9.81 * 3.0 * 0.4], rtol=1e-6)
+    grid = brute_force(arm, grid_of(arm, 721))
+    assert np.all(worst >= (1.0 - 1e-6) * grid)
+    np.testing.assert_allclose(worst, grid, rtol=1e-4)
+
+
+def test_slides_and_mimic_joints_against_brute_force():
+    arm = load_arm(MIXED)
+    worst = worst_gravity(arm).effort
+    grid = brute_force(arm, grid_of(arm, 61))
+    assert np.all(worst >= 0.999 * grid)
+    np.testing.assert_allclose(worst, grid, rtol=0.02)
+
+
+@pytest.mark.parametrize('robot', ['panda', 'ur10', 'xarm7', 'talos_left_arm'])
+def test_real_arms_against_a_hundred_thousand_random_positions(robot):
+    arm = load_arm(robot_urdf(robot))
+    low, high = search_box(arm)
+    rng = np.random.default_rng(7)
+    random = brute_force(arm, low + rng.random((100_000, arm.joint_count)) * (high - low))
+    for search, share in ((QUICK, 0.99), (THOROUGH, 0.999)):
+        assert np.all(worst_gravity(arm, search).effort >= share * random - 1e-9)
+
+
+def test_its_positions_are_within_the_limits_and_give_its_efforts():
+    arm = load_arm(robot_urdf('panda'))
+    worst = worst_gravity(arm)
+    low, high = search_box(arm)
+    body = RigidBody(arm)
+    for i, q in enumerate(worst.position):
+        assert np.all((low <= q) & (q <= high))
+        assert abs(body.gravity(q)[i]) == pytest.approx(worst.effort[i], abs=1e-9)
+
+
+def test_the_search_is_the_same_every_time():
+    arm = load_arm(MIXED)
+    np.testing.assert_array_equal(worst_gravity(arm).position, worst_gravity(arm).position)
+
+
+def test_samples_are_spread_over_the_limits():
+    """Each quarter of each joint's range gets its share of them."""
+    arm = load_arm(robot_urdf('panda'))
+    low, high = search_box(arm)
+    share = (sample_positions(arm, 400) - low) / (high - low)
+    assert share.min() >= 0.0
+    assert share.max() < 1.0
+    for column in share.T:
+        counts, _ = np.histogram(column, bins=4, range=(0.0, 1.0))
+        assert counts.min() >= 90
+
+
+def test_one_start_is_enough_where_there_is_one_joint():
+    arm = load_arm(arm_of(inertial(xyz='0 0 0.4')))
+    worst = worst_gravity(arm, Search(samples=1, starts=1, rounds=1))
+    assert worst.effort[0] == pytest.approx(9.81 * 0.4, rel=1e-12)
+
+
+# ---------------------------------------------------------------------------------------- geometry
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 0], [0, 2, 0], [0, 0, 3]], float)
+
+
+def binary_stl(header=b'solid, as some begin'):
+    content = header.ljust(80, b' ') + struct.pack('<I', 2)
+    for triangle in CORNERS.reshape(2, 3, 3):
+        content += struct.pack('<12fH', *np.zeros(3), *triangle.ravel(), 0)
+    return content
+
+
+def text_stl():
+    vertices = '\n'.join(f'vertex {x} {y} {z}' for x, y, z in CORNERS)
+    return f'solid a\nfacet normal 0 0 1\nouter loop\n{vertices}\nendloop\nendfacet'.encode()
+
+
+def obj():
+    vertices = '\n'.join(f'v {x} {y} {z}' for x, y, z in CORNERS)
+    return f'# a\n{vertices}\nvn 9 9 9\nvt 9 9\nf 1 2 3'.encode()
+
+
+@pytest.mark.parametrize(('name', 'content'), [
+    ('a.stl', binary_stl()), ('b.STL', text_stl()), ('c.obj', obj())])
+def test_bounds_of_meshes(tmp_path: Path, name, content):
+    (tmp_path / name).write_bytes(content)
+    np.testing.assert_array_equal(mesh_bounds(tmp_path / name), [[0, 0, 0], [1, 2, 3]])
+
+
+@pytest.mark.parametrize(('name', 'content'), [
+    ('a.stl', b''), ('b.stl', b'solid\nvertex 1 2'), ('c.obj', b'v a b c'), ('d.dae', b'<a/>')])
+def test_meshes_that_cannot_be_read(tmp_path: Path, name, content):
+    (tmp_path / name).write_bytes(content)
+    assert mesh_bounds(tmp_path / name) is None
+
+
+MESH = '<visual><geometry><mesh filename="{}" scale="0.1 0.1 0.1"/></geometry></visual>'
+
+
+def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path: Path):
+    meshes = tmp_path / 'my_robot' / 'meshes'
+    meshes.mkdir(parents=True)
+    (meshes / 'arm.stl').write_bytes(binary_stl())
+    urdf = arm_of(inertial(moments=(0.4, 0.4, 0.4), xyz='0.05 0.1 0.15'),
+                  geometry=MESH.format('package://my_robot/meshes/arm.stl'))
+    expected = {('radius_of_gyration', WARNING, 'arm')}
+    assert found(urdf, meshes=MeshReader(tmp_path / 'my_robot' / 'urdf')) == expected
+    assert found(urdf) == set()
+    assert found(urdf.replace('0.4', '0.01'), meshes=MeshReader(tmp_path)) == set()
+
+
+def test_rotation_is_that_of_urdf():
+    """About x by roll, then y by pitch, then z by yaw, all of them fixed axes."""
+    import pinocchio
+    rpy = np.array([0.3, -0.7, 1.9])
+    np.testing.assert_allclose(rotation(rpy), pinocchio.rpy.rpyToMatrix(*rpy), atol=1e-15)
