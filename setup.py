@@ -44,8 +44,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'dynamics_node = robot_dynamics.ros.dynamics_node:main',
-            'simulated_arm = robot_dynamics.ros.simulated_arm_node:main',
+            'dynamics_node = robot_dynamics.ros.start:dynamics_node',
+            'simulated_arm = robot_dynamics.ros.start:simulated_arm',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',

@@ -130,9 +130,13 @@ class CommandSupervisor:
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
-        hold: FloatArray,
+        hold: FloatArray, dt: float | None = None,
     ) -> FloatArray | None:
-        """Return the effort that answers a good state; `hold` (n,) is what holds the arm."""
+        """
+        Return the effort that answers a good state; `hold` (n,) is what holds the arm.
+
+        The state is dt [s] after the one before by their stamps; None where these do not tell.
+        """
         self._last_state, self._hold = now, hold
         beyond = self._beyond_a_limit(q)
         if beyond is not None:
@@ -146,14 +150,10 @@ class CommandSupervisor:
             self.mode = Mode.RUNNING
         if self.mode is not Mode.RUNNING:
             return self._action(now)
-        self.guarded = self._guard.apply(command, hold, q, v, now - self._last_output)
+        self.guarded = self._guard.apply(
+            command, hold, q, v, now - self._last_output if dt is None else dt)
         self._last_output = now
         return self.guarded.effort
-
-    def restart(self) -> None:
-        """Begin anew, from what holds the arm, with the next state."""
-        if self.mode is Mode.RUNNING:
-            self._guard.last = None
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state once more, where efforts go out."""

@@ -74,7 +74,7 @@ class EffortGuard:
         """
         Return what may go out dt [s] after the last effort.
 
-        `hold` (n,) is what holds the arm still; the first effort changes from there.
+        `hold` (n,) is what holds the arm still, and the first effort.
         """
         limits = self.limits
         push = effort - hold
@@ -83,7 +83,7 @@ class EffortGuard:
         by_velocity = np.zeros(len(q), dtype=bool) if v is None else (
             (np.abs(v) > limits.velocity) & (push * v > 0.0))
         allowed = np.where(by_position | by_velocity, hold, effort)
-        start = hold if self.last is None else self.last
-        step = limits.rate * min(max(dt, 0.0), LONGEST_STEP)
+        start, passed = (hold, 0.0) if self.last is None else (self.last, dt)
+        step = limits.rate * min(max(passed, 0.0), LONGEST_STEP)
         self.last = np.clip(allowed, start - step, start + step)
         return GuardedEffort(self.last, by_position, by_velocity, self.last != allowed)

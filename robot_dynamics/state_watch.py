@@ -15,10 +15,10 @@
 """
 Whether a measured state can be what comes after the one before it.
 
-A state is judged by its stamp, by its age where stamps follow the clock of the node, and by how
-far the joints have moved since. Where it cannot follow, time and place start anew from it (a robot
-or a simulator was set back), unless several publishers speak of these joints: then one of them
-must not be believed, and the state is refused.
+A state is judged by its stamp, by its age where stamps are of the clock of this computer, and by
+how far the joints have moved since. Where it cannot follow, time and place start anew from it (a
+robot or a simulator was set back); only if several publishers speak of these joints is it refused,
+as nobody can tell which of them to believe.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,10 @@ from robot_dynamics.validation import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-SAME_CLOCK = 1_000_000_000
-"""[ns] within which the first stamp must be of the clock for ages to be watched."""
-LONGEST_GAP = 10_000_000_000
-"""[ns] between two states after which time has jumped rather than passed."""
+SAME_CLOCK = 3600.0
+"""[s] within which the first stamp is taken to be of the clock of this computer."""
+LONGEST_GAP = 10.0
+"""[s] between two states after which nothing is known any more."""
 PLAY = 0.05
 """[rad] or [m] that a joint may move between two states, whatever its speed."""
 SPEED_FACTOR = 1.5
@@ -43,19 +43,22 @@ SPEED_FACTOR = 1.5
 class ImplausibleStateError(InvalidInputError):
     """A state that cannot follow the one before; `reason` names the kind."""
 
-    def __init__(self, reason: str, words: str) -> None:
+    def __init__(self, reason: str, words: str, is_conflict: bool = False) -> None:
+        """`is_conflict` tells of publishers that contradict each other."""
         super().__init__(words)
-        self.reason = reason
+        self.reason, self.is_conflict = reason, is_conflict
 
 
 class Judgement(NamedTuple):
     """
-    Whether a state is news, and why time and place start anew with it, empty where they go on.
+    What a state is: news, `dt` [s] after the state before, None where that is not known.
 
-    A state with the stamp of the one before is no news, whatever else it says.
+    `restart` says why time or place start anew with it, and is empty where they go on. A state
+    with the stamp of the one before is no news, whatever else it says.
     """
 
     is_news: bool
+    dt: float | None = None
     restart: str = ''
 
 
@@ -73,58 +76,69 @@ class StateWatch:
         """
         self._names, self._velocity_limit, self._wraps = joint_names, velocity_limit, wraps
         self.max_age = max_age
-        self._stamp: int | None = None
         self._q = np.zeros(len(joint_names))
-        self.watches_age: bool | None = None
-        """Whether stamps are of the node's clock; None before the first state."""
+        self._stamp: int | None = None
+        self._heard = 0
+        self._is_same_clock = False
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
         is_crowded: Callable[[], bool],
     ) -> Judgement:
         """
-        Return what the state is, at the time `clock` of the node.
+        Return what the state is; `clock` is the time of this computer, never that of /clock.
 
         `is_crowded` tells whether there are several publishers; it is asked where the state does
         not follow. Raises ImplausibleStateError, reason 'too old', 'from the future', 'stamp went
         back' or 'jump'.
         """
-        self._check_age(stamp, clock)
+        if self._stamp is not None and not 0.0 <= 1e-9 * (clock - self._heard) <= LONGEST_GAP:
+            self._stamp = None
+        age = 1e-9 * (clock - stamp)
+        is_same_clock = self._is_same_clock if self._stamp is not None else (
+            abs(age) < SAME_CLOCK)
+        if is_same_clock and self.max_age > 0.0:
+            self._check_age(age)
+        judgement = self._follows(stamp, q, v, is_crowded)
+        if judgement.is_news:
+            self._stamp, self._q, self._heard = stamp, q, clock
+            self._is_same_clock = is_same_clock
+        return judgement
+
+    def _check_age(self, age: float) -> None:
+        expected = (f'expected at most {self.max_age:g} s (state_max_age), by the clock of this '
+                    'computer')
+        if age > self.max_age:
+            raise ImplausibleStateError(
+                'too old', f'header.stamp is {age:.3f} s old, {expected}')
+        if -age > self.max_age:
+            raise ImplausibleStateError(
+                'from the future', f'header.stamp is {-age:.3f} s in the future, {expected}')
+
+    def _follows(
+        self, stamp: int, q: FloatArray, v: FloatArray | None, is_crowded: Callable[[], bool],
+    ) -> Judgement:
         if self._stamp is None:
-            self._stamp, self._q = stamp, q
-            return Judgement(True, 'first state')
+            return Judgement(True, restart='first state')
         if stamp == self._stamp:
             return Judgement(False)
+        dt = 1e-9 * (stamp - self._stamp)
+        if dt > LONGEST_GAP:
+            return Judgement(True, restart='stamp jumped ahead')
         try:
-            self._check_follows(1e-9 * (stamp - self._stamp), q, v)
-            restart = 'time jumped' if stamp - self._stamp > LONGEST_GAP else ''
+            self._check_follows(dt, q, v)
         except ImplausibleStateError as error:
             if is_crowded():
                 raise
-            restart = error.reason
-        self._stamp, self._q = stamp, q
-        return Judgement(True, restart)
-
-    def _check_age(self, stamp: int, clock: int) -> None:
-        age = clock - stamp
-        if self.watches_age is None:
-            self.watches_age = abs(age) < SAME_CLOCK
-        if not self.watches_age or self.max_age == 0.0:
-            return
-        if age > 1e9 * self.max_age:
-            raise ImplausibleStateError(
-                'too old', f'header.stamp is {1e-9 * age:.3f} s old, expected at most '
-                f'{self.max_age:g} s (state_max_age)')
-        if -age > 1e9 * self.max_age:
-            raise ImplausibleStateError(
-                'from the future', f'header.stamp is {-1e-9 * age:.3f} s ahead of the clock, '
-                f'expected at most {self.max_age:g} s (state_max_age)')
+            return Judgement(True, dt if dt > 0.0 else None, error.reason)
+        return Judgement(True, dt)
 
     def _check_follows(self, dt: float, q: FloatArray, v: FloatArray | None) -> None:
+        crowd = 'there are several publishers of joint_states'
         if dt < 0.0:
             raise ImplausibleStateError(
                 'stamp went back', f'header.stamp is {-dt:.3f} s before that of the state before, '
-                'expected it later; there are several publishers of joint_states')
+                f'expected it later; {crowd}', is_conflict=True)
         speed = self._velocity_limit if v is None else np.maximum(
             self._velocity_limit, np.abs(v))
         way = q - self._q
@@ -136,4 +150,4 @@ class StateWatch:
             raise ImplausibleStateError(
                 'jump', f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from '
                 f'that of {dt:.3f} s before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times '
-                'the way at its velocity limit; there are several publishers of joint_states')
+                f'the way at its velocity limit; {crowd}', is_conflict=True)

@@ -36,10 +36,11 @@ LAYERS = {
     # numpy alone
     'core': (
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'coordinates', 'crossing',
-        'damped_step', 'drive', 'effort_guard', 'effort_semantics', 'exceptions', 'filtering',
-        'friction', 'gravity_check', 'gravity_verdict', 'link_bodies', 'mesh_bounds',
+        'damped_step', 'drive', 'effort_guard', 'effort_semantics', 'event_timing', 'exceptions',
+        'filtering', 'friction', 'gravity_check', 'gravity_verdict', 'link_bodies', 'mesh_bounds',
         'model_finding', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
-        'runge_kutta', 'set_point_stream', 'state_watch', 'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
+        'runge_kutta', 'set_point_stream', 'state_watch', 'sticking', 'trajectory',
+        'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),

@@ -15,6 +15,7 @@
 """From a joint state message to effort messages: the control path of `dynamics`."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 import time
 from typing import Any
@@ -23,6 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.command_supervisor import Fault
 from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.event_timing import EventTiming
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
@@ -36,6 +38,8 @@ from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
+CONFLICT_RECOVERY = 100
+"""Good states in a row after which publishers that contradicted each other agree again."""
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
 
@@ -45,6 +49,8 @@ class ControlCounters:
     """What the control path did since the start; read by the diagnostics."""
 
     states: int = 0
+    repeated: int = 0
+    timing: EventTiming = field(default_factory=lambda: EventTiming(time.monotonic()))
     restarts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
@@ -67,6 +73,8 @@ class ControlPath:
         self._node = node
         self._served: _Served | None = None
         self._stream = SetPointStream()
+        self.count_publishers: Callable[[], int] = lambda: 1
+        """Tells how many publishers of joint states there are."""
         self.counters = ControlCounters()
 
         def publisher(message_type: type, topic: str) -> Any:
@@ -118,6 +126,9 @@ class ControlPath:
             self.command.fail(Fault('non_finite', str(error), latched=True))
         except ImplausibleStateError as error:
             self._drop(error.reason, f'Dropped a joint state: {error}')
+            if error.is_conflict:
+                self.command.fail(
+                    Fault('several_publishers', str(error), recovery=CONFLICT_RECOVERY))
         except RobotDynamicsError as error:
             self._drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # nothing that arrives may end the control path
@@ -135,13 +146,12 @@ class ControlPath:
             return
         served = self._served
         q, v = served.reader.read(message)
-        clock = self._node.get_clock().now().nanoseconds
+        clock = time.time_ns()  # a stamp of 0 is none, and /clock may stand still
         stamp_ns = stamp_from_ros(message.header.stamp) or clock
         judgement = served.watch.judge(stamp_ns, clock, q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
-            self.command.restart()
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
             self._node.get_logger().warning(
@@ -150,8 +160,10 @@ class ControlPath:
         with_terms = self._terms.get_subscription_count() > 0
         output = served.controller.update(stamp_ns, q, v, with_terms)
         if judgement.is_news:
-            command = self.command.answer(message.header.stamp, q, v, output)
+            self.counters.timing.happened(time.monotonic())
+            command = self.command.answer(message.header.stamp, q, v, output, judgement.dt)
         else:
+            self.counters.repeated += 1
             command = self.command.repeat(message.header.stamp)
         self._publish(message, served.names, output)
         self.counters.states += 1
@@ -162,7 +174,7 @@ class ControlPath:
                 command if self.command.has_listeners() else None)
 
     def _is_crowded(self) -> bool:
-        return bool(self._node.count_publishers('joint_states') > 1)
+        return self.count_publishers() > 1
 
     def _publish(self, message: JointState, names: list[str], output: ControlOutput) -> None:
         self._gravity.publish(_effort_message(message, names, output.gravity_compensation))

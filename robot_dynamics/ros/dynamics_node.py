@@ -16,7 +16,6 @@
 
 from collections.abc import Sequence
 import sys
-import time
 from typing import Any
 
 from geometry_msgs.msg import InertiaStamped
@@ -38,15 +37,17 @@ from robot_dynamics.controller import (
 from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
-from robot_dynamics.ros.control_path import ControlCounters, ControlPath
+from robot_dynamics.ros.control_path import ControlPath
 from robot_dynamics.ros.conversions import (
     payload_to_ros,
     stamp_from_ros,
     trajectory_from_ros,
 )
-from robot_dynamics.ros.diagnostics import Diagnostics, ERROR, OK, Status, WARN
+from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
+from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
 from robot_dynamics.ros.message_loop import MessageLoop
 from robot_dynamics.ros.model_check_log import check_or_refuse, IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
@@ -60,7 +61,7 @@ from robot_dynamics.ros.robot_description import (
     FRICTION_SPECS,
     semantics_from_parameters,
 )
-from robot_dynamics.ros.running import reason_of, run_node
+from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.safety_parameters import (
     guard_limits,
     safety_options,
@@ -133,7 +134,7 @@ SPECS = (
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
 
 
-class DynamicsNode(LifecycleNode):
+class DynamicsNode(GuardedCallbacks, LifecycleNode):
     """Wires parameters, topics and services to the library; computes nothing itself."""
 
     def __init__(self) -> None:
@@ -157,6 +158,7 @@ class DynamicsNode(LifecycleNode):
         self._loop = MessageLoop(
             self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state,
             in_thread=self._settings.values['state_thread'])
+        self._path.count_publishers = self._loop.publisher_count
         if self._settings.values['autostart']:
             self._start()
         self._loop.start()
@@ -206,6 +208,9 @@ class DynamicsNode(LifecycleNode):
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = None
         self._xml = ''
+        if self._descriptions is not None:
+            self.destroy_subscription(self._descriptions)
+            self._descriptions = None
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -315,7 +320,7 @@ class DynamicsNode(LifecycleNode):
         counters = self._path.counters
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
-            self._report.status(),
+            *self._report.statuses(),
             Status(
                 'reference', WARN if self._refusal else OK,
                 'following' if counters.following else 'none',
@@ -328,39 +333,6 @@ class DynamicsNode(LifecycleNode):
                 {'command': self._settings.values['command']}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
-
-
-class StateReport:
-    """Tells whether joint states arrive, at which rate, and why any were dropped."""
-
-    def __init__(self, counters: ControlCounters) -> None:
-        self._counters = counters
-        self._last = (time.monotonic(), 0)
-        self._rate = 0.0
-        self._dropped_before = 0
-
-    def status(self) -> Status:
-        """Return the status now; the rate is that of the last second or so."""
-        counters = self._counters
-        then, states = self._last
-        now = time.monotonic()
-        # A copy, made in one go: the control path counts in a thread of its own.
-        counts = dict(counters.dropped)
-        if now - then >= 1.0:
-            self._rate = (counters.states - states) / (now - then)
-            self._last = (now, counters.states)
-        dropped = sum(counts.values()) - counts.get('other joints', 0)
-        fresh_drops = dropped > self._dropped_before
-        self._dropped_before = dropped
-        level, words = OK, 'arriving'
-        if fresh_drops:
-            level, words = ERROR, counters.last_drop
-        elif self._rate == 0.0:
-            level, words = WARN, 'none arrive'
-        drops = {f'dropped: {reason}': count for reason, count in counts.items()}
-        return Status(
-            'joint states', level, words,
-            {'answered': counters.states, 'rate [Hz]': f'{self._rate:.1f}', **drops})
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:

@@ -85,6 +85,10 @@ class MessageLoop:
             self._wake.trigger()
             self._thread.join()
 
+    def publisher_count(self) -> int:
+        """Return how many publishers this subscription hears."""
+        return int(self._subscription.get_publisher_count())
+
     def _run(self) -> None:
         subscription, wake = self._subscription.handle, self._wake.handle
         wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, self._context.handle)

@@ -12,22 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The `main` of a node: start, spin, and leave in order.
+"""The `main` of a node: start, spin, and leave in order, whatever arrives in between."""
 
-rclpy's own signal handlers shut the context down at once, after which a node cannot publish a
-last effort. Here a signal is written to a pipe, as Python does even while its main thread waits in
-C, and a thread that reads the pipe asks the spinning one to end. rclpy also ends its spin at
-whatever a callback raises, and at some requests that it cannot read itself; here that is logged,
-and the node goes on.
-"""
-
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-import os
-import signal
+from collections.abc import Callable, Sequence
 import sys
-import threading
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -35,13 +23,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
-
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
-def reason_of(error: Exception) -> str:
-    """Return what is wrong in words; of an error that nobody foresaw, its type too."""
-    return str(error) if isinstance(error, RobotDynamicsError) else f'internal error: {error!r}'
+from robot_dynamics.ros.end_request import EndRequest
 
 
 def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
@@ -50,60 +32,38 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 
     A node that cannot start says why in one line and gives status 1.
     """
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
-        print(f'robot_dynamics: {error}', file=sys.stderr)
-        return 1
-    node = None
-    executor = SingleThreadedExecutor()
-    try:
-        with _told_to_end(executor) as end:
+    with EndRequest() as end:
+        try:
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
+            print(f'robot_dynamics: {error}', file=sys.stderr)
+            return 1
+        node = None
+        executor = SingleThreadedExecutor()
+        try:
             node = make_node()
             executor.add_node(node)
+            # An executor that is merely woken waits on; for a guard condition it returns.
+            end.tell(node.create_guard_condition(lambda: None).trigger)
             _spin(executor, node, end)
-    except RobotDynamicsError as error:
-        print(f'robot_dynamics: {error}', file=sys.stderr)
-        return 1
-    finally:
-        if node is not None:
-            node.destroy_node()
-        if executor is not None:  # left to the garbage collector, it may meet its parts destroyed
-            executor.shutdown()
-        rclpy.try_shutdown()
+        except RobotDynamicsError as error:
+            print(f'robot_dynamics: {error}', file=sys.stderr)
+            return 1
+        finally:
+            end.tell(lambda: None)
+            if node is not None:
+                node.destroy_node()
+            executor.shutdown()  # left to the garbage collector, it may meet its parts destroyed
+            rclpy.try_shutdown()
     return 0
 
 
-def _spin(executor: SingleThreadedExecutor, node: Node, end: threading.Event) -> None:
-    while not end.is_set() and node.context.ok():
+def _spin(executor: SingleThreadedExecutor, node: Node, end: EndRequest) -> None:
+    while not end.is_made and node.context.ok():
         try:
             executor.spin_once()
         except ExternalShutdownException:
             return
-        except Exception as error:  # whatever arrives, the node goes on
+        except Exception as error:  # raised by rclpy itself, over what it cannot read
             if node.context.ok():
                 node.get_logger().error(f'A callback failed: {error!r}')
-
-
-@contextmanager
-def _told_to_end(executor: SingleThreadedExecutor) -> Iterator[threading.Event]:
-    """Give an event that is set, and the executor woken, at a signal to end."""
-    end = threading.Event()
-    reading, writing = os.pipe()
-    os.set_blocking(writing, False)
-
-    def wait() -> None:
-        os.read(reading, 1)
-        end.set()
-        executor.wake()
-
-    for end_signal in END_SIGNALS:
-        signal.signal(end_signal, lambda *_: None)
-    signal.set_wakeup_fd(writing)
-    waiter = threading.Thread(target=wait, name='signals', daemon=True)
-    waiter.start()
-    try:
-        yield end
-    finally:  # signals are still taken, and do nothing: a last effort may be on its way
-        os.write(writing, b'.')
-        waiter.join()

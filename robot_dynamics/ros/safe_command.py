@@ -152,8 +152,9 @@ class SafeCommand:
 
     def answer(
         self, stamp: Time, q: FloatArray, v: FloatArray | None, output: ControlOutput,
+        dt: float | None,
     ) -> FloatArray | None:
-        """Publish the effort that answers a state, if any goes out; return it."""
+        """Publish the effort that answers a state dt [s] after the last; return it, if any."""
         if output.command is None:
             return None
         with self._changed:
@@ -161,7 +162,7 @@ class SafeCommand:
                 return None
             self._stamp = stamp
             effort = self._supervisor.answer(
-                time.monotonic(), q, v, output.command, output.hold)
+                time.monotonic(), q, v, output.command, output.hold, dt)
             self._count(output)
             self._publish(effort)
             self._look_for_faults()
@@ -174,12 +175,6 @@ class SafeCommand:
             self._stamp = stamp
             self._publish(effort)
             return effort
-
-    def restart(self) -> None:
-        """Begin anew, from what holds the arm, with the next effort."""
-        with self._changed:
-            if self._supervisor is not None:
-                self._supervisor.restart()
 
     def fail(self, fault: Fault) -> None:
         """Begin the fault action."""

@@ -20,11 +20,11 @@ import threading
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rclpy.node import Node
 from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
+from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
@@ -35,7 +35,7 @@ from robot_dynamics.ros.robot_description import (
     FRICTION_SPECS,
     semantics_from_parameters,
 )
-from robot_dynamics.ros.running import reason_of, run_node
+from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
 from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics_interfaces.srv import SetPayload
@@ -98,7 +98,7 @@ SPECS = (
 )
 
 
-class SimulatedArmNode(Node):
+class SimulatedArmNode(GuardedCallbacks):
     """Wires parameters, topics and services to the simulation; computes nothing itself."""
 
     def __init__(self) -> None:

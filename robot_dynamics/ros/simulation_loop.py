@@ -35,9 +35,9 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
-from robot_dynamics.ros.running import reason_of
 from robot_dynamics.simulation import ArmSimulation, ArmState
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock

@@ -1,0 +1,80 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How regularly something happens: rate, jitter and late events of the last window."""
+
+import math
+from typing import NamedTuple
+
+LATE = 1.5
+"""An interval longer than so many usual ones is late."""
+
+
+class Timing(NamedTuple):
+    """
+    What a window of intervals between events showed.
+
+    `rate` [Hz]; `jitter` [s], the standard deviation of the intervals; `longest` [s].
+    """
+
+    rate: float = 0.0
+    jitter: float = 0.0
+    longest: float = 0.0
+
+
+class EventTiming:
+    """
+    Takes note of events, and sums up windows of at least `window` [s]; times of a steady clock.
+
+    One thread may call `happened` while another calls `look`.
+    """
+
+    def __init__(self, now: float, window: float = 1.0) -> None:
+        self._window, self._began = window, now
+        self._last: float | None = None
+        self._usual = math.inf
+        self._count, self._sum, self._squares, self._longest = 0, 0.0, 0.0, 0.0
+        self.late = 0
+        """Events later than 1.5 times the mean interval of the window before."""
+        self.timing = Timing()
+        """The last window that is over."""
+
+    def happened(self, now: float) -> None:
+        """Take note of an event."""
+        if self._last is not None:
+            interval = now - self._last
+            self._count += 1
+            self._sum += interval
+            self._squares += interval * interval
+            self._longest = max(self._longest, interval)
+            self.late += interval > LATE * self._usual
+        self._last = now
+
+    def look(self, now: float) -> Timing:
+        """Return the last window that is over, which may be up to now."""
+        if now - self._began >= self._window:
+            self._sum_up(now)
+        return self.timing
+
+    def _sum_up(self, now: float) -> None:
+        n, passed = self._count, now - self._began
+        if n == 0:
+            self.timing, self._usual = Timing(), math.inf
+        else:
+            mean = self._sum / n
+            variance = max(self._squares / n - mean * mean, 0.0)
+            self.timing = Timing(n / passed, math.sqrt(variance), self._longest)
+            self._usual = mean
+        self._count, self._sum, self._squares, self._longest = 0, 0.0, 0.0, 0.0
+        self._began = now

@@ -1,0 +1,63 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `dynamics` says of its joint states on /diagnostics: why some were dropped, and timing."""
+
+import time
+
+from robot_dynamics.ros.control_path import ControlCounters
+from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+
+
+class StateReport:
+    """Tells whether joint states arrive, how regularly, and why any were dropped."""
+
+    def __init__(self, counters: ControlCounters) -> None:
+        self._counters = counters
+        self._dropped_before = 0
+        self._dropped_at = -float('inf')
+        self._late_before = 0
+
+    def statuses(self) -> list[Status]:
+        """Return the statuses now; a drop is told of for a second."""
+        now = time.monotonic()
+        timing = self._counters.timing.look(now)
+        return [self._arrival(now, timing.rate), self._timing()]
+
+    def _arrival(self, now: float, rate: float) -> Status:
+        counters = self._counters
+        # Copies, made in one go: the control path counts in a thread of its own.
+        drops, restarts = dict(counters.dropped), dict(counters.restarts)
+        dropped = sum(drops.values()) - drops.get('other joints', 0)
+        if dropped > self._dropped_before:
+            self._dropped_before, self._dropped_at = dropped, now
+        level, words = OK, 'arriving'
+        if now - self._dropped_at < 1.0:
+            level, words = ERROR, counters.last_drop
+        elif rate == 0.0:
+            level, words = WARN, 'none arrive'
+        return Status('joint states', level, words, {
+            'answered': counters.states,
+            'not new (stamp repeated)': counters.repeated,
+            **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
+            **{f'started anew: {reason}': count for reason, count in sorted(restarts.items())}})
+
+    def _timing(self) -> Status:
+        timing, late = self._counters.timing.timing, self._counters.timing.late
+        fresh, self._late_before = late - self._late_before, late
+        return Status('timing', WARN if fresh else OK, 'late states' if fresh else 'regular', {
+            'rate [Hz]': f'{timing.rate:.1f}',
+            'jitter, standard deviation [ms]': f'{1e3 * timing.jitter:.3f}',
+            'longest interval [ms]': f'{1e3 * timing.longest:.3f}',
+            'late states': late})

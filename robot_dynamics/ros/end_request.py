@@ -1,0 +1,73 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A process that is asked to end, by Ctrl-C or SIGTERM, and ends in its own time.
+
+rclpy's own signal handlers shut the context down at once, after which a node cannot publish a
+last effort. Python runs its handlers in the main thread alone, which may be waiting in C. But it
+writes each signal to a wake-up pipe wherever it arrives: a thread reads that pipe.
+"""
+
+from collections.abc import Callable
+import os
+import signal
+import threading
+
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class EndRequest:
+    """Whether this process was asked to end; for use in a `with` statement, in the main thread."""
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+        self._lock = threading.Lock()
+        self._tell: Callable[[], object] | None = None
+        self._reading, self._writing = os.pipe()
+        os.set_blocking(self._writing, False)
+        self._waiter = threading.Thread(target=self._wait, name='signals', daemon=True)
+
+    @property
+    def is_made(self) -> bool:
+        """Tell whether the process was asked."""
+        return self._asked.is_set()
+
+    def tell(self, callback: Callable[[], object]) -> None:
+        """Call this once when asked, in another thread; at once where that was before."""
+        with self._lock:
+            self._tell = callback
+            if self.is_made:
+                callback()
+
+    def _wait(self) -> None:
+        os.read(self._reading, 1)
+        with self._lock:
+            self._asked.set()
+            if self._tell is not None:
+                self._tell()
+
+    def __enter__(self) -> 'EndRequest':
+        for end_signal in END_SIGNALS:
+            signal.signal(end_signal, lambda *_: None)
+        signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
+        self._waiter.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Listen no longer; signals are still taken, so that a last effort can be on its way."""
+        with self._lock:
+            self._tell = None
+        os.write(self._writing, b'.')
+        self._waiter.join()

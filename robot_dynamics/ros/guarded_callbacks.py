@@ -1,0 +1,107 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Callbacks that cannot end a node.
+
+rclpy ends its spin at whatever a callback raises, at a service that answers None, and at a
+parameter of a type that it does not know. Here an error is logged instead, and a service answers
+with what failed.
+"""
+
+from collections.abc import Callable
+import functools
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.node import Node
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+
+
+def reason_of(error: Exception) -> str:
+    """Return what is wrong in words; of an error that nobody foresaw, its type too."""
+    return str(error) if isinstance(error, RobotDynamicsError) else f'internal error: {error!r}'
+
+
+class GuardedCallbacks(Node):
+    """
+    A base before `Node` or a subclass of it, for callbacks of topics, timers and services.
+
+    Services of rclpy itself, as those of parameters, are created through it too.
+    """
+
+    callback_errors = 0
+    """Callbacks that failed with an error that nobody foresaw."""
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **more: Any,
+    ) -> Any:
+        """Create a subscription whose callback cannot end the node."""
+        return super().create_subscription(
+            msg_type, topic, self._guarded(callback, topic), *args, **more)
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Callable[..., None], *args: Any, **more: Any,
+    ) -> Any:
+        """Create a timer whose callback cannot end the node."""
+        return super().create_timer(
+            timer_period_sec, self._guarded(callback, 'a timer'), *args, **more)
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,
+    ) -> Any:
+        """Create a service that answers with what failed where its callback fails."""
+        @functools.wraps(callback)
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                answered = callback(request, response)
+                if not isinstance(answered, srv_type.Response):
+                    raise TypeError(f'the service {srv_name} answered {answered!r}')
+                return answered
+            except Exception as error:
+                self._failed(srv_name, error)
+                return _refusal(request, srv_type.Response(), reason_of(error))
+
+        return super().create_service(srv_type, srv_name, answer, *args, **more)
+
+    def _guarded(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
+        @functools.wraps(callback)
+        def call(*args: Any) -> None:
+            try:
+                callback(*args)
+            except Exception as error:
+                self._failed(what, error)
+
+        return call
+
+    def _failed(self, what: str, error: Exception) -> None:
+        self.callback_errors += 1
+        if self.context.ok():
+            self.get_logger().error(
+                f'The callback of {what} failed: {reason_of(error)}',
+                throttle_duration_sec=LOG_PERIOD)
+
+
+def _refusal(request: Any, response: Any, reason: str) -> Any:
+    """Say in a response what failed, wherever its type has a place for that."""
+    refused = SetParametersResult(successful=False, reason=reason)
+    if isinstance(request, SetParameters.Request):
+        response.results = [refused] * len(request.parameters)
+    elif isinstance(request, SetParametersAtomically.Request):
+        response.result = refused
+    elif hasattr(response, 'message'):
+        response.success, response.message = False, reason
+    return response

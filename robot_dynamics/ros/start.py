@@ -1,0 +1,47 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The entry points of the executables.
+
+Importing numpy, Pinocchio and rclpy takes a good part of a second. An interrupt in that time ends
+the process with status 0 and without a traceback, as it does later.
+"""
+
+import importlib
+import os
+import signal
+import sys
+
+
+def dynamics_node() -> int:
+    """Run the node `dynamics`."""
+    return _run('dynamics_node')
+
+
+def simulated_arm() -> int:
+    """Run the node `simulated_arm`."""
+    return _run('simulated_arm_node')
+
+
+def _run(module: str) -> int:
+    for end_signal in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(end_signal, _leave)
+    return int(importlib.import_module(f'robot_dynamics.ros.{module}').main())
+
+
+def _leave(*_: object) -> None:
+    """End at once: nothing has been started yet."""
+    sys.stdout.flush()
+    os._exit(0)
