@@ -103,6 +103,11 @@ class CommandSupervisor:
             self.mode = Mode.FAULT if latched else Mode.WAITING
             self._from = None
 
+    def go_on_from(self, other: 'CommandSupervisor') -> None:
+        """Let no command jump where another model of the same joints takes over."""
+        if other._names == self._names:
+            self._guard.last, self._last_output = other._guard.last, other._last_output
+
     def deactivate(self, now: float) -> None:
         """Ramp the effort out over the ramp time, then be inactive."""
         if self._guard.last is None:
@@ -166,6 +171,11 @@ class CommandSupervisor:
                 'state_timeout', f'no valid joint state for {self.options.state_timeout:g} s '
                 '(state_timeout)'))
         return self._action(now)
+
+    @property
+    def is_commanding(self) -> bool:
+        """Tell whether efforts go out, in answer to states or alone."""
+        return self.mode is Mode.RUNNING or self.acts_alone
 
     @property
     def acts_alone(self) -> bool:

@@ -33,7 +33,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 SAME_CLOCK = 3600.0
 """[s] within which the first stamp is taken to be of the clock of this computer."""
-LONGEST_GAP = 10.0
+LONGEST_GAP = 30.0
 """[s] between two states after which nothing is known any more."""
 PLAY = 0.05
 """[rad] or [m] that a joint may move between two states, whatever its speed."""

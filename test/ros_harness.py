@@ -82,10 +82,13 @@ class NodeProcess:
         """
         `ready` is a pattern of the log to wait for at the start; None does not wait.
 
-        A `patient` dynamics node takes no fault from a test that is slow to send states.
+        A `patient` dynamics node takes no fault from a test that is slow to send states, and
+        lets efforts change at any rate.
         """
         if patient and module == DYNAMICS:
-            parameters = {'state_timeout': 10.0, 'ramp_time': 0.05, **(parameters or {})}
+            parameters = {
+                'state_timeout': 10.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
+                **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:

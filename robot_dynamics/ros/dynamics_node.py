@@ -143,7 +143,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
-        self._xml = ''
+        self._xml = self._waiting_xml = ''
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
@@ -207,7 +207,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = None
-        self._xml = ''
+        self._xml = self._waiting_xml = ''
         if self._descriptions is not None:
             self.destroy_subscription(self._descriptions)
             self._descriptions = None
@@ -247,16 +247,24 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 String, 'robot_description', self._on_description, LATCHED)
 
     def _on_description(self, message: String) -> None:
+        self._waiting_xml = ''
         if message.data == self._xml:
             return
         try:
             if self._path.command.is_commanding and self._xml != embedded_description():
-                raise InvalidInputError(
-                    'a new robot_description arrived while efforts go out by the one in use, '
-                    'expected it while the node is inactive (~/change_state)')
-            self._use_model(message.data)
-        except Exception as error:  # rclpy ends its spin at anything that is raised here
+                arm_from_parameters(message.data, self._settings.values)
+                self._waiting_xml = message.data
+                self.get_logger().error(
+                    'Kept the model in use, as efforts go out by it: the new robot_description '
+                    'is taken once they have ended (no joint states, or ~/change_state).')
+            else:
+                self._use_model(message.data)
+        except Exception as error:
             self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
+
+    def _take_waiting_description(self) -> None:
+        if self._waiting_xml and not self._path.command.is_commanding:
+            self._on_description(String(data=self._waiting_xml))
 
     def _use_model(self, xml: str) -> None:
         values = self._settings.values
@@ -317,6 +325,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     # ------------------------------------------------------------------ diagnostics
 
     def _statuses(self) -> list[Status]:
+        self._take_waiting_description()
         counters = self._path.counters
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
@@ -330,7 +339,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._path.command.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
-                {'command': self._settings.values['command']}),
+                {'command': self._settings.values['command'],
+                 'a new one waits': bool(self._waiting_xml)}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 

@@ -78,12 +78,15 @@ class SafeCommand:
     # ------------------------------------------------------------------ what it serves
 
     def use(self, arm: ArmModel, limits: GuardLimits, options: SafetyOptions) -> None:
-        """Serve this arm from now on, from a first effort that holds it."""
+        """Serve this arm from now on, from a first effort that holds it, or the last one."""
         with self._changed:
+            old = self._supervisor
             self._supervisor = CommandSupervisor(arm.joint_names, limits, options)
             self._names, self._faults_seen = list(arm.joint_names), 0
             if self._is_active:
                 self._supervisor.activate()
+                if old is not None:
+                    self._supervisor.go_on_from(old)
             self._changed.notify()
 
     def forget(self) -> None:
@@ -102,8 +105,7 @@ class SafeCommand:
     def is_commanding(self) -> bool:
         """Tell whether efforts go out."""
         with self._changed:
-            return self._supervisor is not None and self._supervisor.mode in (
-                Mode.RUNNING, Mode.STOPPING, Mode.FAULT)
+            return self._supervisor is not None and self._supervisor.is_commanding
 
     def has_listeners(self) -> bool:
         """Tell whether anybody gets the command."""
