@@ -18,13 +18,15 @@ What all tests share: a domain of their own for everything that speaks ROS, and 
 Modules that import anything of ROS are skipped, with the reason in words, where there is none.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from importlib.util import find_spec
+import json
 import os
 from pathlib import Path
 import re
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
+from fault_table import Row, row_of, seen_words, write_page
 import pytest
 from robots import must_have_everything
 
@@ -41,8 +43,8 @@ os.environ.setdefault(
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|stick_slip|rclpy|robot_dynamics_interfaces|robot_dynamics\.ros|'
-    r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
+    r'^(from|import) (ros_harness|stick_slip|fault_bench|rclpy|robot_dynamics_interfaces|'
+    r'robot_dynamics\.ros|builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 
 def absent_for_ros() -> list[str]:
@@ -70,6 +72,56 @@ def pytest_pycollect_makemodule(
         return None
     module: ModuleWithoutRos = ModuleWithoutRos.from_parent(parent, path=module_path)
     return module
+
+
+ROWS: pytest.StashKey[dict[str, Row]] = pytest.StashKey()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        '--write-fault-table', action='store_true',
+        help='write the table of docs/safety.md from what the tests of faults showed')
+    parser.addoption(
+        '--list-faults', metavar='FILE', help='write the faults that are collected, as JSON')
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[ROWS] = {}
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    rows = session.config.stash[ROWS]
+    for item in session.items:
+        row = row_of(item)
+        if row is not None:
+            rows[item.nodeid] = row
+    file = session.config.getoption('--list-faults')
+    if file:
+        Path(file).write_text(
+            json.dumps([[row.group, row.injected, row.expected] for row in rows.values()]),
+            encoding='utf-8')
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None],
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    row, words = item.config.stash[ROWS].get(item.nodeid), seen_words(report)
+    if row is not None and words is not None and not row.seen.startswith('**'):
+        row.seen = words
+    return report
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if session.config.getoption('--write-fault-table') and not session.config.option.collectonly:
+        write_page(list(session.config.stash[ROWS].values()))
+
+
+@pytest.fixture
+def seen(record_property: Any) -> Any:
+    """Return a function that adds words to what the table of faults says was seen."""
+    return lambda words: record_property('seen', words)
 
 
 @pytest.fixture(scope='module')

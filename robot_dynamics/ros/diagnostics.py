@@ -48,13 +48,21 @@ class Diagnostics:
         self._levels: dict[str, bytes] = {}
         self._looks = 0
         node.create_timer(LOOK_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.look_now = node.create_guard_condition(self._report_changes).trigger
+        """Call it from any thread, for a level that changed not to wait for the next look."""
 
     def _tick(self) -> None:
-        statuses = self._look()
-        levels = {status.name: status.level for status in statuses}
         due = self._looks % round(PERIOD / LOOK_PERIOD) == 0
         self._looks += 1
-        if not due and levels == self._levels:
+        self._report(even_unchanged=due)
+
+    def _report_changes(self) -> None:
+        self._report(even_unchanged=False)
+
+    def _report(self, even_unchanged: bool) -> None:
+        statuses = self._look()
+        levels = {status.name: status.level for status in statuses}
+        if not even_unchanged and levels == self._levels:
             return
         self._levels = levels
         message = DiagnosticArray(status=[self._to_ros(status) for status in statuses])

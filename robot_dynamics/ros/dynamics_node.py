@@ -154,7 +154,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self.create_subscription(JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10)
         self._report = StateReport(self._path.counters)
-        Diagnostics(self, self._statuses)
+        self._path.command.when_changed = Diagnostics(self, self._statuses).look_now
         self._loop = MessageLoop(
             self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state,
             in_thread=self._settings.values['state_thread'])

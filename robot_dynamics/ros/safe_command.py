@@ -22,13 +22,15 @@ matter; then, and while an effort ramps out, it publishes the efforts that no st
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+import math
 import threading
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.command_supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.controller import ControlOutput
@@ -42,6 +44,8 @@ from std_msgs.msg import Float64MultiArray
 
 ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
+TELL_FOR = 1.0
+"""[s] that the diagnostics tell of an effort that a limit held back."""
 IDLE = 1.0
 """[s] between two looks where nothing can be overdue."""
 
@@ -51,9 +55,10 @@ class CommandCounters:
     """What became of the command since the start; read by the diagnostics."""
 
     published: int = 0
-    clamped: int = 0
     limited: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
+    incompatible: Counter[str] = field(default_factory=Counter)
+    limited_at: float = -math.inf
 
 
 class SafeCommand:
@@ -62,18 +67,33 @@ class SafeCommand:
     def __init__(self, node: Node, qos: QoSProfile, when_faulty: Callable[[], None]) -> None:
         """`when_faulty` is called when a fault begins, to forget the reference."""
         self._node, self._when_faulty = node, when_faulty
-        self._command = node.create_publisher(JointState, 'effort_command', qos)
-        self._commands = node.create_publisher(Float64MultiArray, '~/commands', qos)
+        self.counters = CommandCounters()
+        self._command = self._publisher(JointState, 'effort_command', qos)
+        self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._changed = threading.Condition(threading.RLock())
         self._supervisor: CommandSupervisor | None = None
         self._names: list[str] = []
         self._stamp = Time()
         self._is_active = self._ends = False
+        self.when_changed: Callable[[], object] = lambda: None
+        """Called when a fault begins or is over, in the thread that met it; must return soon."""
         self._faults_seen = 0
         self._mode_seen = Mode.INACTIVE
-        self.counters = CommandCounters()
         self._thread = threading.Thread(target=self._watch, name='command watch', daemon=True)
         self._thread.start()
+
+    def _publisher(self, message_type: type, topic: str, qos: QoSProfile) -> Any:
+        def tell(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            self.counters.incompatible[topic] = event.total_count
+            self._node.get_logger().warning(
+                f'A subscriber of {topic} gets nothing, as it asks for another {policy} than '
+                'offered: reliable or best effort, volatile, no deadline.')
+            self.when_changed()
+
+        return self._node.create_publisher(
+            message_type, topic, qos, event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=tell))
 
     # ------------------------------------------------------------------ what it serves
 
@@ -190,14 +210,16 @@ class SafeCommand:
         supervisor = self._supervisor
         if supervisor is None or supervisor.mode is not Mode.RUNNING:
             return
-        self.counters.clamped += bool(output.clamped.any())
+        limits = [('effort limit', output.clamped)]
         guarded = supervisor.guarded
         if guarded is not None:
-            for name, joints in (('position limit', guarded.by_position),
-                                 ('velocity limit', guarded.by_velocity),
-                                 ('effort rate', guarded.by_rate)):
-                if joints.any():
-                    self.counters.limited[name] += 1
+            limits += [('position limit', guarded.by_position),
+                       ('velocity limit', guarded.by_velocity),
+                       ('effort rate', guarded.by_rate)]
+        for name, joints in limits:
+            if joints.any():
+                self.counters.limited[name] += 1
+                self.counters.limited_at = time.monotonic()
 
     def _publish(self, effort: FloatArray | None) -> None:
         if effort is None or not self._node.context.ok():
@@ -251,7 +273,9 @@ class SafeCommand:
             self._node.get_logger().info(
                 'Joint states are good again: commanding gravity compensation until a reference '
                 'arrives.', throttle_duration_sec=LOG_PERIOD)
-        self._mode_seen = supervisor.mode
+        if self._mode_seen is not supervisor.mode:
+            self._mode_seen = supervisor.mode
+            self.when_changed()
 
     def status(self) -> Status:
         """Return the state of the command for the diagnostics."""
@@ -261,12 +285,19 @@ class SafeCommand:
             if supervisor is not None:
                 level = {Mode.FAULT: ERROR, Mode.RUNNING: OK}.get(supervisor.mode, WARN)
                 words = supervisor.mode.value
+                if supervisor.mode is Mode.RUNNING and (
+                        time.monotonic() - counters.limited_at < TELL_FOR):
+                    level, words = WARN, 'held back by a limit'
                 if supervisor.mode is Mode.FAULT and supervisor.fault is not None:
                     words = f'fault {supervisor.fault.name}: {supervisor.fault.words}'
                     if supervisor.fault.latched:
                         words += '; waits for ~/reset_fault'
             figures: dict[str, Any] = {
-                'published': counters.published, 'clamped': counters.clamped,
+                'published': counters.published,
                 **{f'held back by {name}': n for name, n in sorted(counters.limited.items())},
-                **{f'faults: {name}': n for name, n in sorted(counters.faults.items())}}
+                **{f'faults: {name}': n for name, n in sorted(counters.faults.items())},
+                **{f'incompatible subscribers of {topic}': n
+                   for topic, n in sorted(counters.incompatible.items())}}
+            if level == OK and counters.incompatible:
+                level, words = WARN, 'a subscriber asks for a QoS that is not offered'
             return Status('command', level, words, figures)

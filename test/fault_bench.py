@@ -1,0 +1,269 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A running `dynamics` node, a driver that streams joint states to it, and ears for what it says.
+
+The driver publishes from a thread, or from a process of its own where that is to be stopped or
+killed. Faults are waited for on /diagnostics, where each is told at once.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import math
+import threading
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    KEEP_MANY,
+    NodeProcess,
+    RosClient,
+    TIMEOUT,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+Q, V = [np.pi / 4, np.pi / 6], [0.0, 0.0]
+G = [-49.52282521, -11.37087883]
+"""g(q) at `Q` [N m]: what holds the default arm."""
+
+QUICK = {'state_timeout': 0.3, 'hold_time': 0.3, 'ramp_time': 0.1}
+"""A timeout that a busy machine keeps, and a fault action that is soon over."""
+NANOSECONDS = 1_000_000_000
+
+Change = Callable[[JointState], JointState | None]
+
+
+def stamp_of(nanoseconds: int) -> Time:
+    """Return a time as ROS has it."""
+    return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def nanoseconds_of(stamp: Time) -> int:
+    """Return a time of ROS in [ns]."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+class Driver:
+    """Streams joint states of an arm at rest with stamps of now, as a robot's driver does."""
+
+    def __init__(
+        self, client: RosClient, topic: str, names: Sequence[str] = NAMES,
+        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0,
+    ) -> None:
+        self.publisher = client.publisher(JointState, topic, 1)
+        self.names, self.q, self.v, self.period = list(names), list(q), list(v), 1.0 / rate
+        self.change: Change = lambda message: message
+        """Applied to each message before it goes out; None sends nothing."""
+        self.sent = 0
+        self._quiet, self._ends = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def message(self) -> JointState:
+        """Return the state as it is now."""
+        message = JointState(name=self.names, position=self.q, velocity=self.v)
+        message.header.stamp = stamp_of(time.time_ns())
+        return message
+
+    def start(self) -> 'Driver':
+        """Begin to stream."""
+        self._thread.start()
+        return self
+
+    def be_quiet(self) -> None:
+        """Send nothing for now."""
+        self._quiet.set()
+
+    def go_on(self) -> None:
+        """Send states as they should be."""
+        self.change = lambda message: message
+        self._quiet.clear()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ends.set()
+        self._thread.join(TIMEOUT)
+
+    def _run(self) -> None:
+        while not self._ends.wait(self.period):
+            message = None if self._quiet.is_set() else self.change(self.message())
+            if message is not None:
+                self.publisher.publish(message)
+                self.sent += 1
+
+
+class TimedCollector(Collector):
+    """Keeps the messages of a topic together with the times of a steady clock at their arrival."""
+
+    def __init__(self, *args: Any) -> None:
+        self.times: list[float] = []
+        super().__init__(*args)
+
+    def _keep(self, message: Any) -> None:
+        with self._news:
+            self.times.append(time.monotonic())
+            self._messages.append(message)
+            self._news.notify_all()
+
+    def clear(self) -> None:
+        """Forget what has arrived."""
+        with self._news:
+            self._messages.clear()
+            self.times.clear()
+
+    def since(self, moment: float) -> list[tuple[float, Any]]:
+        """Return what arrived after a moment, with the times."""
+        with self._news:
+            return [(t, m) for t, m in zip(self.times, self._messages) if t > moment]
+
+
+class FaultBench:
+    """A `dynamics` node with real safety, and all that a test of faults needs beside it."""
+
+    def __init__(
+        self, client: RosClient, node: NodeProcess, namespace: str, **driver: Any,
+    ) -> None:
+        self.client, self.node, self.namespace = client, node, namespace
+        self.driver = Driver(client, f'{namespace}/joint_states', **driver)
+        self.efforts = TimedCollector(
+            client.node, JointState, f'{namespace}/effort_command', KEEP_MANY)
+        self.efforts.wait_matched()
+        self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
+        self._diagnostics.wait_matched()
+        self.trajectories = client.publisher(
+            JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+
+    def name(self, name: str) -> str:
+        """Return the full name of a topic or service of the node."""
+        return f'{self.namespace}/dynamics/{name}'
+
+    # ------------------------------------------------------------------ what it says
+
+    def status(self, check: str) -> DiagnosticStatus | None:
+        """Return the newest status of a check, None where there is none yet."""
+        for message in reversed(self._diagnostics.messages):
+            for status in message.status:
+                if status.name == f'dynamics: {check}':
+                    return status
+        return None
+
+    def wait_status(
+        self, check: str, predicate: Callable[[DiagnosticStatus], bool], timeout: float = TIMEOUT,
+    ) -> DiagnosticStatus:
+        """Return the first status of a check, from the newest one on, that fulfils this."""
+        newest = self.status(check)
+        if newest is not None and predicate(newest):
+            return newest
+        self._diagnostics.clear()
+        found: list[DiagnosticStatus] = []
+
+        def look(message: Any) -> bool:
+            found[:] = [status for status in message.status
+                        if status.name == f'dynamics: {check}' and predicate(status)]
+            return bool(found)
+
+        self._diagnostics.wait_for(look, timeout)
+        return found[0]
+
+    def figure(self, check: str, key: str) -> int:
+        """Return a figure of a check in the next report; 0 where it is not named."""
+        self._diagnostics.clear()
+        status = self.wait_status(check, lambda _: True)
+        return next((int(value.value) for value in status.values if value.key == key), 0)
+
+    def wait_fault(self, name: str) -> DiagnosticStatus:
+        """Wait until the command is in this fault."""
+        return self.wait_status(
+            'command', lambda status: status.level == DiagnosticStatus.ERROR
+            and status.message.startswith(f'fault {name}'))
+
+    def wait_running(self) -> None:
+        """Wait until efforts answer states, not before what is published now."""
+        moment = time.monotonic()
+        self.wait_status('command', lambda status: status.level != DiagnosticStatus.ERROR)
+        wait_until(lambda: bool(self.efforts.since(moment)), 'an effort')
+
+    def wait_dropped(self, reason: str, more_than: int = 0) -> DiagnosticStatus:
+        """Wait until more states than so many were dropped for a reason."""
+        return self.wait_status('joint states', lambda status: any(
+            value.key == f'dropped: {reason}' and int(value.value) > more_than
+            for value in status.values))
+
+    def wait_silent(self) -> None:
+        """Wait until the command has ended: zero efforts, then none."""
+        self.efforts.wait_for(lambda message: not any(message.effort))
+
+    # ------------------------------------------------------------------ what must hold always
+
+    def check_efforts(self) -> None:
+        """Check that every effort is finite, and for all joints."""
+        for message in self.efforts.messages:
+            assert list(message.name) == self.driver.names
+            assert len(message.effort) == len(self.driver.names)
+            assert all(map(math.isfinite, message.effort)), message
+
+    def check_alive(self) -> None:
+        """Check that the node runs, commands what holds the arm, and has raised nothing."""
+        self.driver.go_on()
+        self.wait_running()
+        self.efforts.clear()
+        self.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+        self.check_efforts()
+        assert 'Traceback' not in self.node.log, self.node.log
+        assert 'internal error' not in self.node.log, self.node.log
+
+    # ------------------------------------------------------------------ what to send
+
+    def set_point(self, q: Sequence[float], **more: Any) -> None:
+        """Send one set-point."""
+        self.trajectories.publish(JointTrajectory(
+            joint_names=self.driver.names,
+            points=[JointTrajectoryPoint(positions=list(q), **more)]))
+
+    def close(self) -> None:
+        """Stop the driver and forget the topics."""
+        self.driver.close()
+        self.efforts.close()
+        self._diagnostics.close()
+        self.client.node.destroy_publisher(self.driver.publisher)
+        self.client.node.destroy_publisher(self.trajectories)
+
+
+@contextmanager
+def fault_bench(
+    client: RosClient, namespace: str, parameters: Mapping[str, Any] | None = None,
+    stream: bool = True, **driver: Any,
+) -> Iterator[FaultBench]:
+    """Run a `dynamics` node with real safety, and a driver that streams where `stream`."""
+    with NodeProcess(
+            DYNAMICS, {**QUICK, **(parameters or {})}, namespace=namespace,
+            patient=False) as node:
+        bench = FaultBench(client, node, namespace, **driver)
+        try:
+            if not stream:
+                bench.driver.be_quiet()
+            bench.driver.start()
+            if stream:
+                bench.wait_running()
+            yield bench
+        finally:
+            bench.close()
