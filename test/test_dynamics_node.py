@@ -389,6 +389,6 @@ def test_drops_may_be_counted_while_they_are_reported() -> None:
     thread = threading.Thread(target=drop)
     thread.start()
     while thread.is_alive():
-        report.statuses()
+        report.statuses(0.05)
     thread.join()
-    assert report.statuses()[0].values['dropped: reason 29999'] == 1
+    assert report.statuses(0.05)[0].values['dropped: reason 29999'] == 1
