@@ -26,15 +26,20 @@ from robot_dynamics.command_supervisor import Fault
 from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
 from robot_dynamics.event_timing import EventTiming
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
+from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
+from robot_dynamics.ros.serialized import (
+    effort_template,
+    EffortTemplate,
+    JointStateDecoder,
+    SerializedStamp,
+)
 from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
 from robot_dynamics.trajectory import JointTrajectory
-from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
@@ -62,6 +67,7 @@ class _Served:
     controller: Controller
     reader: JointStateReader
     names: list[str]
+    template: EffortTemplate
     watch: StateWatch
     check: EffortCheck
 
@@ -72,6 +78,7 @@ class ControlPath:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._served: _Served | None = None
+        self._decoder = JointStateDecoder()
         self._stream = SetPointStream()
         self.count_publishers: Callable[[], int] = lambda: 1
         """Tells how many publishers of joint states there are."""
@@ -89,7 +96,7 @@ class ControlPath:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
         self._served = _Served(  # all at once: there is a thread
-            controller, JointStateReader(names), list(names), watch, check)
+            controller, JointStateReader(names), list(names), effort_template(names), watch, check)
 
     def forget(self) -> None:
         """Serve no arm."""
@@ -115,10 +122,10 @@ class ControlPath:
             self._served.controller.forget_reference()
         self._stream.end()
 
-    def on_state(self, message: JointState) -> None:
-        """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
+    def on_state(self, data: bytes) -> None:
+        """Publish the efforts for a serialized state; whatever is wrong drops it alone."""
         try:
-            self._answer(message)
+            self._answer(data)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
         except NonFiniteEffortError as error:
@@ -139,15 +146,20 @@ class ControlPath:
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
-    def _answer(self, message: JointState) -> None:
+    def _answer(self, data: bytes) -> None:
         if self._served is None:
             self.counters.dropped['no model yet'] += 1
             self.counters.last_drop = 'Dropped a joint state: no model yet'
             return
         served = self._served
-        q, v = served.reader.read(message)
+        try:
+            state = self._decoder.decode(data)
+        except Exception as error:  # of rclpy or Python, as the bytes have it
+            raise InvalidInputError(
+                f'a message of {len(data)} bytes cannot be read: {error!r}') from error
+        q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
-            stamp_from_ros(message.header.stamp), time.time_ns(), q, v, self._is_crowded)
+            state.stamp.nanoseconds, time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
@@ -162,33 +174,26 @@ class ControlPath:
         output = served.controller.update(judgement.stamp, q, v, with_terms)
         if judgement.is_news:
             self.counters.timing.happened(time.monotonic())
-            command = self.command.answer(message.header.stamp, q, v, output, judgement.dt)
+            command = self.command.answer(state.stamp, q, v, output, judgement.dt)
         else:
             self.counters.repeated += 1
-            command = self.command.repeat(message.header.stamp)
-        self._publish(message, served.names, output)
+            command = self.command.repeat(state.stamp)
+        self._publish(state.stamp, served, output)
         self.counters.states += 1
         self.counters.following = output.reference is not None
         if not served.check.done:
             served.check.look(
-                served.reader, message, q, v, output.robot_gravity,
+                served.reader, state, q, v, output.robot_gravity,
                 command if self.command.has_listeners() else None)
 
     def _is_crowded(self) -> bool:
         return self.count_publishers() > 1
 
-    def _publish(self, message: JointState, names: list[str], output: ControlOutput) -> None:
-        self._gravity.publish(_effort_message(message, names, output.gravity_compensation))
+    def _publish(self, stamp: SerializedStamp, served: _Served, output: ControlOutput) -> None:
+        template = served.template
+        self._gravity.publish(template.filled(stamp.data, output.gravity_compensation))
         if output.computed_torque is not None:
-            self._computed_torque.publish(
-                _effort_message(message, names, output.computed_torque))
+            self._computed_torque.publish(template.filled(stamp.data, output.computed_torque))
         if output.terms is not None:
-            self._terms.publish(terms_to_ros(output.terms, names, message.header.stamp))
-
-
-def _effort_message(state: JointState, names: list[str], effort: FloatArray) -> JointState:
-    message = JointState()
-    message.header.stamp = state.header.stamp
-    message.name = names
-    message.effort = floats_to_ros(effort)
-    return message
+            self._terms.publish(
+                terms_to_ros(output.terms, served.names, stamp_to_ros(stamp.nanoseconds)))

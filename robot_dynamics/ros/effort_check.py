@@ -20,11 +20,10 @@ from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.gravity_check import GravityCheck, NO_EFFORT, STILL
 from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
-from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.serialized import SensedState
 from robot_dynamics.validation import FloatArray
-from sensor_msgs.msg import JointState
 
 NAME = 'effort check'
 
@@ -53,7 +52,7 @@ class EffortCheck:
             self._finish(f"{NO_EFFORT} (measured_effort is 'none')")
 
     def look(
-        self, reader: JointStateReader, message: JointState, q: FloatArray,
+        self, reader: JointStateReader, message: SensedState, q: FloatArray,
         v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
     ) -> None:
         """
@@ -73,7 +72,7 @@ class EffortCheck:
             return
         try:
             verdict = self._check.add(
-                stamp_from_ros(message.header.stamp), q, v, effort, in_force, gravity)
+                message.stamp.nanoseconds, q, v, effort, in_force, gravity)
         except Exception as error:  # a check may fail, the control path may not
             self._node.get_logger().error(f'The effort check ended: {error!r}')
             self._finish(f'ended: {error!r}')

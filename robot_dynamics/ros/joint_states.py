@@ -17,6 +17,7 @@
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.serialized import SensedState
 from robot_dynamics.validation import check_unique, FloatArray
 from sensor_msgs.msg import JointState
 
@@ -33,7 +34,7 @@ class JointStateReader:
         self._known_names: list[str] | None = None
         self._index: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
-    def read(self, message: JointState) -> tuple[FloatArray, FloatArray | None]:
+    def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """
         Return position (n,) and velocity (n,), the latter None where the message has none.
 
@@ -41,11 +42,11 @@ class JointStateReader:
         are missing, a name stands twice, lengths differ or a value of these joints is not finite.
         """
         q = self._values(message, 'position')
-        return q, self._values(message, 'velocity') if message.velocity else None
+        return q, self._values(message, 'velocity') if len(message.velocity) else None
 
-    def effort(self, message: JointState) -> FloatArray | None:
+    def effort(self, message: JointState | SensedState) -> FloatArray | None:
         """Return the efforts of shape (n,) likewise, NaN where one is not measured."""
-        if not message.effort:
+        if not len(message.effort):
             return None
         return self._values(message, 'effort', finite=False)
 
@@ -63,7 +64,9 @@ class JointStateReader:
         self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
         self._known_names = list(names)
 
-    def _values(self, message: JointState, field: str, finite: bool = True) -> FloatArray:
+    def _values(
+        self, message: JointState | SensedState, field: str, finite: bool = True,
+    ) -> FloatArray:
         if message.name != self._known_names:
             self._learn(message.name)
         values = getattr(message, field)

@@ -60,15 +60,15 @@ class MessageLoop:
 
     def __init__(
         self, node: Node, message_type: type, topic: str, qos: QoSProfile,
-        callback: Callable[[Any], None], in_thread: bool = True,
+        callback: Callable[[bytes], None], in_thread: bool = True,
     ) -> None:
-        """Subscribe; the callback must not raise."""
+        """Subscribe; the callback gets serialized messages, and must not raise."""
         self._node, self._context = node, node.context
         self._callback = callback
         self._stop = False
         group = LEFT_TO_THE_LOOP if in_thread else None
         self._subscription = node.create_subscription(
-            message_type, topic, callback, qos, callback_group=group)
+            message_type, topic, callback, qos, callback_group=group, raw=True)
         self._wake = GuardCondition(lambda: None, None, context=node.context)
         self._thread = threading.Thread(
             target=self._run, name=f'{topic} loop', daemon=True) if in_thread else None
@@ -106,7 +106,7 @@ class MessageLoop:
     def _take(self) -> Any:
         """Return the newest message, or None where it was taken back or cannot be read."""
         try:
-            taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
+            taken = self._subscription.handle.take_message(self._subscription.msg_type, True)
         except Exception as error:  # nothing that arrives may end the thread
             self._node.get_logger().warning(
                 f'Cannot read a message of {self._subscription.topic_name}: {error!r}',

@@ -27,7 +27,6 @@ import threading
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
@@ -35,9 +34,9 @@ from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.command_supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.controller import ControlOutput
 from robot_dynamics.effort_guard import GuardLimits
-from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.serialized import effort_template, EffortTemplate, SerializedStamp
 from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -72,8 +71,8 @@ class SafeCommand:
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._changed = threading.Condition(threading.RLock())
         self._supervisor: CommandSupervisor | None = None
-        self._names: list[str] = []
-        self._stamp = Time()
+        self._templates: tuple[EffortTemplate, EffortTemplate] | None = None
+        self._stamp = bytes(8)
         self._is_active = self._ends = False
         self.when_changed: Callable[[], object] = lambda: None
         """Called when a fault begins or is over, in the thread that met it; must return soon."""
@@ -102,7 +101,9 @@ class SafeCommand:
         with self._changed:
             old = self._supervisor
             self._supervisor = CommandSupervisor(arm.joint_names, limits, options)
-            self._names, self._faults_seen = list(arm.joint_names), 0
+            self._faults_seen = 0
+            self._templates = effort_template(arm.joint_names), EffortTemplate(
+                arm.joint_count, lambda numbers: Float64MultiArray(data=numbers))
             if self._is_active:
                 self._supervisor.activate()
                 if old is not None:
@@ -173,7 +174,7 @@ class SafeCommand:
     # ------------------------------------------------------------------ efforts
 
     def answer(
-        self, stamp: Time, q: FloatArray, v: FloatArray | None, output: ControlOutput,
+        self, stamp: SerializedStamp, q: FloatArray, v: FloatArray | None, output: ControlOutput,
         dt: float | None,
     ) -> FloatArray | None:
         """Publish the effort that answers a state dt [s] after the last; return it, if any."""
@@ -181,7 +182,7 @@ class SafeCommand:
             supervisor = self._supervisor
             if supervisor is None:
                 return None
-            self._stamp = stamp
+            self._stamp = stamp.data
             if output.command is None:  # asked for none, by the parameter: ramp out
                 if supervisor.is_commanding:
                     supervisor.deactivate(time.monotonic())
@@ -196,11 +197,11 @@ class SafeCommand:
             self._look_for_faults()
             return effort
 
-    def repeat(self, stamp: Time) -> FloatArray | None:
+    def repeat(self, stamp: SerializedStamp) -> FloatArray | None:
         """Publish the last effort again, for a state that came again; return it."""
         with self._changed:
             effort = None if self._supervisor is None else self._supervisor.repeat()
-            self._stamp = stamp
+            self._stamp = stamp.data
             self._publish(effort)
             return effort
 
@@ -228,13 +229,11 @@ class SafeCommand:
                 self.counters.limited_at = time.monotonic()
 
     def _publish(self, effort: FloatArray | None) -> None:
-        if effort is None or not self._node.context.ok():
+        if effort is None or self._templates is None or not self._node.context.ok():
             return
-        data = floats_to_ros(effort)
-        message = JointState(name=self._names, effort=data)
-        message.header.stamp = self._stamp
-        self._command.publish(message)
-        self._commands.publish(Float64MultiArray(data=data))
+        named, bare = self._templates
+        self._command.publish(named.filled(self._stamp, effort))
+        self._commands.publish(bare.filled(self._stamp, effort))
         self.counters.published += 1
 
     # ------------------------------------------------------------------ the watch

@@ -1,0 +1,132 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is read from serialized joint states, and written as such, is what rclpy reads."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from robot_dynamics.ros.serialized import (
+    effort_template,
+    EffortTemplate,
+    JointStateDecoder,
+    SensedState,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+NUMBERS = st.floats(width=64)
+TEXT = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=9)
+STATES = st.builds(
+    lambda frame, names, q, v, e, sec, nanosec: state(frame, names, q, v, e, sec, nanosec),
+    TEXT, st.lists(TEXT, max_size=5), *[st.lists(NUMBERS, max_size=5)] * 3,
+    st.integers(-2**31, 2**31 - 1), st.integers(0, 2**32 - 1))
+
+
+def state(
+    frame: str, names: list[str], q: list[float], v: list[float], e: list[float],
+    sec: int = 1, nanosec: int = 2,
+) -> JointState:
+    message = JointState(name=names, position=q, velocity=v, effort=e)
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    return message
+
+
+def check(read: SensedState, message: JointState) -> None:
+    stamp = message.header.stamp
+    assert read.stamp.nanoseconds == 1_000_000_000 * stamp.sec + stamp.nanosec
+    assert read.stamp.data == serialize_message(message)[4:12]
+    assert read.name == list(message.name)
+    for values, wanted in ((read.position, message.position), (read.velocity, message.velocity),
+                           (read.effort, message.effort)):
+        assert np.array_equal(values, np.array(wanted), equal_nan=True)
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(messages=st.lists(STATES, min_size=1, max_size=4), order=st.lists(st.integers(0, 3)))
+def test_states_are_read_as_rclpy_reads_them(messages: list[JointState], order: list[int]) -> None:
+    """Whatever layouts follow each other, those of before among them."""
+    decoder = JointStateDecoder()
+    for i in [0, 0, *order]:
+        message = messages[i % len(messages)]
+        check(decoder.decode(serialize_message(message)), message)
+
+
+def test_what_pads_the_names_may_be_anything() -> None:
+    message = state('base', ['a', 'bcd', 'ef'], [1.0, 2.0, 3.0], [], [4.0])
+    data = serialize_message(message)
+    decoder = JointStateDecoder()
+    decoder.decode(data)
+    # 'base\0' from 16 on, padded from 21 to 24; 'a\0' from 32 on, padded from 34 to 36
+    dirty = data[:21] + b'xyz' + data[24:34] + b'??' + data[36:]
+    for _ in range(2):
+        check(decoder.decode(dirty), message)
+    check(decoder.decode(data), message)
+
+
+def test_other_names_of_the_same_lengths_are_seen() -> None:
+    decoder = JointStateDecoder()
+    for names in (['left', 'lift'], ['left', 'lifT'], ['left', 'lift']):
+        check(decoder.decode(serialize_message(state('', names, [1.0, 2.0], [], []))), state(
+            '', names, [1.0, 2.0], [], []))
+
+
+def test_numbers_are_no_copies_of_one_message() -> None:
+    """A state that is kept does not change when the next one is read."""
+    decoder = JointStateDecoder()
+    read = [decoder.decode(serialize_message(state('', ['a'], [float(i)], [], [])))
+            for i in range(3)]
+    assert [float(one.position[0]) for one in read] == [0.0, 1.0, 2.0]
+
+
+def test_bytes_that_end_early_are_left_to_rclpy() -> None:
+    whole = serialize_message(state('base', ['a', 'b'], [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]))
+    for end in range(len(whole)):
+        decoder = JointStateDecoder()
+        decoder.decode(whole)
+        assert outcome(decoder.decode, whole[:end]) == outcome(
+            lambda data: deserialize_message(data, JointState), whole[:end])
+        check(decoder.decode(whole), deserialize_message(whole, JointState))
+
+
+def outcome(read: Any, data: bytes) -> Any:
+    """Return the positions that were read, or the type of the error."""
+    try:
+        return list(read(data).position)
+    except Exception as error:
+        return type(error)
+
+
+@pytest.mark.parametrize('n', [1, 2, 7, 60])
+def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
+    names = [f'joint{i}' for i in range(n)]
+    named, bare = effort_template(names), EffortTemplate(
+        n, lambda numbers: Float64MultiArray(data=numbers))
+    for shift in (0.0, 0.5):
+        stamp = state('', [], [], [], [], 2**31 - 1, 999_999_999)
+        efforts = np.arange(n) - shift
+        data = named.filled(serialize_message(stamp)[4:12], efforts)
+        message = deserialize_message(data, JointState)
+        assert message.header.stamp == stamp.header.stamp
+        assert list(message.name) == names
+        assert list(message.effort) == efforts.tolist()
+        assert not message.position
+        assert not message.header.frame_id
+        array = deserialize_message(bare.filled(bytes(8), efforts), Float64MultiArray)
+        assert list(array.data) == efforts.tolist()
