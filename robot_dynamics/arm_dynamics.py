@@ -113,11 +113,10 @@ class ArmDynamics:
 
         `friction` (n,) takes the place of that at the velocity v, where it is given.
         """
-        body = self.rigid_body
-        inertial, coriolis, gravity, external = body.terms(q, v, a, wrenches)
+        inertial, coriolis, gravity, external, *energies = self.rigid_body.terms(
+            q, v, a, wrenches)
         if friction is None:
             friction = self.friction.effort(v)
         return EffortTerms(
             inertial, coriolis, gravity, friction, external,
-            inertial + coriolis + gravity + friction + external,
-            body.kinetic_energy(q, v), body.potential_energy(q))
+            inertial + coriolis + gravity + friction + external, *energies)

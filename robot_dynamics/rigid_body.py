@@ -51,12 +51,14 @@ class ExternalWrench:
 
 
 class RigidBodyTerms(NamedTuple):
-    """The terms of the manipulator equation at one state, each (n,) [N·m] or [N]."""
+    """The terms of the manipulator equation at one state, each (n,) [N·m] or [N]; energies [J]."""
 
     inertial: FloatArray
     coriolis: FloatArray
     gravity: FloatArray
     external: FloatArray
+    kinetic_energy: float
+    potential_energy: float
 
 
 class RigidBody:
@@ -116,12 +118,14 @@ class RigidBody:
         self, q: FloatArray, v: FloatArray, a: FloatArray,
         wrenches: Sequence[ExternalWrench] = (),
     ) -> RigidBodyTerms:
-        """Return the efforts of inverse_dynamics, split; they add up to it."""
-        gravity = self.gravity(q)
-        nonlinear = self.nonlinear(q, v)
-        inertial = self.inverse_dynamics(q, v, a) - nonlinear
+        """Return the efforts of inverse_dynamics, split; they add up to it. One pass for all."""
+        x, data = self._x, self._data
+        pin.computeAllTerms(self._model, data, x.position(q), x.rate(v))
+        inertial, gravity = data.M @ x.rate(a), data.g.copy()
+        coriolis, energies = data.nle - gravity, (data.kinetic_energy, data.potential_energy)
         return RigidBodyTerms(
-            inertial, nonlinear - gravity, gravity, self.external(q, wrenches))
+            x.effort(inertial), x.effort(coriolis), x.effort(gravity),
+            self.external(q, wrenches), *energies)
 
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
