@@ -146,19 +146,20 @@ class ControlPath:
             return
         served = self._served
         q, v = served.reader.read(message)
-        clock = time.time_ns()  # a stamp of 0 is none, and /clock may stand still
-        stamp_ns = stamp_from_ros(message.header.stamp) or clock
-        judgement = served.watch.judge(stamp_ns, clock, q, v, self._is_crowded)
+        judgement = served.watch.judge(  # by a clock that does not stand still with /clock
+            stamp_from_ros(message.header.stamp), time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
+        if judgement.time_shift:
+            served.controller.shift_time(judgement.time_shift)
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
         with_terms = self._terms.get_subscription_count() > 0
-        output = served.controller.update(stamp_ns, q, v, with_terms)
+        output = served.controller.update(judgement.stamp, q, v, with_terms)
         if judgement.is_news:
             self.counters.timing.happened(time.monotonic())
             command = self.command.answer(message.header.stamp, q, v, output, judgement.dt)

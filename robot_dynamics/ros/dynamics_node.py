@@ -329,7 +329,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         counters = self._path.counters
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
-            *self._report.statuses(),
+            *self._report.statuses(self._settings.values['state_timeout']),
             Status(
                 'reference', WARN if self._refusal else OK,
                 'following' if counters.following else 'none',

@@ -66,7 +66,9 @@ class EndRequest:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Listen no longer; signals are still taken, so that a last effort can be on its way."""
+        """Listen no longer; a second signal cannot spoil the end of the process."""
+        for end_signal in END_SIGNALS:  # a handler would be taken off before Python has ended
+            signal.signal(end_signal, signal.SIG_IGN)
         with self._lock:
             self._tell = None
         os.write(self._writing, b'.')

@@ -177,13 +177,19 @@ class SafeCommand:
         dt: float | None,
     ) -> FloatArray | None:
         """Publish the effort that answers a state dt [s] after the last; return it, if any."""
-        if output.command is None:
-            return None
         with self._changed:
-            if self._supervisor is None:
+            supervisor = self._supervisor
+            if supervisor is None:
                 return None
             self._stamp = stamp
-            effort = self._supervisor.answer(
+            if output.command is None:  # asked for none, by the parameter: ramp out
+                if supervisor.is_commanding:
+                    supervisor.deactivate(time.monotonic())
+                    self._changed.notify()
+                return None
+            if self._is_active:
+                supervisor.activate()
+            effort = supervisor.answer(
                 time.monotonic(), q, v, output.command, output.hold, dt)
             self._count(output)
             self._publish(effort)
