@@ -29,6 +29,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.set_point_stream import SetPointStream
@@ -133,6 +134,10 @@ class ControlPath:
             self._drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # nothing that arrives may end the control path
             self._drop('internal error', f'Dropped a joint state: {error!r}')
+
+    def refuse(self, error: UnreadableMessageError) -> None:
+        """Take note of a joint state that cannot even be read."""
+        self._drop('unreadable', f'Dropped a joint state: {error}')
 
     def _drop(self, reason: str, words: str) -> None:
         self.counters.dropped[reason] += 1
