@@ -56,6 +56,8 @@ class ControlCounters:
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
+    lacks_velocity: bool = False
+    paused_streams: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +117,7 @@ class ControlPath:
         if self._served is not None:
             self._served.controller.forget_reference()
         self._stream.end()
+        self.counters.following = False
 
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -159,6 +162,7 @@ class ControlPath:
             self._forget_reference()
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
+            self.counters.paused_streams += 1
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
@@ -173,6 +177,7 @@ class ControlPath:
         self._publish(message, served.names, output)
         self.counters.states += 1
         self.counters.following = output.reference is not None
+        self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
                 served.reader, message, q, v, output.robot_gravity,

@@ -341,16 +341,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _statuses(self) -> list[Status]:
         self._take_waiting_description()
-        counters = self._path.counters
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
             *self._report.statuses(),
-            Status(
-                'reference', WARN if self._refusal else OK,
-                'following' if counters.following else 'none',
-                {'refused': self._refused, 'refusal of the latest': self._refusal,
-                 'over before the first state': (
-                     self._controller.expired if self._controller else 0)}),
+            self._reference_status(),
             self._path.command.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
@@ -358,6 +352,16 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                  'a new one waits': bool(self._waiting_xml)}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
+
+    def _reference_status(self) -> Status:
+        counters, controller = self._path.counters, self._controller
+        level, words = WARN if self._refusal else OK, 'following' if counters.following else 'none'
+        if counters.lacks_velocity and controller is not None and controller.has_reference:
+            level, words = WARN, 'not followed, as joint states have no velocity'
+        return Status('reference', level, words, {
+            'refused': self._refused, 'refusal of the latest': self._refusal,
+            'streams that paused': counters.paused_streams,
+            'over before the first state': controller.expired if controller else 0})
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
