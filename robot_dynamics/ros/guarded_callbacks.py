@@ -30,6 +30,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.ros.message_bytes import (
+    LARGEST_MESSAGE,
+    read_message,
+    UnreadableMessageError,
+)
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
 LONGEST_REASON = 4000
@@ -67,11 +72,30 @@ class GuardedCallbacks(Node):
                     service.srv_type, service.srv_name, service.callback)
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **more: Any,
+        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any,
+        refuse: Callable[[UnreadableMessageError], None] | None = None,
+        largest: int = LARGEST_MESSAGE, raw: bool = False, **more: Any,
     ) -> Any:
-        """Create a subscription whose callback cannot end the node."""
+        """
+        Create a subscription whose callback cannot end the node.
+
+        `refuse` hears of messages that cannot be read, or are larger than `largest` bytes;
+        without it they are logged.
+        """
+        guarded = self._guarded(callback, topic)
+        tell = refuse or functools.partial(self._unreadable, topic)
+
+        @functools.wraps(callback)
+        def read(data: bytes, *info: Any) -> None:
+            try:
+                message = read_message(data, msg_type, largest)
+            except UnreadableMessageError as error:
+                tell(error)
+            else:
+                guarded(message, *info)
+
         return super().create_subscription(
-            msg_type, topic, self._guarded(callback, topic), *args, **more)
+            msg_type, topic, guarded if raw else read, *args, raw=True, **more)
 
     def create_timer(
         self, timer_period_sec: float, callback: Callable[..., None], *args: Any, **more: Any,
@@ -113,6 +137,10 @@ class GuardedCallbacks(Node):
                 return _refusal(request, srv_type.Response(), reason_of(error))
 
         return answer
+
+    def _unreadable(self, topic: str, error: UnreadableMessageError) -> None:
+        self.get_logger().error(
+            f'Refused a message of {topic}: {error}', throttle_duration_sec=LOG_PERIOD)
 
     def _guarded(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
         @functools.wraps(callback)
