@@ -20,6 +20,8 @@ When efforts go out, and how they end: the supervisor of the command.
 
 The first effort to an arm is what holds it; after a fault the fault action runs its course, and
 once states are good again the command comes back by itself, except after a fault that is latched.
+Efforts of a fault action and of a ramp keep to the rate limit as all others do, so that a ramp of
+a large effort may take longer than the ramp time. No two efforts in a row differ by more.
 Times are of a steady clock, so that a clock that stops or jumps changes nothing.
 """
 
@@ -31,6 +33,7 @@ from robot_dynamics.effort_guard import EffortGuard, GuardedEffort, GuardLimits
 from robot_dynamics.validation import FloatArray
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
+
 
 class Mode(Enum):
     """What the supervisor does."""
@@ -58,7 +61,7 @@ class Fault:
     """
     What went wrong: a name for machines, words for people, and whether it needs a reset.
 
-    Otherwise it is over after `recovery` good states in a row.
+    Otherwise it is over after `recovery` good states with no fault in between.
     """
 
     name: str
@@ -88,25 +91,16 @@ class CommandSupervisor:
         """What the limits did to the last effort, while running."""
         self._hold = np.zeros(len(joint_names))
         self._last_state = self._last_output = self._since = 0.0
-        self._from: FloatArray | None = None
         self._good = 0
 
     def set_options(self, limits: GuardLimits, options: SafetyOptions) -> None:
-        """Take over limits and options."""
+        """Take over limits and options, also those of another model of the same joints."""
         self._guard.limits, self.options = limits, options
 
     def activate(self) -> None:
         """Wait for the first state; a latched fault stays."""
         if self.mode is Mode.INACTIVE:
-            self._guard.last = None
-            latched = self.fault is not None and self.fault.latched
-            self.mode = Mode.FAULT if latched else Mode.WAITING
-            self._from = None
-
-    def go_on_from(self, other: 'CommandSupervisor') -> None:
-        """Let no command jump where another model of the same joints takes over."""
-        if other._names == self._names:
-            self._guard.last, self._last_output = other._guard.last, other._last_output
+            self.mode = Mode.FAULT if self.is_latched else Mode.WAITING
 
     def deactivate(self, now: float) -> None:
         """Ramp the effort out over the ramp time, then be inactive."""
@@ -117,20 +111,22 @@ class CommandSupervisor:
 
     def reset(self) -> str:
         """Forget a latched fault; return in words what was reset."""
-        if self.fault is None or self.mode is not Mode.FAULT:
+        if self.fault is None or not (self.is_latched or self.mode is Mode.FAULT):
             return 'there is no fault'
         self.fault = replace(self.fault, latched=False)
         self._good = 0
         return f'reset {self.fault.name}: {self.fault.words}'
 
     def fail(self, now: float, fault: Fault) -> None:
-        """Begin the fault action."""
-        if self.mode in (Mode.RUNNING, Mode.WAITING):
-            self.fault, self.fault_count = fault, self.fault_count + 1
-            self._good = 0
+        """Begin the fault action; a fault in force gives way to one that is harder to leave."""
+        if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT):
+            return
+        self._good = 0
+        is_new = self.mode is not Mode.FAULT
+        if is_new:
             self._begin(Mode.FAULT, now)
-        elif self.mode is Mode.FAULT and fault.latched and self.fault is not None and (
-                not self.fault.latched):
+        if is_new or self.fault is None or (
+                (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
             self.fault, self.fault_count = fault, self.fault_count + 1
 
     def answer(
@@ -146,13 +142,10 @@ class CommandSupervisor:
         beyond = self._beyond_a_limit(q)
         if beyond is not None:
             self.fail(now, beyond)
-        if self.mode is Mode.FAULT:
-            self._good = 0 if beyond is not None else self._good + 1
-            if self.fault is not None and not self.fault.latched and (
-                    self._good >= self.fault.recovery):
-                self.mode = Mode.RUNNING
-        if self.mode is Mode.WAITING:
+        elif self.mode is Mode.WAITING:
             self.mode = Mode.RUNNING
+        elif self.mode is Mode.FAULT and self._recovers():
+            self.mode, dt = Mode.RUNNING, None  # efforts may have gone out since that state
         if self.mode is not Mode.RUNNING:
             return self._action(now)
         self.guarded = self._guard.apply(
@@ -173,6 +166,11 @@ class CommandSupervisor:
         return self._action(now)
 
     @property
+    def is_latched(self) -> bool:
+        """Tell whether a fault waits for `reset`."""
+        return self.fault is not None and self.fault.latched
+
+    @property
     def is_commanding(self) -> bool:
         """Tell whether efforts go out, in answer to states or alone."""
         return self.mode is Mode.RUNNING or self.acts_alone
@@ -180,48 +178,61 @@ class CommandSupervisor:
     @property
     def acts_alone(self) -> bool:
         """Tell whether `tick` has efforts to give, so that it is due often."""
-        return self.mode in (Mode.FAULT, Mode.STOPPING) and self._from is not None
+        return self.mode in (Mode.FAULT, Mode.STOPPING) and self._guard.last is not None
 
     @property
     def deadline(self) -> float:
         """When `tick` is due while states arrive."""
         return self._last_state + self.options.state_timeout
 
+    @property
+    def time_to_stop(self) -> float:
+        """How long [s] a ramp from the last effort to zero takes."""
+        last, rate = self._guard.last, self._guard.limits.rate
+        return max(
+            self.options.ramp_time, 0.0 if last is None else float(np.abs(last).max()) / rate)
+
     # ------------------------------------------------------------------ what ends an effort
 
+    def _recovers(self) -> bool:
+        """Count a good state; tell whether the fault is over with it."""
+        self._good += 1
+        return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
+
     def _begin(self, mode: Mode, now: float) -> None:
-        self.mode, self._since, self._from = mode, now, self._guard.last
+        self.mode, self._since = mode, now
 
     def _action(self, now: float) -> FloatArray | None:
         """Return the next effort of the fault action, or of the ramp of `deactivate`."""
-        if self.mode not in (Mode.FAULT, Mode.STOPPING) or self._from is None:
+        last = self._guard.last
+        if self.mode not in (Mode.FAULT, Mode.STOPPING) or last is None:
             return None
-        passed = now - self._since
-        if self.mode is Mode.FAULT and self.options.fault_action == 'stop_publishing':
+        action = self.options.fault_action if self.mode is Mode.FAULT else 'ramp_to_zero'
+        if action == 'stop_publishing':
             self._finish()
             return None
-        if self.mode is Mode.FAULT and self.options.fault_action == 'hold_gravity_then_ramp':
-            if passed < self.options.hold_time:
-                step = self._guard.limits.rate * passed
-                effort = np.clip(self._hold, self._from - step, self._from + step)
-                return self._out(effort, now)
-            if self._guard.last is not None and passed - self.options.hold_time < (
-                    self.options.ramp_time):
-                share = 1.0 - (passed - self.options.hold_time) / self.options.ramp_time
-                return self._out(share * self._hold, now)
-        elif passed < self.options.ramp_time:
-            return self._out((1.0 - passed / self.options.ramp_time) * self._from, now)
-        self._out(np.zeros(len(self._names)), now)
+        passed = now - self._since
+        if action == 'hold_gravity_then_ramp':
+            passed -= self.options.hold_time
+        goal = self._share_left(passed) * self._hold
+        if action == 'ramp_to_zero':  # of what went out only what holds, so that it never grows
+            goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
+        effort = self._guard.approach(goal, now - self._last_output)
+        self._last_output = now
+        if passed < self.options.ramp_time or effort.any():
+            return effort
         self._finish()
         return np.zeros(len(self._names))
 
-    def _out(self, effort: FloatArray, now: float) -> FloatArray:
-        self._guard.last, self._last_output = effort, now
-        return effort
+    def _share_left(self, passed: float) -> float:
+        """Return the share of an effort that is left so long [s] after its ramp began."""
+        if passed < self.options.ramp_time:
+            return 1.0 - max(passed, 0.0) / self.options.ramp_time
+        return 0.0
 
     def _finish(self) -> None:
         """Be silent; whatever comes next begins with what holds the arm."""
-        self._from = self._guard.last = None
+        self._guard.last = None
         if self.mode is Mode.STOPPING:
             self.mode = Mode.INACTIVE
 

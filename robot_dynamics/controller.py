@@ -53,7 +53,7 @@ class ControlOutput:
     `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
     `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
     load. `hold` is the command that holds the arm still, and what a command starts from.
-    `clamped` tells which joints of `command` met their effort limit.
+    `clamped` tells which joints of `command` met their effort limit. All numbers are finite.
     """
 
     gravity_compensation: FloatArray
@@ -121,6 +121,11 @@ class Controller:
                 self._waiting = (trajectory, stamp_ns)
             else:
                 self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
+
+    @property
+    def has_reference(self) -> bool:
+        """Tell whether there is one to follow, now or from the first state on."""
+        return self._waiting is not None or self._follower.active is not None
 
     def forget_reference(self) -> None:
         """Follow nothing from now on."""
@@ -203,6 +208,8 @@ class Controller:
             if v is not None and not follows:
                 terms = terms._replace(
                     kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
+            if not all(np.isfinite(part).all() for part in terms):
+                terms = None  # an energy beyond all numbers is no reason to withhold the effort
         return ControlOutput(
             gravity, robot_gravity, computed_torque, command, hold, clamped, reference, terms)
 

@@ -17,8 +17,13 @@ What an effort may be, joint by joint, before it goes to a real arm.
 
 Beyond what holds the arm (`hold`, g(q) as far as the robot does not add it itself), no effort
 pushes a joint on toward a position limit that it is about to pass, nor faster than its velocity
-limit. What is left changes no faster than the rate limit. Figures of the field: libfranka bounds
-the torque rate at 1000 N·m/s; ros2_control's joint limits fault 0.0087 rad past a limit.
+limit. What is left changes no faster than the rate limit, which has the last word: a push that
+stands when its joint comes to a limit is taken back at that rate, 100 N·m in 0.1 s at the default,
+and not at once. A step would jerk gears and links, a drive that watches the rate ends in an error,
+and noise about the limit would make steps of every state. Neither limit brakes.
+
+Figures of the field: libfranka bounds the torque rate at 1000 N·m/s; ros2_control's joint limits
+fault 0.0087 rad past a limit.
 """
 
 from dataclasses import dataclass
@@ -74,7 +79,8 @@ class EffortGuard:
         """
         Return what may go out dt [s] after the last effort.
 
-        `hold` (n,) is what holds the arm still, and the first effort.
+        `hold` (n,) is what holds the arm still, and the first effort; `effort`, q and v are (n,).
+        Without a velocity (None) its limit does not act.
         """
         limits = self.limits
         push = effort - hold
@@ -83,7 +89,14 @@ class EffortGuard:
         by_velocity = np.zeros(len(q), dtype=bool) if v is None else (
             (np.abs(v) > limits.velocity) & (push * v > 0.0))
         allowed = np.where(by_position | by_velocity, hold, effort)
-        start, passed = (hold, 0.0) if self.last is None else (self.last, dt)
-        step = limits.rate * min(max(passed, 0.0), LONGEST_STEP)
-        self.last = np.clip(allowed, start - step, start + step)
-        return GuardedEffort(self.last, by_position, by_velocity, self.last != allowed)
+        if self.last is None:
+            self.last, dt = hold, 0.0
+        moved = self.approach(allowed, dt)
+        return GuardedEffort(moved, by_position, by_velocity, moved != allowed)
+
+    def approach(self, effort: FloatArray, dt: float) -> FloatArray:
+        """Return the way to `effort` (n,) that the rate limit allows dt [s] after the last one."""
+        last = effort if self.last is None else self.last
+        step = self.limits.rate * min(max(dt, 0.0), LONGEST_STEP)
+        self.last = np.clip(effort, last - step, last + step)
+        return self.last

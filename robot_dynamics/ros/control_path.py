@@ -29,12 +29,13 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.ros.serialized import (
     effort_template,
     EffortTemplate,
-    JointStateDecoder,
+    SensedState,
     SerializedStamp,
 )
 from robot_dynamics.set_point_stream import SetPointStream
@@ -60,6 +61,8 @@ class ControlCounters:
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
+    lacks_velocity: bool = False
+    paused_streams: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +81,6 @@ class ControlPath:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._served: _Served | None = None
-        self._decoder = JointStateDecoder()
         self._stream = SetPointStream()
         self.count_publishers: Callable[[], int] = lambda: 1
         """Tells how many publishers of joint states there are."""
@@ -121,11 +123,12 @@ class ControlPath:
         if self._served is not None:
             self._served.controller.forget_reference()
         self._stream.end()
+        self.counters.following = False
 
-    def on_state(self, data: bytes) -> None:
-        """Publish the efforts for a serialized state; whatever is wrong drops it alone."""
+    def on_state(self, state: SensedState) -> None:
+        """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
         try:
-            self._answer(data)
+            self._answer(state)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
         except NonFiniteEffortError as error:
@@ -141,22 +144,21 @@ class ControlPath:
         except Exception as error:  # nothing that arrives may end the control path
             self._drop('internal error', f'Dropped a joint state: {error!r}')
 
+    def refuse(self, error: UnreadableMessageError) -> None:
+        """Take note of a joint state that cannot even be read."""
+        self._drop('unreadable', f'Dropped a joint state: {error}')
+
     def _drop(self, reason: str, words: str) -> None:
         self.counters.dropped[reason] += 1
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
-    def _answer(self, data: bytes) -> None:
+    def _answer(self, state: SensedState) -> None:
         if self._served is None:
             self.counters.dropped['no model yet'] += 1
             self.counters.last_drop = 'Dropped a joint state: no model yet'
             return
         served = self._served
-        try:
-            state = self._decoder.decode(data)
-        except Exception as error:  # of rclpy or Python, as the bytes have it
-            raise InvalidInputError(
-                f'a message of {len(data)} bytes cannot be read: {error!r}') from error
         q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
             state.stamp.nanoseconds, time.time_ns(), q, v, self._is_crowded)
@@ -167,6 +169,7 @@ class ControlPath:
             served.controller.shift_time(judgement.time_shift)
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
+            self.counters.paused_streams += 1
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
@@ -181,6 +184,7 @@ class ControlPath:
         self._publish(state.stamp, served, output)
         self.counters.states += 1
         self.counters.following = output.reference is not None
+        self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
                 served.reader, state, q, v, output.robot_gravity,

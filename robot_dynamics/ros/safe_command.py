@@ -71,9 +71,11 @@ class SafeCommand:
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._changed = threading.Condition(threading.RLock())
         self._supervisor: CommandSupervisor | None = None
+        self._names: list[str] = []
         self._templates: tuple[EffortTemplate, EffortTemplate] | None = None
         self._stamp = bytes(8)
         self._is_active = self._ends = False
+        self._is_wanted = True
         self.when_changed: Callable[[], object] = lambda: None
         """Called when a fault begins or is over, in the thread that met it; must return soon."""
         self._faults_seen = 0
@@ -97,17 +99,25 @@ class SafeCommand:
     # ------------------------------------------------------------------ what it serves
 
     def use(self, arm: ArmModel, limits: GuardLimits, options: SafetyOptions) -> None:
-        """Serve this arm from now on, from a first effort that holds it, or the last one."""
+        """
+        Serve this arm from now on.
+
+        Another model of the same joints goes on from the last effort, so that nothing jumps; for
+        other joints it begins anew. A latched fault stays.
+        """
         with self._changed:
             old = self._supervisor
-            self._supervisor = CommandSupervisor(arm.joint_names, limits, options)
-            self._faults_seen = 0
-            self._templates = effort_template(arm.joint_names), EffortTemplate(
-                arm.joint_count, lambda numbers: Float64MultiArray(data=numbers))
-            if self._is_active:
-                self._supervisor.activate()
-                if old is not None:
-                    self._supervisor.go_on_from(old)
+            if old is not None and self._names == list(arm.joint_names):
+                old.set_options(limits, options)
+            else:
+                self._supervisor = CommandSupervisor(arm.joint_names, limits, options)
+                self._names, self._faults_seen = list(arm.joint_names), 0
+                self._templates = effort_template(arm.joint_names), EffortTemplate(
+                    arm.joint_count, lambda numbers: Float64MultiArray(data=numbers))
+                if old is not None and old.is_latched:
+                    self._supervisor.fault = old.fault
+                if self._is_active:
+                    self._supervisor.activate()
             self._changed.notify()
 
     def forget(self) -> None:
@@ -152,7 +162,7 @@ class SafeCommand:
             supervisor.deactivate(time.monotonic())
             self._changed.notify()
             self._changed.wait_for(
-                lambda: supervisor.mode is Mode.INACTIVE, supervisor.options.ramp_time + 1.0)
+                lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + 1.0)
 
     def reset(self) -> str:
         """Forget a latched fault; return what was reset, in words."""
@@ -177,21 +187,26 @@ class SafeCommand:
         self, stamp: SerializedStamp, q: FloatArray, v: FloatArray | None, output: ControlOutput,
         dt: float | None,
     ) -> FloatArray | None:
-        """Publish the effort that answers a state dt [s] after the last; return it, if any."""
+        """
+        Publish the effort that answers a state dt [s] after the last; return it, if any.
+
+        Where no command is wanted any more, the effort ramps out, as at deactivation.
+        """
         with self._changed:
             supervisor = self._supervisor
             if supervisor is None:
                 return None
-            self._stamp = stamp.data
-            if output.command is None:  # asked for none, by the parameter: ramp out
-                if supervisor.is_commanding:
-                    supervisor.deactivate(time.monotonic())
+            now = time.monotonic()
+            self._is_wanted = output.command is not None
+            if output.command is None:
+                supervisor.deactivate(now)
+                if supervisor.acts_alone:
                     self._changed.notify()
                 return None
             if self._is_active:
                 supervisor.activate()
-            effort = supervisor.answer(
-                time.monotonic(), q, v, output.command, output.hold, dt)
+            self._stamp = stamp.data
+            effort = supervisor.answer(now, q, v, output.command, output.hold, dt)
             self._count(output)
             self._publish(effort)
             self._look_for_faults()
@@ -285,24 +300,29 @@ class SafeCommand:
     def status(self) -> Status:
         """Return the state of the command for the diagnostics."""
         with self._changed:
-            supervisor, counters = self._supervisor, self.counters
-            level, words = WARN, 'no model yet'
-            if supervisor is not None:
-                level = {Mode.FAULT: ERROR, Mode.RUNNING: OK}.get(supervisor.mode, WARN)
-                words = supervisor.mode.value
-                if supervisor.mode is Mode.RUNNING and (
-                        time.monotonic() - counters.limited_at < TELL_FOR):
-                    level, words = WARN, 'held back by a limit'
-                if supervisor.mode is Mode.FAULT and supervisor.fault is not None:
-                    words = f'fault {supervisor.fault.name}: {supervisor.fault.words}'
-                    if supervisor.fault.latched:
-                        words += '; waits for ~/reset_fault'
+            counters = self.counters
             figures: dict[str, Any] = {
                 'published': counters.published,
                 **{f'held back by {name}': n for name, n in sorted(counters.limited.items())},
                 **{f'faults: {name}': n for name, n in sorted(counters.faults.items())},
                 **{f'incompatible subscribers of {topic}': n
                    for topic, n in sorted(counters.incompatible.items())}}
-            if level == OK and counters.incompatible:
-                level, words = WARN, 'a subscriber asks for a QoS that is not offered'
-            return Status('command', level, words, figures)
+            return Status('command', *self._verdict(), figures)
+
+    def _verdict(self) -> tuple[bytes, str]:
+        supervisor, counters = self._supervisor, self.counters
+        if supervisor is None:
+            return WARN, 'no model yet'
+        mode, fault = supervisor.mode, supervisor.fault
+        if fault is not None and (mode is Mode.FAULT or fault.latched):
+            waits = '; waits for ~/reset_fault' if fault.latched else ''
+            return ERROR, f'fault {fault.name}: {fault.words}{waits}'
+        if mode is Mode.INACTIVE and self._is_active and not self._is_wanted:
+            return OK, "none, as the parameter command is 'none'"
+        if mode is not Mode.RUNNING:
+            return WARN, mode.value
+        if time.monotonic() - counters.limited_at < TELL_FOR:
+            return WARN, 'held back by a limit'
+        if counters.incompatible:
+            return WARN, 'a subscriber asks for a QoS that is not offered'
+        return OK, mode.value

@@ -31,7 +31,8 @@ import struct
 from typing import Any, NamedTuple
 
 import numpy as np
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
+from robot_dynamics.ros.message_bytes import read_message
 from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 
@@ -75,7 +76,7 @@ class JointStateDecoder:
         self._region = b''
 
     def decode(self, data: bytes) -> SensedState:
-        """Return what a message says; raise whatever rclpy does for one that cannot be read."""
+        """Return what a message says; raise UnreadableMessageError."""
         if not self._is_known(data):
             return self._learn(data)
         try:
@@ -99,7 +100,7 @@ class JointStateDecoder:
         return True
 
     def _learn(self, data: bytes) -> SensedState:
-        message = deserialize_message(data, JointState)
+        message = read_message(data, JointState)
         self._texts, self._region = [], b''
         if data[:4] == ENCAPSULATION:
             end = self._take_text(data, 12)
