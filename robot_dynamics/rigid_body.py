@@ -122,10 +122,11 @@ class RigidBody:
         x, data = self._x, self._data
         pin.computeAllTerms(self._model, data, x.position(q), x.rate(v))
         inertial, gravity = data.M @ x.rate(a), data.g.copy()
-        coriolis, energies = data.nle - gravity, (data.kinetic_energy, data.potential_energy)
+        # The engine rounds g(q) and N(q, v) differently: at rest there is no Coriolis force at all.
+        coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
         return RigidBodyTerms(
             x.effort(inertial), x.effort(coriolis), x.effort(gravity),
-            self.external(q, wrenches), *energies)
+            self.external(q, wrenches), data.kinetic_energy, data.potential_energy)
 
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,

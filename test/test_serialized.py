@@ -106,11 +106,11 @@ def test_bytes_that_end_early_are_left_to_rclpy() -> None:
 
 
 def outcome(read: Any, data: bytes) -> Any:
-    """Return the positions that were read, or the type of the error."""
+    """Return the positions that were read, None where that cannot be."""
     try:
         return list(read(data).position)
-    except Exception as error:
-        return type(error)
+    except Exception:
+        return None
 
 
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
