@@ -122,7 +122,7 @@ class RigidBody:
         x, data = self._x, self._data
         pin.computeAllTerms(self._model, data, x.position(q), x.rate(v))
         inertial, gravity = data.M @ x.rate(a), data.g.copy()
-        # The engine rounds g(q) and N(q, v) differently: at rest there is no Coriolis force at all.
+        # The engine rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
         coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
         return RigidBodyTerms(
             x.effort(inertial), x.effort(coriolis), x.effort(gravity),
