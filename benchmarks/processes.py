@@ -1,0 +1,104 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Nodes as processes of their own, for benchmarks that speak ROS."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import threading
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from robot_dynamics.planar_urdf import planar_arm_urdf
+
+# Whatever else runs here must neither hear nor be heard.
+os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
+
+DYNAMICS = 'robot_dynamics.ros.dynamics_node'
+SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
+
+
+def chain_urdf(n: int) -> str:
+    """Return a planar arm of n equal links as URDF."""
+    ones = [1.0] * n
+    return planar_arm_urdf(ones, ones, [0.5] * n, [0.1] * n)
+
+
+def processor_seconds(pid: int) -> float:
+    """Return the processor time [s] that a process has used."""
+    fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def resident_bytes(pid: int) -> int:
+    """Return the memory that a process has in RAM."""
+    pages = Path(f'/proc/{pid}/statm').read_text(encoding='ascii').split()[1]
+    return int(pages) * os.sysconf('SC_PAGE_SIZE')
+
+
+def module(name: str, *arguments: str) -> list[str]:
+    """Return the command that runs a Python module."""
+    return [sys.executable, '-m', name, *arguments]
+
+
+@contextmanager
+def arm_file(n: int) -> Iterator[str]:
+    """Give a URDF file of an arm of n joints."""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory, 'arm.urdf')
+        path.write_text(chain_urdf(n), encoding='utf-8')
+        yield str(path)
+
+
+def node_command(node: str, parameters: Mapping[str, object]) -> list[str]:
+    """Return the command that runs a node with these parameters."""
+    arguments = [part for name, value in parameters.items() for part in ('-p', f'{name}:={value}')]
+    return module(node, '--ros-args', '--log-level', 'error', *arguments)
+
+
+@contextmanager
+def running(commands: Mapping[str, Sequence[str]]) -> Iterator[dict[str, int]]:
+    """Run processes; give their ids by name, and end them all."""
+    processes = {name: subprocess.Popen(command) for name, command in commands.items()}
+    try:
+        yield {name: process.pid for name, process in processes.items()}
+    finally:
+        for process in processes.values():
+            process.terminate()
+        for process in processes.values():
+            process.wait()
+
+
+@contextmanager
+def bench_node(name: str = 'bench') -> Iterator[Node]:
+    """Give a node of this process, which spins in a thread."""
+    rclpy.init()
+    node = rclpy.create_node(name)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    spinning = threading.Thread(target=executor.spin, daemon=True)
+    spinning.start()
+    try:
+        yield node
+    finally:
+        executor.shutdown()
+        spinning.join()
+        rclpy.try_shutdown()
