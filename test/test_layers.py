@@ -47,8 +47,9 @@ LAYERS = {
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
-        'limit_warnings', 'model_check', 'motion', 'motion_events', 'playback', 'plotting',
-        'recording', 'reference_motion', 'robot_side', 'simulation', 'trajectory_efforts',
+        'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
+        'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
+        'trajectory_efforts',
     ),
     # and ROS
     'ros': ('ros.',),

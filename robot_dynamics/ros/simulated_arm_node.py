@@ -23,6 +23,7 @@ import numpy as np
 from rclpy.node import Node
 from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.plant import Plant
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
@@ -36,7 +37,7 @@ from robot_dynamics.ros.robot_description import (
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import reason_of, run_node
-from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
+from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics_interfaces.srv import SetPayload
 from std_srvs.srv import Trigger

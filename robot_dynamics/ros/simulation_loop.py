@@ -23,7 +23,6 @@ however fast the processes run.
 import math
 import threading
 import time
-from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 import numpy as np
@@ -32,13 +31,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.rigid_body import ExternalWrench
-from robot_dynamics.robot_side import RobotSide
+from robot_dynamics.plant import Measured, Plant
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
 from robot_dynamics.ros.running import reason_of
-from robot_dynamics.simulation import ArmSimulation, ArmState
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -51,62 +48,6 @@ FASTEST_PERIOD = 0.8
 """Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """[s] after which lock-step says its state again: the first time nobody may have listened."""
-
-
-class Measured(NamedTuple):
-    """Position, velocity and effort (n,), the latter empty for none; the motors as they are."""
-
-    position: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
-    motors: ArmState
-
-
-class Plant:
-    """The simulated robot with what acts on it, and with noisy sensors. Guarded by the lock."""
-
-    def __init__(
-        self, simulation: ArmSimulation, robot: RobotSide, brakes: bool,
-        noise: np.random.Generator,
-    ) -> None:
-        self.simulation = simulation
-        self._robot = robot
-        self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
-        self.wrenches: dict[str, ExternalWrench] = {}
-        self.position_noise = 0.0
-        self.velocity_noise = 0.0
-        self.encoders_at_motor = False
-        self._brakes = brakes
-        self._noise = noise
-
-    def reset(self) -> None:
-        """Back to the initial pose, without an effort or a wrench."""
-        self.simulation.reset()
-        self.effort = np.zeros_like(self.effort)
-        self.wrenches.clear()
-        if not self._brakes:
-            self.simulation.release()
-
-    def take_effort(self, effort: FloatArray) -> None:
-        """Let this effort act; the first one opens the brakes."""
-        self.effort = effort
-        self.simulation.release()
-
-    def step(self, period: float) -> None:
-        effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
-        self.simulation.step(effort, period, list(self.wrenches.values()))
-
-    def measure(self) -> Measured:
-        """Return what the sensors say now."""
-        simulation = self.simulation
-        q, v = simulation.motor_state if self.encoders_at_motor else simulation.state
-        n = len(q)
-        effort = self._robot.measured(simulation.effort, q, v, simulation.braked)
-        if self.position_noise > 0.0:
-            q = q + self.position_noise * self._noise.standard_normal(n)
-        if self.velocity_noise > 0.0:
-            v = v + self.velocity_noise * self._noise.standard_normal(n)
-        return Measured(q, v, effort, simulation.motor_state)
 
 
 class ArmTopics:
