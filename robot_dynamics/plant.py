@@ -17,6 +17,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.command_timeout import CommandTimeout
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation, ArmState
@@ -43,28 +44,53 @@ class Plant:
         self, simulation: ArmSimulation, robot: RobotSide, brakes: bool,
         noise: np.random.Generator,
     ) -> None:
+        """Start on the brakes, or without any; with no timeout yet."""
         self.simulation = simulation
+        self.commands = CommandTimeout()
+        self.timed_out = False
+        """Whether efforts have failed to come for too long, until the next one."""
         self._robot = robot
         self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
         self.wrenches: dict[str, ExternalWrench] = {}
         self.position_noise = 0.0
         self.velocity_noise = 0.0
         self.encoders_at_motor = False
-        self._brakes = brakes
+        self.has_brakes = brakes
         self._noise = noise
+        if not brakes:
+            simulation.release()
 
     def reset(self) -> None:
-        """Back to the initial pose, without an effort or a wrench."""
+        """Back to the initial pose, without an effort or a wrench, as before the first effort."""
         self.simulation.reset()
         self.effort = np.zeros_like(self.effort)
         self.wrenches.clear()
-        if not self._brakes:
+        self.commands.reset()
+        self.timed_out = False
+        if not self.has_brakes:
             self.simulation.release()
 
     def take_effort(self, effort: FloatArray) -> None:
-        """Let this effort act; the first one opens the brakes."""
+        """Let this effort act; it opens the brakes."""
         self.effort = effort
+        self.commands.hear()
+        self.timed_out = False
         self.simulation.release()
+
+    def watch_commands(self, passed: float, period: float) -> bool:
+        """
+        Return whether just now efforts have failed to come for too long, and then hold the arm.
+
+        Without brakes no effort acts on it any more. To be called once for each step that took
+        `passed` and should take `period` [s].
+        """
+        if not self.commands.end_step(passed, period):
+            return False
+        self.timed_out = True
+        self.effort = np.zeros_like(self.effort)
+        if self.has_brakes:
+            self.simulation.brake()
+        return True
 
     def step(self, period: float) -> None:
         """Move on by `period` [s]."""

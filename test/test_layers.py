@@ -35,10 +35,10 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'backlash', 'body_checks', 'coordinates', 'crossing', 'damped_step', 'drive',
-        'effort_semantics', 'exceptions', 'filtering', 'friction', 'gravity_check',
-        'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding', 'payload',
-        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
+        'actuator', 'backlash', 'body_checks', 'command_timeout', 'coordinates', 'crossing',
+        'damped_step', 'drive', 'effort_semantics', 'exceptions', 'filtering', 'friction',
+        'gravity_check', 'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding',
+        'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio
