@@ -67,8 +67,12 @@ SPECS = (
         read_only=True, minimum=-1e6, maximum=1e6),
     ParameterSpec(
         'brakes', Type.BOOL, True,
-        'Hold the initial pose until the first effort arrives; without, the arm falls freely.',
-        read_only=True),
+        'Hold the arm until the first effort arrives, and after command_timeout until the next '
+        'one; without, it falls freely then.', read_only=True),
+    ParameterSpec(
+        'command_timeout', Type.DOUBLE, 0.2,
+        'Time without a valid effort after which the brakes engage until the next one [s]; 0: '
+        'never. With lock_step time itself waits for the effort.', minimum=0.0, maximum=3600.0),
     ParameterSpec(
         'measured_effort', Type.STRING, 'joint_torque',
         'What this arm reports as effort in joint_states: joint_torque, '
@@ -114,8 +118,6 @@ class SimulatedArmNode(Node):
             values['initial_position'] or None, values['initial_velocity'] or None,
             values['max_step'])
         simulation.check_inertia()
-        if not values['brakes']:
-            simulation.release()
         self._lock = threading.Lock()
         self._plant = Plant(
             simulation, RobotSide(self._arm, semantics_from_parameters(values)),
@@ -142,6 +144,7 @@ class SimulatedArmNode(Node):
 
     def _apply(self, values: Values) -> None:
         with self._lock:
+            self._plant.commands.timeout = values['command_timeout']
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
 

@@ -15,9 +15,10 @@
 """
 The loops of `simulated_arm`: step the arm, publish its state, take the effort for it.
 
-In wall time a state goes out every period, and the newest effort acts until the next. In lock-step
-a state waits for the effort that carries its stamp, so that the same efforts meet the same states
-however fast the processes run.
+In wall time a state goes out every period, and the newest effort acts until the next, or until
+none has arrived for too long. In lock-step a state waits for the effort that carries its stamp, so
+that the same efforts meet the same states however fast the processes run; time stands still
+without an effort, so that none can be overdue.
 """
 
 import math
@@ -181,17 +182,20 @@ class WallTimeLoop(_Loop):
         with self._lock:
             measured = self._plant.measure()
         while self._running():
-            self._topics.publish(first_ns + tick * self._period_ns, measured)
+            stamp_ns = first_ns + tick * self._period_ns
+            self._topics.publish(stamp_ns, measured)
             tick += 1
             due = start + tick * self._period
             self._take_efforts_until(max(due, before + FASTEST_PERIOD * self._period))
-            before = time.monotonic()
+            now = time.monotonic()
+            passed, before = now - before, now
             if before - due > MAX_LAG:
                 self._node.get_logger().warning(
                     f'{before - due:.3f} s behind the rate of {1.0 / self._period:g} Hz',
                     throttle_duration_sec=LOG_PERIOD)
                 if own_time:
                     start += before - due
+            self._watch_commands(passed, stamp_ns)
             measured = self._advance()
 
     def _take_efforts_until(self, deadline: float) -> None:
@@ -200,10 +204,33 @@ class WallTimeLoop(_Loop):
             if self._wait_for_effort(max(remaining, 0.0)):
                 taken = self._topics.take_effort()
                 if taken is not None:
-                    with self._lock:
-                        self._plant.take_effort(taken[0])
+                    self._give(taken[0])
             if remaining <= 0.0:
                 return
+
+    def _give(self, effort: FloatArray) -> None:
+        with self._lock:
+            had_timed_out = self._plant.timed_out
+            self._plant.take_effort(effort)
+        if had_timed_out:
+            self._node.get_logger().info(
+                'Efforts arrive again: the arm goes on from where it is.',
+                throttle_duration_sec=LOG_PERIOD)
+
+    def _watch_commands(self, passed: float, stamp_ns: int) -> None:
+        """Hold the arm where efforts have failed to come, and say so; all that came are taken."""
+        plant = self._plant
+        with self._lock:
+            if not plant.watch_commands(passed, self._period):
+                return
+            silence, steps = plant.commands.silence, plant.commands.silent_steps
+        since = (stamp_ns - steps * self._period_ns) / NANOSECONDS_PER_SECOND
+        done = 'the brakes hold the arm where it is' if plant.has_brakes else (
+            'no effort acts on the arm, which has no brakes')
+        self._node.get_logger().warning(
+            f'No valid effort for {silence:.3f} s (command_timeout), since the joint state of '
+            f'{since:.3f} s: {done}, until the next effort arrives.',
+            throttle_duration_sec=LOG_PERIOD)
 
 
 class LockStepLoop(_Loop):
