@@ -63,6 +63,12 @@ def nanoseconds_of(stamp: Time) -> int:
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
+def figure_of(status: DiagnosticStatus | None, key: str) -> int:
+    """Return a figure of a status, 0 where it is not named."""
+    values = () if status is None else status.values
+    return next((int(value.value) for value in values if value.key == key), 0)
+
+
 class Driver:
     """Streams joint states of an arm at rest with stamps of now, as a robot's driver does."""
 
@@ -143,6 +149,8 @@ class FaultBench:
         self, client: RosClient, node: NodeProcess, namespace: str, **driver: Any,
     ) -> None:
         self.client, self.node, self.namespace = client, node, namespace
+        self.hold: Sequence[float] = G
+        """The command that holds the arm where the driver says it is."""
         self.driver = Driver(client, f'{namespace}/joint_states', **driver)
         self.efforts = TimedCollector(
             client.node, JointState, f'{namespace}/effort_command', KEEP_MANY)
@@ -187,8 +195,11 @@ class FaultBench:
     def figure(self, check: str, key: str) -> int:
         """Return a figure of a check in the next report; 0 where it is not named."""
         self._diagnostics.clear()
-        status = self.wait_status(check, lambda _: True)
-        return next((int(value.value) for value in status.values if value.key == key), 0)
+        return figure_of(self.wait_status(check, lambda _: True), key)
+
+    def known(self, check: str, key: str) -> int:
+        """Return a figure of a check in the newest report that has arrived."""
+        return figure_of(self.status(check), key)
 
     def wait_fault(self, name: str) -> DiagnosticStatus:
         """Wait until the command is in this fault."""
@@ -204,9 +215,8 @@ class FaultBench:
 
     def wait_dropped(self, reason: str, more_than: int = 0) -> DiagnosticStatus:
         """Wait until more states than so many were dropped for a reason."""
-        return self.wait_status('joint states', lambda status: any(
-            value.key == f'dropped: {reason}' and int(value.value) > more_than
-            for value in status.values))
+        return self.wait_status(
+            'joint states', lambda status: figure_of(status, f'dropped: {reason}') > more_than)
 
     def wait_silent(self) -> None:
         """Wait until the command has ended: zero efforts, then none."""
@@ -226,7 +236,7 @@ class FaultBench:
         self.driver.go_on()
         self.wait_running()
         self.efforts.clear()
-        self.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+        self.efforts.wait_for(lambda message: np.allclose(message.effort, self.hold, atol=1e-6))
         self.check_efforts()
         assert 'Traceback' not in self.node.log, self.node.log
         assert 'internal error' not in self.node.log, self.node.log
