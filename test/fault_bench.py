@@ -68,10 +68,10 @@ class Driver:
 
     def __init__(
         self, client: RosClient, topic: str, names: Sequence[str] = NAMES,
-        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0,
+        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0, qos: Any = 1,
     ) -> None:
         self._node = client.node
-        self.publisher = client.publisher(JointState, topic, 1)
+        self.publisher = client.publisher(JointState, topic, qos)
         self.names, self.q, self.v, self.period = list(names), list(q), list(v), 1.0 / rate
         self.change: Change = lambda message: message
         """Applied to each message before it goes out; None sends nothing."""

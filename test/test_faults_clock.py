@@ -259,7 +259,8 @@ def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
     assert reported(one, 'joint states', f'started anew: {reason}') == before + 1
     assert reported(one, 'command', 'faults: state_timeout') == faults
     status = one.status('reference')
-    assert status is not None and status.message == 'none'
+    assert status is not None
+    assert status.message == 'none'
     one.check_alive()
 
 

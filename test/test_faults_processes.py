@@ -142,8 +142,8 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
 
 # --- the node ------------------------------------------------------------------------------------
 
-@fault(GROUP, 'the node stalls for 200 ms, `state_timeout` 0.1 s, while its effort changes as fast '
-       'as it may',
+@fault(GROUP, 'the node stalls for 200 ms, `state_timeout` 0.1 s, while its effort changes at '
+       '`effort_rate_limit`',
        'it answers the next state, or tells of the time without any; the effort goes on from the '
        f'last one, within `effort_rate_limit` times {LONGEST_STEP:g} s')
 def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
