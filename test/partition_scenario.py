@@ -15,8 +15,8 @@
 """
 A network partition, for real: driver and node in two network namespaces, with a link that breaks.
 
-Run it in a network of its own, as `own_network` says how. It prints one line of JSON with the times
-that it saw.
+Run it in a network of its own, as `own_network` says how. It prints the times that it saw, as one
+line of JSON.
 """
 
 from collections.abc import Iterator

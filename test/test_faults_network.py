@@ -16,7 +16,6 @@
 
 from collections.abc import Iterator
 import json
-import os
 import subprocess
 import sys
 from typing import Any
@@ -131,7 +130,7 @@ def test_a_partition(seen: Any) -> None:
     if reason:
         pytest.skip(reason)
     done = subprocess.run(
-        [*command, sys.executable, partition_scenario.__file__], env=os.environ, text=True, check=False,
+        [*command, sys.executable, partition_scenario.__file__], text=True, check=False,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300.0)
     assert done.returncode == 0, done.stdout
     for times in json.loads(done.stdout.splitlines()[-1]):
