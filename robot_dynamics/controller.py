@@ -122,6 +122,11 @@ class Controller:
             else:
                 self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
 
+    @property
+    def has_reference(self) -> bool:
+        """Tell whether there is one to follow, now or from the first state on."""
+        return self._waiting is not None or self._follower.active is not None
+
     def forget_reference(self) -> None:
         """Follow nothing from now on."""
         with self._lock:

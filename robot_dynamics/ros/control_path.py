@@ -29,6 +29,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.set_point_stream import SetPointStream
@@ -55,6 +56,8 @@ class ControlCounters:
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
+    lacks_velocity: bool = False
+    paused_streams: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +116,7 @@ class ControlPath:
         if self._served is not None:
             self._served.controller.forget_reference()
         self._stream.end()
+        self.counters.following = False
 
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -132,6 +136,10 @@ class ControlPath:
             self._drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # nothing that arrives may end the control path
             self._drop('internal error', f'Dropped a joint state: {error!r}')
+
+    def refuse(self, error: UnreadableMessageError) -> None:
+        """Take note of a joint state that cannot even be read."""
+        self._drop('unreadable', f'Dropped a joint state: {error}')
 
     def _drop(self, reason: str, words: str) -> None:
         self.counters.dropped[reason] += 1
@@ -157,6 +165,7 @@ class ControlPath:
             served.controller.shift_time(judgement.time_shift)
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
+            self.counters.paused_streams += 1
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
@@ -171,6 +180,7 @@ class ControlPath:
         self._publish(message, served.names, output)
         self.counters.states += 1
         self.counters.following = output.reference is not None
+        self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
                 served.reader, message, q, v, output.robot_gravity,
