@@ -122,11 +122,21 @@ class Controller:
             else:
                 self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
 
+    @property
+    def has_reference(self) -> bool:
+        """Tell whether there is one to follow, now or from the first state on."""
+        return self._waiting is not None or self._follower.active is not None
+
     def forget_reference(self) -> None:
         """Follow nothing from now on."""
         with self._lock:
             self._waiting = None
             self._follower.clear()
+
+    def shift_time(self, shift_ns: int) -> None:
+        """Follow on as before where the stamps of states go on lower by `shift_ns`."""
+        with self._lock:
+            self._follower.shift_time(shift_ns)
 
     def set_payload(
         self, payload: Payload | None, transition_time: float,

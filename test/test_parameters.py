@@ -40,7 +40,7 @@ SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
 @pytest.fixture(scope='module', autouse=True)
 def nodes(client: RosClient) -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters'),
+            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters', patient=False),
             NodeProcess(SIMULATED_ARM, namespace='/parameters',
                         remaps={'joint_states': 'arm_states', 'effort_command': 'arm_effort'})):
         yield

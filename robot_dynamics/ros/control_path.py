@@ -29,6 +29,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.set_point_stream import SetPointStream
@@ -55,6 +56,8 @@ class ControlCounters:
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
+    lacks_velocity: bool = False
+    paused_streams: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +117,7 @@ class ControlPath:
         if self._served is not None:
             self._served.controller.forget_reference()
         self._stream.end()
+        self.counters.following = False
 
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -134,6 +138,10 @@ class ControlPath:
         except Exception as error:  # nothing that arrives may end the control path
             self._drop('internal error', f'Dropped a joint state: {error!r}')
 
+    def refuse(self, error: UnreadableMessageError) -> None:
+        """Take note of a joint state that cannot even be read."""
+        self._drop('unreadable', f'Dropped a joint state: {error}')
+
     def _drop(self, reason: str, words: str) -> None:
         self.counters.dropped[reason] += 1
         self.counters.last_drop = words
@@ -146,19 +154,21 @@ class ControlPath:
             return
         served = self._served
         q, v = served.reader.read(message)
-        clock = time.time_ns()  # a stamp of 0 is none, and /clock may stand still
-        stamp_ns = stamp_from_ros(message.header.stamp) or clock
-        judgement = served.watch.judge(stamp_ns, clock, q, v, self._is_crowded)
+        judgement = served.watch.judge(  # by a clock that does not stand still with /clock
+            stamp_from_ros(message.header.stamp), time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
+        if judgement.time_shift:
+            served.controller.shift_time(judgement.time_shift)
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
+            self.counters.paused_streams += 1
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
         with_terms = self._terms.get_subscription_count() > 0
-        output = served.controller.update(stamp_ns, q, v, with_terms)
+        output = served.controller.update(judgement.stamp, q, v, with_terms)
         if judgement.is_news:
             self.counters.timing.happened(time.monotonic())
             command = self.command.answer(message.header.stamp, q, v, output, judgement.dt)
@@ -168,6 +178,7 @@ class ControlPath:
         self._publish(message, served.names, output)
         self.counters.states += 1
         self.counters.following = output.reference is not None
+        self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
                 served.reader, message, q, v, output.robot_gravity,

@@ -48,7 +48,8 @@ from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
-from robot_dynamics.ros.message_loop import MessageLoop
+from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
+from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
 from robot_dynamics.ros.model_check_log import check_or_refuse, IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
@@ -152,11 +153,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path = ControlPath(self)
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
-        self.create_subscription(JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10)
+        self.create_subscription(
+            JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10,
+            refuse=self._refuse_trajectory)
         self._report = StateReport(self._path.counters)
         self._path.command.when_changed = Diagnostics(self, self._statuses).look_now
         self._loop = MessageLoop(
-            self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state,
+            self, JointState, 'joint_states', NEWEST_STATE, self._path.on_state, self._path.refuse,
             in_thread=self._settings.values['state_thread'])
         self._path.count_publishers = self._loop.publisher_count
         if self._settings.values['autostart']:
@@ -244,7 +247,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 'one arrives on the topic robot_description.')
         if self._descriptions is None:
             self._descriptions = self.create_subscription(
-                String, 'robot_description', self._on_description, LATCHED)
+                String, 'robot_description', self._on_description, LATCHED,
+                refuse=self._refuse_description, largest=LARGEST_DESCRIPTION)
 
     def _on_description(self, message: String) -> None:
         self._waiting_xml = ''
@@ -260,7 +264,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             else:
                 self._use_model(message.data)
         except Exception as error:
-            self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
+            self._refuse_description(error)
+
+    def _refuse_description(self, error: Exception) -> None:
+        self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
 
     def _take_waiting_description(self) -> None:
         if self._waiting_xml and not self._path.command.is_commanding:
@@ -319,23 +326,25 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._path.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
         except Exception as error:  # rclpy ends its spin at anything that is raised here
-            self._refused, self._refusal = self._refused + 1, reason_of(error)
-            self.get_logger().error(f'Refused a joint trajectory: {self._refusal}')
+            self._refuse_trajectory(error)
+
+    def _refuse_trajectory(self, error: Exception) -> None:
+        before, self._refusal = self._refusal, reason_of(error)
+        self._refused += 1
+        words = f'Refused a joint trajectory: {self._refusal}'
+        if self._refusal == before:  # as of a stream
+            self.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
+        else:
+            self.get_logger().error(words)
 
     # ------------------------------------------------------------------ diagnostics
 
     def _statuses(self) -> list[Status]:
         self._take_waiting_description()
-        counters = self._path.counters
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
-            *self._report.statuses(),
-            Status(
-                'reference', WARN if self._refusal else OK,
-                'following' if counters.following else 'none',
-                {'refused': self._refused, 'refusal of the latest': self._refusal,
-                 'over before the first state': (
-                     self._controller.expired if self._controller else 0)}),
+            *self._report.statuses(self._settings.values['state_timeout']),
+            self._reference_status(),
             self._path.command.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
@@ -343,6 +352,16 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                  'a new one waits': bool(self._waiting_xml)}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
+
+    def _reference_status(self) -> Status:
+        counters, controller = self._path.counters, self._controller
+        level, words = WARN if self._refusal else OK, 'following' if counters.following else 'none'
+        if counters.lacks_velocity and controller is not None and controller.has_reference:
+            level, words = WARN, 'not followed, as joint states have no velocity'
+        return Status('reference', level, words, {
+            'refused': self._refused, 'refusal of the latest': self._refusal,
+            'streams that paused': counters.paused_streams,
+            'over before the first state': controller.expired if controller else 0})
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rclpy.node import Node
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
@@ -37,6 +36,7 @@ from robot_dynamics.ros.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
+from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
 from robot_dynamics.trajectory_efforts import trajectory_efforts
 from robot_dynamics.validation import check_scalar, FloatArray
 from robot_dynamics_interfaces.srv import (
@@ -63,17 +63,19 @@ class DynamicsServices:
     """
     Offers all services on a node.
 
-    A request that cannot be answered gets success = false and the reason; a handler never raises.
+    A request that cannot be answered gets success = false and the reason.
     """
 
-    def __init__(self, node: Node, payload_done: Callable[[Payload | None], None]) -> None:
+    def __init__(
+        self, node: GuardedCallbacks, payload_done: Callable[[Payload | None], None],
+    ) -> None:
         """`payload_done` hears of each payload when it is in force."""
         self._node = node
         self._served: ServedArm | None = None
         self._payload_done = payload_done
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
-            node.create_service(service_type, f'~/{name}', self._guarded(name, handler))
+            node.create_service(service_type, f'~/{name}', _refusing(handler))
 
         offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
@@ -90,27 +92,11 @@ class DynamicsServices:
         """Answer that there is no model."""
         self._served = None
 
-    def _guarded(self, name: str, handler: Handler) -> Callable[[Any, Any], Any]:
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                handler(request, response)
-                response.success = True
-                return response
-            except RobotDynamicsError as error:
-                reason = str(error)
-            except Exception as error:  # rclpy ends its spin at anything that is raised here
-                reason = f'internal error: {error!r}'
-                self._node.get_logger().error(f'{name}: {reason}')
-            refusal = type(response)()  # nothing half filled in
-            refusal.success, refusal.message = False, reason
-            return refusal
-
-        return answer
-
     def _arm(self) -> ServedArm:
         if self._served is None:
             raise ModelError(
-                'no model yet: waiting for a URDF on the topic robot_description')
+                'no model yet: expected a URDF on the topic robot_description, or the node to be '
+                'configured (~/change_state)')
         return self._served
 
     def _inverse_dynamics(
@@ -209,6 +195,19 @@ class DynamicsServices:
             served.controller.arm.with_payloads([payload] if payload else []))
         response.message = (
             'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
+
+
+def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            handler(request, response)
+        except RobotDynamicsError as error:
+            # A new one, as the other may be half filled in.
+            return type(response)(success=False, message=reason_of(error))
+        response.success = True
+        return response
+
+    return answer
 
 
 def _fill_motors(

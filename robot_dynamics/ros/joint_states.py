@@ -55,7 +55,7 @@ class JointStateReader:
         missing = [name for name in self._joint_names if name not in names]
         if len(missing) == len(self._joint_names):
             raise OtherJointsError(
-                f'name is {names}, which has none of {list(self._joint_names)}')
+                f'name has none of {list(self._joint_names)} among its {len(names)}')
         if missing:
             raise InvalidInputError(
                 f'name leaves out {missing}, expected all of {list(self._joint_names)}')

@@ -31,6 +31,7 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from robot_dynamics.ros.message_bytes import read_message, UnreadableMessageError
 
 FOREVER = -1
 """Time to wait [ns]."""
@@ -60,15 +61,16 @@ class MessageLoop:
 
     def __init__(
         self, node: Node, message_type: type, topic: str, qos: QoSProfile,
-        callback: Callable[[Any], None], in_thread: bool = True,
+        callback: Callable[[Any], None], refuse: Callable[[UnreadableMessageError], None],
+        in_thread: bool = True,
     ) -> None:
-        """Subscribe; the callback must not raise."""
+        """Subscribe; `refuse` hears of what cannot be read. Neither callback may raise."""
         self._node, self._context = node, node.context
-        self._callback = callback
+        self._message_type, self._callback, self._refuse = message_type, callback, refuse
         self._stop = False
         group = LEFT_TO_THE_LOOP if in_thread else None
         self._subscription = node.create_subscription(
-            message_type, topic, callback, qos, callback_group=group)
+            message_type, topic, self._deliver, qos, callback_group=group, raw=True)
         self._wake = GuardCondition(lambda: None, None, context=node.context)
         self._thread = threading.Thread(
             target=self._run, name=f'{topic} loop', daemon=True) if in_thread else None
@@ -99,17 +101,25 @@ class MessageLoop:
             wait_set.wait(FOREVER)
             if self._stop or not wait_set.get_ready_entities('subscription'):
                 continue
-            message = self._take()
-            if message is not None:
-                self._callback(message)
+            data = self._take()
+            if data is not None:
+                self._deliver(data)
 
-    def _take(self) -> Any:
-        """Return the newest message, or None where it was taken back or cannot be read."""
+    def _deliver(self, data: bytes) -> None:
         try:
-            taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
+            message = read_message(data, self._message_type)
+        except UnreadableMessageError as error:
+            self._refuse(error)
+        else:
+            self._callback(message)
+
+    def _take(self) -> bytes | None:
+        """Return the newest message as bytes, or None where it was taken back."""
+        try:
+            taken = self._subscription.handle.take_message(self._message_type, True)
         except Exception as error:  # nothing that arrives may end the thread
             self._node.get_logger().warning(
-                f'Cannot read a message of {self._subscription.topic_name}: {error!r}',
+                f'Cannot take a message of {self._subscription.topic_name}: {error!r}',
                 throttle_duration_sec=LOG_PERIOD)
             return None
         return None if taken is None else taken[0]

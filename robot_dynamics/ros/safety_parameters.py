@@ -37,8 +37,9 @@ SAFETY_SPECS = (
         minimum=0.001, maximum=60.0),
     ParameterSpec(
         'state_max_age', Type.DOUBLE, 0.2,
-        'How old, or how far ahead of the clock, the stamp of a joint state may be [s], where '
-        'stamps follow the clock of the node at all; 0 for any.', minimum=0.0, maximum=60.0),
+        'How far the stamp of a joint state may be from the clock of this computer [s]; 0 for '
+        'any. Stamps more than an hour off are of another clock, and not judged.',
+        minimum=0.0, maximum=60.0),
     ParameterSpec(
         'reference_timeout', Type.DOUBLE, 0.1,
         'Pause of a stream of set-points after which there is no reference [s].',

@@ -37,6 +37,7 @@ from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.message_bytes import read_message
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
 from robot_dynamics.simulation import ArmSimulation, ArmState
 from robot_dynamics.validation import FloatArray
@@ -130,10 +131,10 @@ class ArmTopics:
     def take_effort(self) -> tuple[FloatArray, int] | None:
         """Return the newest effort that has arrived and its stamp, or None."""
         try:
-            taken = self.efforts.handle.take_message(JointState, False)
+            taken = self.efforts.handle.take_message(JointState, True)
             if taken is None:
                 return None
-            message = taken[0]
+            message = read_message(taken[0], JointState)
             effort = self._reader.effort(message)
             if effort is None or not np.isfinite(effort).all():
                 raise RobotDynamicsError(

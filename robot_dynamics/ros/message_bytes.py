@@ -1,0 +1,93 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Messages as they arrive, in bytes, and what is refused before it is made a message.
+
+rclpy passes over bytes that are no message without a word, and makes a message of those that are
+one while no other thread may run: a trajectory of 100,000 points stops control for a second. So
+topics are taken as bytes, and read here.
+"""
+
+import struct
+from typing import Any
+
+from rclpy.serialization import deserialize_message
+from robot_dynamics.exceptions import InvalidInputError
+from trajectory_msgs.msg import JointTrajectory
+
+LARGEST_MESSAGE = 1_000_000
+"""[bytes]; the slowest to read, of empty names alone, takes 30 ms."""
+LARGEST_DESCRIPTION = 10_000_000
+"""[bytes] of a URDF, which is read in one piece."""
+MOST_POINTS = 2000
+"""Points of a trajectory; they take 20 ms to read."""
+ENCAPSULATION = 4
+"""[bytes] before the data, from where on these are aligned."""
+STAMP = 8
+"""[bytes] of a time."""
+
+
+class UnreadableMessageError(InvalidInputError):
+    """Bytes that are no message, or one too large to be read beside control."""
+
+
+def read_message(data: bytes, message_type: type, largest: int = LARGEST_MESSAGE) -> Any:
+    """Return the message of at most `largest` bytes; raise UnreadableMessageError."""
+    if len(data) > largest:
+        raise UnreadableMessageError(
+            f'the message has {len(data)} bytes, expected at most {largest}: more would hold up '
+            'control')
+    if message_type is JointTrajectory:
+        _check_points(data)
+    try:
+        return deserialize_message(data, message_type)
+    except Exception:  # of rclpy, which says no more than that
+        raise UnreadableMessageError(
+            f'the message of {len(data)} bytes cannot be read, expected a serialized '
+            f'{message_type.__name__}') from None
+
+
+def _check_points(data: bytes) -> None:
+    try:
+        count = _point_count(data)
+    except struct.error:  # too short; to be refused as such
+        return
+    if count > MOST_POINTS:
+        raise UnreadableMessageError(
+            f'points has {count} points, expected at most {MOST_POINTS}: more would hold up '
+            'control')
+
+
+def _point_count(data: bytes) -> int:
+    """
+    Return how many points a serialized JointTrajectory has, or claims to have.
+
+    Source: OMG, Common Object Request Broker Architecture 3.4, part 2, section 9.3 (CDR): numbers
+    are aligned to their size, and counts of four bytes come before strings and sequences.
+    """
+    count = struct.Struct('<I' if data[1:2] == b'\x01' else '>I')
+    at = ENCAPSULATION + STAMP
+
+    def next_count() -> int:
+        nonlocal at
+        at += -at % count.size
+        value, = count.unpack_from(data, at)
+        at += count.size
+        return int(value)
+
+    at += next_count()  # header.frame_id
+    for _ in range(next_count()):
+        at += next_count()  # joint_names
+    return next_count()
