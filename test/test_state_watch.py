@@ -58,11 +58,17 @@ class Watched:
     def judge(
         self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,
     ) -> Judgement:
-        """Judge a state that arrives at `clock`, at its stamp where that is not given."""
-        clock = stamp if clock is None else clock
-        return self.watch.judge(
-            NOW + nanoseconds(stamp) + nanoseconds(self.offset), NOW + nanoseconds(clock),
+        """
+        Judge a state that arrives at `clock`, at its stamp where that is not given.
+
+        Its stamp is its time, and is left out of what is returned.
+        """
+        stamp_ns = NOW + nanoseconds(stamp) + nanoseconds(self.offset)
+        judgement = self.watch.judge(
+            stamp_ns, NOW + nanoseconds(stamp if clock is None else clock),
             np.array(q), None if v is None else np.array(v), lambda: self.crowd)
+        assert judgement.stamp == stamp_ns
+        return judgement._replace(stamp=0)
 
     def refusal(self, *args: Any, **more: Any) -> ImplausibleStateError:
         """Return why a state is refused; fail where it is not."""
@@ -307,3 +313,39 @@ def test_stamps_far_ahead_start_anew() -> None:
     one.judge(0.0)
     one.crowd = True
     assert one.judge(LONGEST_GAP + 1.0, 0.01) == Judgement(True, None, 'stamp jumped ahead')
+
+
+# --- states without a stamp ----------------------------------------------------------------------
+
+def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> Judgement:
+    return one.watch.judge(
+        stamp_ns, NOW + nanoseconds(clock), np.array(q), None, lambda: one.crowd)
+
+
+def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
+    one = Watched()
+    assert bare(one, 0, 1.0) == Judgement(True, None, 'first state', NOW + SECOND)
+    second = bare(one, 0, 1.1)
+    assert (second.is_news, second.restart, second.time_shift) == (True, '', 0)
+    assert second.dt == pytest.approx(0.1)
+    assert second.stamp == NOW + nanoseconds(1.1)
+    one.crowd = True
+    with pytest.raises(ImplausibleStateError, match='shoulder'):
+        bare(one, 0, 1.11, Q + 1.0)
+
+
+def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
+    """Its first stamp reads as none; then what began at the clock's time began at 0."""
+    one = Watched()
+    first = bare(one, 0, 1.0)
+    second = bare(one, nanoseconds(PERIOD), 1.01)
+    assert second == Judgement(True, None, '', nanoseconds(PERIOD), first.stamp)
+    third = bare(one, nanoseconds(2 * PERIOD), 1.02)
+    assert (third.restart, third.time_shift) == ('', 0)
+    assert third.dt == pytest.approx(PERIOD)
+
+
+def test_stamps_of_today_after_states_without_start_anew() -> None:
+    one = Watched()
+    bare(one, 0, 1.0)
+    assert one.judge(1.1) == Judgement(True, None, 'first state')
