@@ -59,9 +59,10 @@ class EndRequest:
                 self._tell()
 
     def __enter__(self) -> 'EndRequest':
+        # The pipe first: a signal that a handler takes before there is one would be lost.
+        signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         for end_signal in END_SIGNALS:
             signal.signal(end_signal, lambda *_: None)
-        signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         self._waiter.start()
         return self
 
