@@ -220,6 +220,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._descriptions = None
         return TransitionCallbackReturn.SUCCESS
 
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp efforts out and forget the model, after a transition that failed unforeseen."""
+        self._path.command.deactivate()
+        return self.on_cleanup(state)
+
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ramp efforts out for good."""
         self._path.command.deactivate()

@@ -111,6 +111,7 @@ class DynamicsServices:
         terms = dynamics.terms(q, v, a, wrenches)
         response.joint_names = list(order.names)
         response.effort = _finite_to_ros('effort', order.answer(terms.effort))
+        _check_energies(terms.kinetic_energy, terms.potential_energy)
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
         response.terms.header.stamp = self._node.get_clock().now().to_msg()
         response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)
@@ -184,15 +185,19 @@ class DynamicsServices:
             response.christoffel = floats_to_ros(order.answer_form(christoffel))
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
+        _check_energies(response.kinetic_energy, response.potential_energy)
         response.message = '; '.join(limit_warnings(dynamics.arm, q, v))
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         served = self._arm()
         payload = payload_from_ros(served.controller.arm, request.payload)
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        served.controller.set_payload(payload, seconds, self._payload_done)
-        served.dynamics = ArmDynamics(
+        dynamics = ArmDynamics(
             served.controller.arm.with_payloads([payload] if payload else []))
+        gravity = dynamics.rigid_body.gravity(np.zeros(dynamics.arm.joint_count))
+        _check_finite('the gravity of payload.inertia', gravity)
+        served.controller.set_payload(payload, seconds, self._payload_done)
+        served.dynamics = dynamics
         response.message = (
             'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
 
@@ -227,8 +232,17 @@ def _fill_motors(
 
 def _finite_to_ros(field: str, values: FloatArray) -> array:  # type: ignore[type-arg]
     """Return a message's float64[]; raise InvalidInputError where the numbers overflowed."""
+    _check_finite(field, values)
+    return floats_to_ros(values)
+
+
+def _check_energies(kinetic: float, potential: float) -> None:
+    _check_finite('kinetic_energy', kinetic)
+    _check_finite('potential_energy', potential)
+
+
+def _check_finite(field: str, values: FloatArray | float) -> None:
     if not np.isfinite(values).all():
         raise InvalidInputError(
             f'{field} is too large for a float64 at this request, expected positions, '
-            'velocities, accelerations and wrenches of a size that an arm can have')
-    return floats_to_ros(values)
+            'velocities, accelerations, wrenches and payloads of a size that an arm can have')

@@ -26,6 +26,7 @@ from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -49,10 +50,12 @@ def reason_of(error: Exception) -> str:
 
 
 def _words_of(error: Exception) -> str:
-    if isinstance(error, RobotDynamicsError):
+    if isinstance(error, (RobotDynamicsError, ParameterException)):
         return str(error)
     if isinstance(error, rclpy_implementation.RCLError):  # whose trace through C files follows
         return ' '.join(str(error).partition(', at /')[0].split())
+    if isinstance(error, rclpy_implementation.UnknownROSArgsError):
+        return f'unknown ROS arguments {error}'
     if isinstance(error, MemoryError):
         return 'this takes more memory than the node may have, expected less at a time'
     return f'internal error: {error!r}'
