@@ -84,12 +84,13 @@ class NodeProcess:
 
         `prefix` is a command that runs a command and becomes it, so that signals reach the node.
 
-        A `patient` dynamics node takes no fault from a test that is slow to send states, and
-        lets efforts change at any rate.
+        A `patient` dynamics node takes no fault from a test that is slow to send states, or from
+        a simulated arm that a busy machine makes run late, and lets efforts change at any rate.
         """
         if patient and module == DYNAMICS:
             parameters = {
-                'state_timeout': 10.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
+                'state_timeout': 10.0, 'state_max_age': 0.0, 'ramp_time': 0.05,
+                'effort_rate_limit': 1e9,
                 **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [*prefix, sys.executable, '-m', module, *arguments, '--ros-args']
