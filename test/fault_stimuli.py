@@ -17,6 +17,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import threading
+import time
 from typing import Any
 
 from fault_bench import Change, Driver, FaultBench, NANOSECONDS, nanoseconds_of, stamp_of
@@ -84,12 +85,15 @@ class SetPoints:
         self, bench: FaultBench, next_pose: Callable[[], Sequence[float]], rate: float = 50.0,
     ) -> None:
         self._bench, self._next_pose, self._period = bench, next_pose, 1.0 / rate
+        self.sent, self.last = 0, 0.0
         self._ends = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def _run(self) -> None:
         while not self._ends.wait(self._period):
+            self.last = time.monotonic()
             self._bench.set_point(self._next_pose())
+            self.sent += 1
 
     def __enter__(self) -> 'SetPoints':
         self._thread.start()

@@ -48,11 +48,9 @@ MESSAGES = [
 def read_or_refuse(data: bytes, message_type: type) -> bool:
     """Tell whether bytes were a message; fail at any other error than that of this module."""
     try:
-        assert isinstance(read_message(data, message_type), message_type)
-    except UnreadableMessageError as error:
-        assert message_type.__name__ in str(error) or 'points has' in str(error)
+        return isinstance(read_message(data, message_type), message_type)
+    except UnreadableMessageError:
         return False
-    return True
 
 
 @pytest.mark.parametrize('message', MESSAGES, ids=lambda message: type(message).__name__)
