@@ -59,7 +59,7 @@ def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
     lines = re.findall(f'The callback of {of} failed', bench.node.log)
     assert len(lines) <= 1 + (time.monotonic() - since) / LOG_PERIOD, bench.node.log
     assert 'Traceback' not in bench.node.log
-    assert bench.figure('model', 'callbacks that failed') % CALLS == 0
+    assert bench.figure('model', 'callbacks that failed') >= CALLS
     bench.check_commanding()
 
 
