@@ -172,6 +172,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             raise self._configuring_failed
         self.trigger_activate()
 
+    def begin_to_end(self) -> None:
+        """Begin to ramp the effort out, while a service may still be at work."""
+        self._path.command.begin_to_end()
+
     def destroy_node(self) -> None:
         """Ramp the effort out, stop the control path, then the rest."""
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)

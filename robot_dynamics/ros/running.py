@@ -36,7 +36,8 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
     """
     Run a node until it is told to stop; return the exit status.
 
-    A node that cannot start says why in one line and gives status 1.
+    A node that cannot start says why in one line and gives status 1. One that has a method
+    `begin_to_end` hears at once that it is to stop, in another thread, whatever its callbacks do.
     """
     with EndRequest() as end:
         try:
@@ -48,8 +49,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
         try:
             node = make_node()
             executor.add_node(node)
-            # An executor that is merely woken waits on; for a guard condition it returns.
-            end.tell(node.create_guard_condition(lambda: None).trigger)
+            end.tell(_when_asked(node))
             limit_memory()
             expect_no_garbage()
             _spin(executor, node, end)
@@ -62,6 +62,18 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
             executor.shutdown()  # left to the garbage collector, it may meet its parts destroyed
             rclpy.try_shutdown()
     return 0
+
+
+def _when_asked(node: Node) -> Callable[[], None]:
+    # An executor that is merely woken waits on; for a guard condition it returns.
+    wake = node.create_guard_condition(lambda: None).trigger
+    begin_to_end = getattr(node, 'begin_to_end', lambda: None)
+
+    def tell() -> None:
+        wake()
+        begin_to_end()
+
+    return tell
 
 
 def _refuse_to_start(error: Exception) -> int:

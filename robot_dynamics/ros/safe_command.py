@@ -154,17 +154,22 @@ class SafeCommand:
             if self._supervisor is not None:
                 self._supervisor.activate()
 
+    def begin_to_end(self) -> None:
+        """Begin to ramp the effort out."""
+        with self._changed:
+            self._is_active = False
+            if self._supervisor is not None:
+                self._supervisor.deactivate(time.monotonic())
+            self._changed.notify()
+
     def deactivate(self) -> None:
         """Ramp the effort out, and return when that is done."""
         with self._changed:
-            self._is_active = False
+            self.begin_to_end()
             supervisor = self._supervisor
-            if supervisor is None:
-                return
-            supervisor.deactivate(time.monotonic())
-            self._changed.notify()
-            self._changed.wait_for(
-                lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + 1.0)
+            if supervisor is not None:
+                self._changed.wait_for(
+                    lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + 1.0)
 
     def reset(self) -> str:
         """Forget a latched fault; return what was reset, in words."""
