@@ -210,12 +210,16 @@ class FaultBench:
 
     def figure(self, check: str, key: str) -> int:
         """Return a figure of a check in the next report; 0 where it is not named."""
-        self._diagnostics.clear()
-        return figure_of(self.wait_status(check, lambda _: True), key)
+        return figure_of(self.next_status(check), key)
 
     def known(self, check: str, key: str) -> int:
         """Return a figure of a check in the newest report that has arrived."""
         return figure_of(self.status(check), key)
+
+    def next_status(self, check: str) -> DiagnosticStatus:
+        """Return the status of a check in the next report."""
+        self._diagnostics.clear()
+        return self.wait_status(check, lambda _: True)
 
     def wait_fault(self, name: str) -> DiagnosticStatus:
         """Wait until the command is in this fault."""
@@ -249,13 +253,17 @@ class FaultBench:
 
     def check_alive(self) -> None:
         """Check that the node runs, commands what holds the arm, and has raised nothing."""
+        self.check_commanding()
+        assert 'Traceback' not in self.node.log, self.node.log
+        assert 'internal error' not in self.node.log, self.node.log
+
+    def check_commanding(self) -> None:
+        """Check that the node commands what holds the arm, of itself."""
         self.driver.go_on()
         self.wait_running()
         self.efforts.clear()
         self.efforts.wait_for(lambda message: np.allclose(message.effort, self.hold, atol=1e-6))
         self.check_efforts()
-        assert 'Traceback' not in self.node.log, self.node.log
-        assert 'internal error' not in self.node.log, self.node.log
 
     # ------------------------------------------------------------------ what to send
 

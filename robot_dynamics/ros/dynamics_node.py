@@ -358,7 +358,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],
-                 'a new one waits': bool(self._waiting_xml)}),
+                 'a new one waits': bool(self._waiting_xml),
+                 'callbacks that failed': self.callback_errors}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 

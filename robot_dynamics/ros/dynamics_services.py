@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from rclpy.qos import QoSProfile
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
@@ -49,6 +50,8 @@ from robot_dynamics_interfaces.srv import (
 )
 
 Handler = Callable[[Any, Any], None]
+SERVICE_QOS = QoSProfile(depth=100)
+"""Requests, of all clients together, that may wait; one more is lost without a word."""
 
 
 @dataclass
@@ -75,7 +78,8 @@ class DynamicsServices:
         self._payload_done = payload_done
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
-            node.create_service(service_type, f'~/{name}', _refusing(handler))
+            node.create_service(
+                service_type, f'~/{name}', _refusing(handler), qos_profile=SERVICE_QOS)
 
         offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)

@@ -22,6 +22,8 @@ with what failed.
 
 from collections.abc import Callable, Sequence
 import functools
+import math
+import time
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -68,6 +70,7 @@ class GuardedCallbacks(Node):
     """Callbacks that failed with an error that nobody foresaw."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
+        self._told: dict[str, float] = {}
         super().__init__(*args, **more)
         for service in self.services:  # rclpy makes some past `create_service`
             if not hasattr(service.callback, '__wrapped__'):
@@ -157,10 +160,11 @@ class GuardedCallbacks(Node):
 
     def _failed(self, what: str, error: Exception) -> None:
         self.callback_errors += 1
-        if self.context.ok():
-            self.get_logger().error(
-                f'The callback of {what} failed: {reason_of(error)}',
-                throttle_duration_sec=LOG_PERIOD)
+        # Each callback has its own pause, which rclpy's throttle would give all of them together.
+        now = time.monotonic()
+        if self.context.ok() and now - self._told.get(what, -math.inf) > LOG_PERIOD:
+            self._told[what] = now
+            self.get_logger().error(f'The callback of {what} failed: {reason_of(error)}')
 
 
 def _check_parameter_types(request: Any) -> None:
