@@ -133,6 +133,11 @@ class Controller:
             self._waiting = None
             self._follower.clear()
 
+    def shift_time(self, shift_ns: int) -> None:
+        """Follow on as before where the stamps of states go on lower by `shift_ns`."""
+        with self._lock:
+            self._follower.shift_time(shift_ns)
+
     def set_payload(
         self, payload: Payload | None, transition_time: float,
         when_done: Callable[[Payload | None], None],

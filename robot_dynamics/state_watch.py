@@ -54,12 +54,15 @@ class Judgement(NamedTuple):
     What a state is: news, `dt` [s] after the state before, None where that is not known.
 
     `restart` says why time or place start anew with it, and is empty where they go on. A state
-    with the stamp of the one before is no news, whatever else it says.
+    with the stamp of the one before is no news, whatever else it says. `stamp` [ns] is the time
+    of the state; what it was for the state before is now less by `time_shift` [ns].
     """
 
     is_news: bool
     dt: float | None = None
     restart: str = ''
+    stamp: int = 0
+    time_shift: int = 0
 
 
 class StateWatch:
@@ -79,7 +82,7 @@ class StateWatch:
         self._q = np.zeros(len(joint_names))
         self._stamp: int | None = None
         self._heard = 0
-        self._is_same_clock = False
+        self._is_same_clock = self._is_unstamped = False
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
@@ -88,11 +91,19 @@ class StateWatch:
         """
         Return what the state is; `clock` is the time of this computer, never that of /clock.
 
+        A stamp of 0 is none, and the clock stands in for it; unless it was the first of a
+        simulation, whose stamps then go on from 0.
         `is_crowded` tells whether there are several publishers; it is asked where the state does
         not follow. Raises ImplausibleStateError, reason 'too old', 'from the future', 'stamp went
         back' or 'jump'.
         """
         if self._stamp is not None and not 0.0 <= 1e-9 * (clock - self._heard) <= LONGEST_GAP:
+            self._stamp = None
+        is_unstamped, shift = stamp == 0, 0
+        if is_unstamped:
+            stamp = clock
+        elif self._is_unstamped and self._stamp is not None:  # stamps begin
+            shift = self._stamp if stamp < 1e9 * SAME_CLOCK else 0
             self._stamp = None
         age = 1e-9 * (clock - stamp)
         is_same_clock = self._is_same_clock if self._stamp is not None else (
@@ -102,8 +113,10 @@ class StateWatch:
         judgement = self._follows(stamp, q, v, is_crowded)
         if judgement.is_news:
             self._stamp, self._q, self._heard = stamp, q, clock
-            self._is_same_clock = is_same_clock
-        return judgement
+            self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
+        if shift:
+            judgement = judgement._replace(restart='', time_shift=shift)
+        return judgement._replace(stamp=stamp)
 
     def _check_age(self, age: float) -> None:
         expected = (f'expected at most {self.max_age:g} s (state_max_age), by the clock of this '

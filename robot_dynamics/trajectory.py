@@ -161,6 +161,12 @@ class ActiveTrajectory:
         self._final = _held(trajectory)
         self._segment: _Segment | None = None
 
+    def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
+        """Return the same with all its times lower by `shift_ns`."""
+        return ActiveTrajectory(
+            self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
+            self._state_before)
+
     def sample(self, now_ns: int) -> Reference:
         """
         Return the reference at `now_ns`; the arrays may be shared between calls, do not write.
@@ -277,6 +283,11 @@ class TrajectoryFollower:
     def clear(self) -> None:
         """Forget the trajectory; the next one starts from the measured state."""
         self.active = None
+
+    def shift_time(self, shift_ns: int) -> None:
+        """Let the times of the trajectory in force be lower by `shift_ns`, as those to come."""
+        if self.active is not None:
+            self.active = self.active.earlier(shift_ns)
 
     def _state_at(self, now_ns: int, position: Any, velocity: Any) -> Reference:
         if self.active is not None:

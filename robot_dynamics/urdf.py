@@ -33,6 +33,11 @@ SUPPORTED_KINDS = (*MOVING_KINDS, 'fixed')
 # Stands for "no limit" where the parser behind Pinocchio wants a number.
 _UNLIMITED = '1e30'
 _INERTIA_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+_CHUNK = 2**16
+MOST_LINKS = 500
+"""Links; the parser behind Pinocchio, which calls itself for each in a row, dies of thousands."""
+MOST_TAGS = 100_000
+"""Tags of XML, of geometry and the like too; no other thread runs while they are forgotten."""
 _NUMERIC_ATTRIBUTES = ('xyz', 'rpy', 'value', *_INERTIA_ENTRIES)
 
 
@@ -104,6 +109,10 @@ def parse_urdf(xml: str) -> UrdfRobot:
                 if 'xmlns:xacro' in xml else '')
         raise ModelError(
             f'robot_description: robot {name!r} has no links, expected at least two{hint}')
+    if len(link_names) > MOST_LINKS:
+        raise ModelError(
+            f'robot_description: robot {name!r} has {len(link_names)} links, expected at most '
+            f'{MOST_LINKS}')
     for link in root.findall('link'):
         _check_inertial(link)
     elements = root.findall('joint')
@@ -130,8 +139,11 @@ def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
 def _robot_element(xml: str) -> ElementTree.Element:
     if not xml.strip():
         raise ModelError('robot_description is empty, expected the XML of a URDF')
+    if xml.count('<') > MOST_TAGS:
+        raise ModelError(
+            f'robot_description has {xml.count("<")} tags, expected at most {MOST_TAGS}')
     try:
-        root = ElementTree.fromstring(xml.strip())
+        root = _read_xml(xml.strip())
     except (ElementTree.ParseError, ValueError) as error:
         raise ModelError(
             f'robot_description is not well-formed XML ({error}), expected a URDF; '
@@ -147,6 +159,15 @@ def _robot_element(xml: str) -> ElementTree.Element:
     return root
 
 
+def _read_xml(text: str) -> ElementTree.Element:
+    """Return the root element, read in parts, as no other thread runs while one is read."""
+    parser = ElementTree.XMLParser()
+    for i in range(0, len(text), _CHUNK):
+        parser.feed(text[i:i + _CHUNK])
+    root: ElementTree.Element = parser.close()
+    return root
+
+
 def _check_expanded(root: ElementTree.Element) -> None:
     for element in root.iter():
         namespace, _, tag = element.tag.rpartition('}')
@@ -158,15 +179,15 @@ def _check_expanded(root: ElementTree.Element) -> None:
 
 
 def _names_of(elements: Iterable[ElementTree.Element], what: str) -> list[str]:
-    names: list[str] = []
+    names: dict[str, None] = {}
     for element in elements:
         name = element.get('name')
         if not name:
             raise ModelError(f'robot_description: a <{what}> has no name')
         if name in names:
             raise ModelError(f'robot_description: two {what}s are named {name!r}')
-        names.append(name)
-    return names
+        names[name] = None
+    return list(names)
 
 
 def _number(

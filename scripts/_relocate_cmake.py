@@ -16,9 +16,11 @@
 Point the CMake files of the ROS wheels in a virtual environment to this machine's headers.
 
 The wheels were built elsewhere, and their exports name that machine's include directories of
-Python and numpy. Usage: _relocate_cmake.py VIRTUAL_ENVIRONMENT
+Python and numpy. Each file that changes is written anew: uv may have linked it to its cache, which
+other virtual environments share. Usage: _relocate_cmake.py VIRTUAL_ENVIRONMENT
 """
 
+import os
 from pathlib import Path
 import re
 import sys
@@ -26,23 +28,20 @@ import sysconfig
 
 import numpy as np
 
-# Whatever machine they name: a cache of wheels may have been rewritten for another environment.
-NUMPY_OF_ANY_MACHINE = re.compile(r'(?<=[";])/[^";]*/numpy/_?core/include(?=[";])')
-PYTHON_OF_ANY_MACHINE = re.compile(r'(?<=[";])/[^";]*/include/python3\.\d+(?=[";])')
+NUMPY = re.compile(r'/[^"; ]*/numpy/_?core/include')
+PYTHON = re.compile(r'/[^"; ]*/include/python3\.\d+')
 
 
 def main() -> None:
     python_include = sysconfig.get_paths()['include']
     for path in Path(sys.argv[1], 'share').rglob('*.cmake'):
         text = path.read_text(encoding='utf-8', errors='surrogateescape')
-        relocated = NUMPY_OF_ANY_MACHINE.sub(lambda _: np.get_include(), text)
-        relocated = PYTHON_OF_ANY_MACHINE.sub(lambda _: python_include, relocated)
-        if relocated == text:
-            continue
-        # A file of its own: this one may be linked with the installer's cache, and through it
-        # with other environments.
-        path.unlink()
-        path.write_text(relocated, encoding='utf-8', errors='surrogateescape')
+        here = NUMPY.sub(lambda _: np.get_include(), text)
+        here = PYTHON.sub(lambda _: python_include, here)
+        if here != text:
+            fresh = path.with_suffix('.fresh')
+            fresh.write_text(here, encoding='utf-8', errors='surrogateescape')
+            os.replace(fresh, path)
 
 
 main()

@@ -54,7 +54,7 @@ def test_both_nodes_run_on_it(client: RosClient, file: str) -> None:
     if ROBOTS[file]:
         parameters['robot_description_file'] = str(robot_path(ROBOTS[file]))
     arguments = ('--ros-args', '--params-file', str(path))
-    with NodeProcess(DYNAMICS, parameters, arguments=arguments), \
+    with NodeProcess(DYNAMICS, parameters, arguments=arguments, patient=False), \
             NodeProcess(SIMULATED_ARM, parameters, arguments=arguments):
         for node, module in (('/dynamics', DYNAMICS), ('/simulated_arm', SIMULATED_ARM)):
             for name, value in flat(written[node]['ros__parameters']).items():
@@ -91,7 +91,7 @@ def test_the_examples_in_the_comments_are_taken_too(client: RosClient, tmp_path:
         assert {'friction.coulomb', 'actuator.torque_constant', 'robot_compensates'} <= set(node)
     assert 'actuator.backlash' in written['/simulated_arm']
     arguments = ('--ros-args', '--params-file', str(path))
-    with NodeProcess(DYNAMICS, arguments=arguments), \
+    with NodeProcess(DYNAMICS, arguments=arguments, patient=False), \
             NodeProcess(SIMULATED_ARM, arguments=arguments):
         for node, parameters in written.items():
             for name, value in parameters.items():

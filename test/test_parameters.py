@@ -40,7 +40,7 @@ SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
 @pytest.fixture(scope='module', autouse=True)
 def nodes(client: RosClient) -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters'),
+            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters', patient=False),
             NodeProcess(SIMULATED_ARM, namespace='/parameters',
                         remaps={'joint_states': 'arm_states', 'effort_command': 'arm_effort'})):
         yield
@@ -122,6 +122,8 @@ def another_value(spec: ParameterSpec) -> Any:
     (NODE, 'no_such_parameter', 1.0, 'undeclared'),
     (ARM_NODE, 'position_noise', -1.0, 'position_noise.*-1'),
     (ARM_NODE, 'position_noise', NAN, 'position_noise.*nan'),
+    (ARM_NODE, 'command_timeout', -0.1, 'command_timeout.*-0.1'),
+    (ARM_NODE, 'command_timeout', NAN, 'command_timeout.*nan'),
     (ARM_NODE, 'velocity_noise', True, 'expected .*DOUBLE.* got .*BOOL'),
 ])
 def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(

@@ -76,6 +76,7 @@ class ControlPath:
         self._node = node
         self._served: _Served | None = None
         self._stream = SetPointStream()
+        self._state_max_age = 0.0
         self.count_publishers: Callable[[], int] = lambda: 1
         """Tells how many publishers of joint states there are."""
         self.counters = ControlCounters()
@@ -101,9 +102,7 @@ class ControlPath:
 
     def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
         """Take over how old [s] a state may be, and how long [s] a stream may pause."""
-        self._stream.timeout = reference_timeout
-        if self._served is not None:
-            self._served.watch.max_age = state_max_age
+        self._stream.timeout, self._state_max_age = reference_timeout, state_max_age
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory; raise RobotDynamicsError where that cannot be."""
@@ -154,12 +153,16 @@ class ControlPath:
             return
         served = self._served
         q, v = served.reader.read(message)
-        clock = time.time_ns()  # a stamp of 0 is none, and /clock may stand still
-        stamp_ns = stamp_from_ros(message.header.stamp) or clock
-        judgement = served.watch.judge(stamp_ns, clock, q, v, self._is_crowded)
+        # With use_sim_time stamps have no age by the clock of this computer.
+        is_simulated = self._node.get_clock().ros_time_is_active
+        served.watch.max_age = 0.0 if is_simulated else self._state_max_age
+        judgement = served.watch.judge(  # by a clock that does not stand still with /clock
+            stamp_from_ros(message.header.stamp), time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
+        if judgement.time_shift:
+            served.controller.shift_time(judgement.time_shift)
         if self._stream.is_over(time.monotonic()):
             self._forget_reference()
             self.counters.paused_streams += 1
@@ -167,7 +170,7 @@ class ControlPath:
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
         with_terms = self._terms.get_subscription_count() > 0
-        output = served.controller.update(stamp_ns, q, v, with_terms)
+        output = served.controller.update(judgement.stamp, q, v, with_terms)
         if judgement.is_news:
             self.counters.timing.happened(time.monotonic())
             command = self.command.answer(message.header.stamp, q, v, output, judgement.dt)

@@ -172,6 +172,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             raise self._configuring_failed
         self.trigger_activate()
 
+    def begin_to_end(self) -> None:
+        """Begin to ramp the effort out, while a service may still be at work."""
+        self._path.command.begin_to_end()
+
     def destroy_node(self) -> None:
         """Ramp the effort out, stop the control path, then the rest."""
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
@@ -215,6 +219,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self.destroy_subscription(self._descriptions)
             self._descriptions = None
         return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp efforts out and forget the model, after a transition that failed unforeseen."""
+        self._path.command.deactivate()
+        return self.on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ramp efforts out for good."""
@@ -343,13 +352,14 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._take_waiting_description()
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
-            *self._report.statuses(),
+            *self._report.statuses(self._settings.values['state_timeout']),
             self._reference_status(),
             self._path.command.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],
-                 'a new one waits': bool(self._waiting_xml)}),
+                 'a new one waits': bool(self._waiting_xml),
+                 'callbacks that failed': self.callback_errors}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 

@@ -27,13 +27,16 @@ class StateReport:
         self._counters = counters
         self._dropped_before = 0
         self._dropped_at = -float('inf')
-        self._late_before = 0
 
-    def statuses(self) -> list[Status]:
-        """Return the statuses now; a drop is told of for a second."""
+    def statuses(self, state_timeout: float) -> list[Status]:
+        """
+        Return the statuses now; a drop is told of for a second.
+
+        Intervals of more than half of `state_timeout` [s] are worth a warning.
+        """
         now = time.monotonic()
         timing = self._counters.timing.look(now)
-        return [self._arrival(now, timing.rate), self._timing()]
+        return [self._arrival(now, timing.rate), self._timing(state_timeout)]
 
     def _arrival(self, now: float, rate: float) -> Status:
         counters = self._counters
@@ -53,10 +56,12 @@ class StateReport:
             **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
             **{f'started anew: {reason}': count for reason, count in sorted(restarts.items())}})
 
-    def _timing(self) -> Status:
+    def _timing(self, state_timeout: float) -> Status:
         timing, late = self._counters.timing.timing, self._counters.timing.late
-        fresh, self._late_before = late - self._late_before, late
-        return Status('timing', WARN if fresh else OK, 'late states' if fresh else 'regular', {
+        level, words = OK, 'regular'
+        if timing.longest > 0.5 * state_timeout:
+            level, words = WARN, 'an interval of more than half of state_timeout'
+        return Status('timing', level, words, {
             'rate [Hz]': f'{timing.rate:.1f}',
             'jitter, standard deviation [ms]': f'{1e3 * timing.jitter:.3f}',
             'longest interval [ms]': f'{1e3 * timing.longest:.3f}',

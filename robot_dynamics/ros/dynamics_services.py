@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
@@ -37,6 +37,7 @@ from robot_dynamics.ros.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
+from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
 from robot_dynamics.trajectory_efforts import trajectory_efforts
 from robot_dynamics.validation import check_scalar, FloatArray
 from robot_dynamics_interfaces.srv import (
@@ -49,6 +50,8 @@ from robot_dynamics_interfaces.srv import (
 )
 
 Handler = Callable[[Any, Any], None]
+SERVICE_QOS = QoSProfile(depth=100)
+"""Requests, of all clients together, that may wait; one more is lost without a word."""
 
 
 @dataclass
@@ -63,17 +66,20 @@ class DynamicsServices:
     """
     Offers all services on a node.
 
-    A request that cannot be answered gets success = false and the reason; a handler never raises.
+    A request that cannot be answered gets success = false and the reason.
     """
 
-    def __init__(self, node: Node, payload_done: Callable[[Payload | None], None]) -> None:
+    def __init__(
+        self, node: GuardedCallbacks, payload_done: Callable[[Payload | None], None],
+    ) -> None:
         """`payload_done` hears of each payload when it is in force."""
         self._node = node
         self._served: ServedArm | None = None
         self._payload_done = payload_done
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
-            node.create_service(service_type, f'~/{name}', self._guarded(name, handler))
+            node.create_service(
+                service_type, f'~/{name}', _refusing(handler), qos_profile=SERVICE_QOS)
 
         offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
@@ -90,27 +96,11 @@ class DynamicsServices:
         """Answer that there is no model."""
         self._served = None
 
-    def _guarded(self, name: str, handler: Handler) -> Callable[[Any, Any], Any]:
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                handler(request, response)
-                response.success = True
-                return response
-            except RobotDynamicsError as error:
-                reason = str(error)
-            except Exception as error:  # rclpy ends its spin at anything that is raised here
-                reason = f'internal error: {error!r}'
-                self._node.get_logger().error(f'{name}: {reason}')
-            refusal = type(response)()  # nothing half filled in
-            refusal.success, refusal.message = False, reason
-            return refusal
-
-        return answer
-
     def _arm(self) -> ServedArm:
         if self._served is None:
             raise ModelError(
-                'no model yet: waiting for a URDF on the topic robot_description')
+                'no model yet: expected a URDF on the topic robot_description, or the node to be '
+                'configured (~/change_state)')
         return self._served
 
     def _inverse_dynamics(
@@ -125,6 +115,7 @@ class DynamicsServices:
         terms = dynamics.terms(q, v, a, wrenches)
         response.joint_names = list(order.names)
         response.effort = _finite_to_ros('effort', order.answer(terms.effort))
+        _check_energies(terms.kinetic_energy, terms.potential_energy)
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
         response.terms.header.stamp = self._node.get_clock().now().to_msg()
         response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)
@@ -198,17 +189,34 @@ class DynamicsServices:
             response.christoffel = floats_to_ros(order.answer_form(christoffel))
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
+        _check_energies(response.kinetic_energy, response.potential_energy)
         response.message = '; '.join(limit_warnings(dynamics.arm, q, v))
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         served = self._arm()
         payload = payload_from_ros(served.controller.arm, request.payload)
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        served.controller.set_payload(payload, seconds, self._payload_done)
-        served.dynamics = ArmDynamics(
+        dynamics = ArmDynamics(
             served.controller.arm.with_payloads([payload] if payload else []))
+        gravity = dynamics.rigid_body.gravity(np.zeros(dynamics.arm.joint_count))
+        _check_finite('the gravity of payload.inertia', gravity)
+        served.controller.set_payload(payload, seconds, self._payload_done)
+        served.dynamics = dynamics
         response.message = (
             'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
+
+
+def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            handler(request, response)
+        except RobotDynamicsError as error:
+            # A new one, as the other may be half filled in.
+            return type(response)(success=False, message=reason_of(error))
+        response.success = True
+        return response
+
+    return answer
 
 
 def _fill_motors(
@@ -228,8 +236,17 @@ def _fill_motors(
 
 def _finite_to_ros(field: str, values: FloatArray) -> array:  # type: ignore[type-arg]
     """Return a message's float64[]; raise InvalidInputError where the numbers overflowed."""
+    _check_finite(field, values)
+    return floats_to_ros(values)
+
+
+def _check_energies(kinetic: float, potential: float) -> None:
+    _check_finite('kinetic_energy', kinetic)
+    _check_finite('potential_energy', potential)
+
+
+def _check_finite(field: str, values: FloatArray | float) -> None:
     if not np.isfinite(values).all():
         raise InvalidInputError(
             f'{field} is too large for a float64 at this request, expected positions, '
-            'velocities, accelerations and wrenches of a size that an arm can have')
-    return floats_to_ros(values)
+            'velocities, accelerations, wrenches and payloads of a size that an arm can have')

@@ -59,14 +59,17 @@ class EndRequest:
                 self._tell()
 
     def __enter__(self) -> 'EndRequest':
+        # The pipe first: a signal that a handler takes before there is one would be lost.
+        signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         for end_signal in END_SIGNALS:
             signal.signal(end_signal, lambda *_: None)
-        signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         self._waiter.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Listen no longer; signals are still taken, so that a last effort can be on its way."""
+        """Listen no longer; a second signal cannot spoil the end of the process."""
+        for end_signal in END_SIGNALS:  # a handler would be taken off before Python has ended
+            signal.signal(end_signal, signal.SIG_IGN)
         with self._lock:
             self._tell = None
         os.write(self._writing, b'.')

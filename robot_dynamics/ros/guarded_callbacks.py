@@ -20,14 +20,19 @@ parameter of a type that it does not know. Here an error is logged instead, and 
 with what failed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import functools
+import math
+import time
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.exceptions import ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from robot_dynamics.exceptions import RobotDynamicsError
+from rclpy.parameter import Parameter
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.message_bytes import (
     LARGEST_MESSAGE,
     read_message,
@@ -35,21 +40,42 @@ from robot_dynamics.ros.message_bytes import (
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
+LONGEST_REASON = 4000
+"""Characters; a reason that quotes more of what arrived leaves out its middle."""
+
 
 def reason_of(error: Exception) -> str:
     """Return what is wrong in words; of an error that nobody foresaw, its type too."""
-    return str(error) if isinstance(error, RobotDynamicsError) else f'internal error: {error!r}'
+    words = _words_of(error)
+    half = LONGEST_REASON // 2
+    return words if len(words) <= LONGEST_REASON else f'{words[:half]} … {words[-half:]}'
+
+
+def _words_of(error: Exception) -> str:
+    if isinstance(error, (RobotDynamicsError, ParameterException)):
+        return str(error)
+    if isinstance(error, rclpy_implementation.RCLError):  # whose trace through C files follows
+        return ' '.join(str(error).partition(', at /')[0].split())
+    if isinstance(error, rclpy_implementation.UnknownROSArgsError):
+        return f'unknown ROS arguments {error}'
+    if isinstance(error, MemoryError):
+        return 'this takes more memory than the node may have, expected less at a time'
+    return f'internal error: {error!r}'
 
 
 class GuardedCallbacks(Node):
-    """
-    A base before `Node` or a subclass of it, for callbacks of topics, timers and services.
-
-    Services of rclpy itself, as those of parameters, are created through it too.
-    """
+    """A base before `Node` or a subclass of it, for callbacks of topics, timers and services."""
 
     callback_errors = 0
     """Callbacks that failed with an error that nobody foresaw."""
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        self._told: dict[str, float] = {}
+        super().__init__(*args, **more)
+        for service in self.services:  # rclpy makes some past `create_service`
+            if not hasattr(service.callback, '__wrapped__'):
+                service.callback = self._answering(
+                    service.srv_type, service.srv_name, service.callback)
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any,
@@ -88,9 +114,26 @@ class GuardedCallbacks(Node):
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,
     ) -> Any:
         """Create a service that answers with what failed where its callback fails."""
+        return super().create_service(
+            srv_type, srv_name, self._answering(srv_type, srv_name, callback), *args, **more)
+
+    def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> (
+            SetParametersResult):
+        """Set all of these or none; what rclpy has no words for is refused by name."""
+        for parameter in parameter_list:
+            if not self.has_parameter(parameter.name):
+                return SetParametersResult(successful=False, reason=reason_of(InvalidInputError(
+                    f'there is no parameter {parameter.name!r}, expected one of those that '
+                    '~/list_parameters names')))
+        return super().set_parameters_atomically(parameter_list)
+
+    def _answering(
+        self, srv_type: Any, srv_name: str, callback: Callable[..., Any],
+    ) -> Callable[..., Any]:
         @functools.wraps(callback)
         def answer(request: Any, response: Any) -> Any:
             try:
+                _check_parameter_types(request)
                 answered = callback(request, response)
                 if not isinstance(answered, srv_type.Response):
                     raise TypeError(f'the service {srv_name} answered {answered!r}')
@@ -99,7 +142,7 @@ class GuardedCallbacks(Node):
                 self._failed(srv_name, error)
                 return _refusal(request, srv_type.Response(), reason_of(error))
 
-        return super().create_service(srv_type, srv_name, answer, *args, **more)
+        return answer
 
     def _unreadable(self, topic: str, error: UnreadableMessageError) -> None:
         self.get_logger().error(
@@ -117,10 +160,24 @@ class GuardedCallbacks(Node):
 
     def _failed(self, what: str, error: Exception) -> None:
         self.callback_errors += 1
-        if self.context.ok():
-            self.get_logger().error(
-                f'The callback of {what} failed: {reason_of(error)}',
-                throttle_duration_sec=LOG_PERIOD)
+        # Each callback has its own pause, which rclpy's throttle would give all of them together.
+        now = time.monotonic()
+        if self.context.ok() and now - self._told.get(what, -math.inf) > LOG_PERIOD:
+            self._told[what] = now
+            self.get_logger().error(f'The callback of {what} failed: {reason_of(error)}')
+
+
+def _check_parameter_types(request: Any) -> None:
+    """Raise InvalidInputError where rclpy would raise with half of the parameters set."""
+    if not isinstance(request, (SetParameters.Request, SetParametersAtomically.Request)):
+        return
+    known = {kind.value for kind in Parameter.Type}
+    for parameter in request.parameters:
+        if parameter.value.type not in known:
+            raise InvalidInputError(
+                f'parameter {parameter.name!r} has the type {parameter.value.type}, expected '
+                f'one of {sorted(known)}, of rcl_interfaces/msg/ParameterType; none of the '
+                'request was set')
 
 
 def _refusal(request: Any, response: Any, reason: str) -> Any:

@@ -30,15 +30,16 @@ SAFETY_SPECS = (
     ParameterSpec(
         'ramp_time', Type.DOUBLE, 0.5,
         'How long efforts take to ramp to zero, after a fault, at deactivation and at the end '
-        '[s].', minimum=0.0, maximum=60.0),
+        '[s]; longer where effort_rate_limit asks for it.', minimum=0.0, maximum=60.0),
     ParameterSpec(
         'state_timeout', Type.DOUBLE, 0.05,
         'Time without a valid joint state that is a fault, on the steady clock [s].',
         minimum=0.001, maximum=60.0),
     ParameterSpec(
         'state_max_age', Type.DOUBLE, 0.2,
-        'How old, or how far ahead of the clock, the stamp of a joint state may be [s], where '
-        'stamps follow the clock of the node at all; 0 for any.', minimum=0.0, maximum=60.0),
+        'How far the stamp of a joint state may be from the clock of this computer [s]; 0 for '
+        'any. Stamps more than an hour off are of another clock, and not judged.',
+        minimum=0.0, maximum=60.0),
     ParameterSpec(
         'reference_timeout', Type.DOUBLE, 0.1,
         'Pause of a stream of set-points after which there is no reference [s].',

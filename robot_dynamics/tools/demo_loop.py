@@ -42,6 +42,8 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 LEAD_TIME = 0.3
 """[s] from the newest state to the start of the motion."""
+STATE_TIMEOUT = 1.0
+"""[s] without a state that is a fault: a simulated arm falls on nobody, and machines are busy."""
 HOLD_TIME = 0.3
 """[s] that is recorded after the motion."""
 
@@ -78,7 +80,8 @@ def run_closed_loop(
     try:
         with recording_session(directory, urdf, (*TOPICS, CLOCK)) as session:
             session.nodes.start(
-                'dynamics', DYNAMICS, {'robot_description_file': description})
+                'dynamics', DYNAMICS,
+                {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT})
             # In time of its own, a pause of the machine delays the motion and does not cut it.
             session.nodes.start('simulated_arm', SIMULATED_ARM, {
                 'robot_description_file': description, 'rate': rate, 'publish_clock': True,

@@ -124,6 +124,7 @@ def play_recording(
         session.nodes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
             'joints': list(arm.joint_names),
+            'state_max_age': 0.0,  # recorded just now or years ago
             'effort_check': False})  # no command of this node held the recorded arm
         playback = Playback(session.node, session.recorder, JOINT_STATES, GRAVITY, series)
         session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
