@@ -24,6 +24,7 @@ from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q, stamp_o
 from fault_table import fault
 import numpy as np
 import pytest
+from raw_publisher import bytes_of
 from ros_harness import RosClient, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -137,8 +138,10 @@ def many_joints(count: int) -> JointTrajectory:
 def test_a_reference_that_is_too_large(
     bench: FaultBench, make: Callable[[], JointTrajectory], told: str,
 ) -> None:
+    data = bytes_of(make())  # which may hold up the driver of this process
+    bench.check_alive()
     faults = bench.known('command', 'faults: state_timeout')
-    check_refused(bench, make(), told)
+    check_refused(bench, data, told)
     assert bench.figure('command', 'faults: state_timeout') == faults
 
 
@@ -147,7 +150,7 @@ def refusals(bench: FaultBench) -> list[str]:
     return [line for line in bench.node.log.splitlines() if 'Refused a joint traj' in line]
 
 
-def check_refused(bench: FaultBench, message: JointTrajectory, told: str) -> None:
+def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str) -> None:
     """Check that this is refused in one line that says so, and another one followed on."""
     bench.set_point(GOAL)
     bench.efforts.wait_for(is_torque)
