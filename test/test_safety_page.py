@@ -38,7 +38,7 @@ from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
 TEXT = fault_table.PAGE.read_text(encoding='utf-8')
-COLLECTION_TIMEOUT = 120.0
+COLLECTION_TIMEOUT = 300.0
 """[s] to import all the tests."""
 
 
