@@ -25,14 +25,20 @@ from diagnostic_msgs.msg import DiagnosticArray
 import fault_table
 from fault_table import Row, rows_of_page
 import pytest
-from robot_dynamics import command_supervisor, effort_guard, set_point_stream, state_watch
-from robot_dynamics.ros import control_path, safe_command
+from robot_dynamics import command_supervisor, effort_guard, set_point_stream, state_watch, urdf
+from robot_dynamics.ros import (
+    control_path,
+    memory,
+    message_bytes,
+    robot_description,
+    safe_command,
+)
 from robot_dynamics.ros.dynamics_node import SPECS
 from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
 TEXT = fault_table.PAGE.read_text(encoding='utf-8')
-COLLECTION_TIMEOUT = 120.0
+COLLECTION_TIMEOUT = 300.0
 """[s] to import all the tests."""
 
 
@@ -130,6 +136,12 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('{:g} times the way at its velocity limit', state_watch.SPEED_FACTOR),
     ('{} or more that came within it', {5: 'five'}[set_point_stream.STREAM_LENGTH]),
     ('more than {} off', {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
+    ('topic | {:,} bytes', message_bytes.LARGEST_MESSAGE),
+    ('points of a trajectory | {:,}', message_bytes.MOST_POINTS),
+    ('`robot_description` | {:,} bytes', message_bytes.LARGEST_DESCRIPTION),
+    ('{} links', urdf.MOST_LINKS),
+    ('{} joints in use', robot_description.MOST_JOINTS),
+    ('{:.0f} GiB', memory.MEMORY_LIMIT / 2**30),
 ])
 def test_figures_that_are_no_parameters(words: str, value: object) -> None:
     assert words.format(value) in TEXT
