@@ -57,7 +57,7 @@ class ControlGoesOn:
         before = len(self.bench.efforts.messages)
         yield
         self.bench.efforts.wait_count(before + 1)
-        times = [t for t, _ in self.bench.efforts.since(0.0)]
+        times = [t for t, _ in self.bench.efforts.published()]
         self.longest_pause = max(b - a for a, b in itertools.pairwise(times))
         self.bench.check_alive()
         faults = self._count_faults()

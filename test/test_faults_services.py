@@ -121,8 +121,8 @@ def test_a_reset_without_a_fault(control: ControlGoesOn) -> None:
     pytest.param(case, message, marks=fault(GROUP, words, expected))
     for case, message, words, expected in (
         ('batch', '', f'a batch of {SAMPLES:,} samples', 'answered right; control goes on'),
-        ('points', "effort of 'joint1' is .* times its limit", f'a trajectory of {POINTS:,} points',
-         'answered right; control goes on'),
+        ('points', "effort of 'joint1' is .* times its limit",
+         f'a trajectory of {POINTS:,} points', 'answered right; control goes on'),
         ('wrenches', '', f'{WRENCHES:,} external wrenches', 'answered right; control goes on'),
         ('names', r"^joint_names has 'joint3', expected \['joint1', 'joint2'\]$",
          '200,000 joint names', REFUSED),

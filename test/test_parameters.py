@@ -119,7 +119,7 @@ def another_value(spec: ParameterSpec) -> Any:
     (NODE, 'gains.kd', 1.0, 'expected .*DOUBLE_ARRAY.* got .*DOUBLE'),
     (NODE, 'gains.natural_frequency', [float('inf')], r'gains\.natural_frequency\[0\] is inf'),
     (NODE, 'gains.damping_ratio', ['a'], 'expected .*DOUBLE_ARRAY.* got .*STRING_ARRAY'),
-    (NODE, 'no_such_parameter', 1.0, 'undeclared'),
+    (NODE, 'no_such_parameter', 1.0, "there is no parameter 'no_such_parameter'"),
     (ARM_NODE, 'position_noise', -1.0, 'position_noise.*-1'),
     (ARM_NODE, 'position_noise', NAN, 'position_noise.*nan'),
     (ARM_NODE, 'command_timeout', -0.1, 'command_timeout.*-0.1'),
@@ -153,6 +153,8 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     states = client.publisher(JointState, '/parameters/joint_states', 1)
     trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')
     state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
+    usual = client.get_parameter(NODE, 'state_timeout')
+    client.set_parameters(NODE, {'state_timeout': 10.0})  # states come one by one
     with client.collect(JointState, f'{NODE}/computed_torque') as torques:
         torques.wait_matched()
 
@@ -175,6 +177,7 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
             result, = client.set_parameters(NODE, values)
             assert result.successful, result.reason
             assert torque() == pytest.approx(M @ (kp * error) + g)
+    client.set_parameters(NODE, {'state_timeout': usual})
 
 
 def test_changed_noise_acts(client: RosClient) -> None:

@@ -17,13 +17,15 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+import threading
 import time
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.command_supervisor import Fault
+from robot_dynamics.command_supervisor import Fault, SafetyOptions
 from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.event_timing import EventTiming
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_from_ros, terms_to_ros
@@ -75,6 +77,7 @@ class ControlPath:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._served: _Served | None = None
+        self._answering = threading.Lock()
         self._stream = SetPointStream()
         self._state_max_age = 0.0
         self.count_publishers: Callable[[], int] = lambda: 1
@@ -89,16 +92,22 @@ class ControlPath:
         self._terms = publisher(DynamicsTerms, '~/terms')
         self.command = SafeCommand(node, NEWEST_ONLY, self._forget_reference)
 
-    def use(self, controller: Controller, watch: StateWatch, check: EffortCheck) -> None:
+    def use(
+        self, controller: Controller, watch: StateWatch, check: EffortCheck, limits: GuardLimits,
+        options: SafetyOptions,
+    ) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
-        self._served = _Served(  # all at once: there is a thread
-            controller, JointStateReader(names), list(names), watch, check)
+        with self._answering:  # no state is answered by one model and commanded by another
+            self._served = _Served(
+                controller, JointStateReader(names), list(names), watch, check)
+            self.command.use(controller.arm, limits, options)
 
     def forget(self) -> None:
         """Serve no arm."""
-        self._served = None
-        self.command.forget()
+        with self._answering:
+            self._served = None
+            self.command.forget()
 
     def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
         """Take over how old [s] a state may be, and how long [s] a stream may pause."""
@@ -121,7 +130,8 @@ class ControlPath:
     def on_state(self, message: JointState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
         try:
-            self._answer(message)
+            with self._answering:
+                self._answer(message)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
         except NonFiniteEffortError as error:

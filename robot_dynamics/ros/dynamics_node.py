@@ -144,7 +144,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
-        self._xml = self._waiting_xml = ''
+        self._xml = ''
+        self._waiting: tuple[str, ArmModel] | None = None
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
@@ -214,7 +215,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = None
-        self._xml = self._waiting_xml = ''
+        self._xml, self._waiting = '', None
         if self._descriptions is not None:
             self.destroy_subscription(self._descriptions)
             self._descriptions = None
@@ -241,7 +242,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         values = self._settings.values
         xml = description_from_parameters(values)
         if xml is not None:
-            self._use_model(xml)
+            self._use_model(xml, self._checked_arm(xml))
             return
         try:
             load_arm(embedded_description(), values['joints'], values['gravity'])
@@ -250,7 +251,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 f'Waiting for a URDF with the joints {list(values["joints"])} on the topic '
                 'robot_description.')
         else:
-            self._use_model(embedded_description())
+            self._use_model(
+                embedded_description(), self._checked_arm(embedded_description()))
             self.get_logger().info(
                 'No robot_description given: serving the embedded planar two-link arm until '
                 'one arrives on the topic robot_description.')
@@ -260,18 +262,18 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 refuse=self._refuse_description, largest=LARGEST_DESCRIPTION)
 
     def _on_description(self, message: String) -> None:
-        self._waiting_xml = ''
+        self._waiting = None
         if message.data == self._xml:
             return
         try:
+            arm = self._checked_arm(message.data)
             if self._path.command.is_commanding and self._xml != embedded_description():
-                arm_from_parameters(message.data, self._settings.values)
-                self._waiting_xml = message.data
+                self._waiting = message.data, arm
                 self.get_logger().error(
                     'Kept the model in use, as efforts go out by it: the new robot_description '
                     'is taken once they have ended (no joint states, or ~/change_state).')
             else:
-                self._use_model(message.data)
+                self._use_model(message.data, arm)
         except Exception as error:
             self._refuse_description(error)
 
@@ -279,21 +281,32 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
 
     def _take_waiting_description(self) -> None:
-        if self._waiting_xml and not self._path.command.is_commanding:
-            self._on_description(String(data=self._waiting_xml))
+        if self._waiting is None or self._path.command.is_commanding:
+            return
+        (xml, arm), self._waiting = self._waiting, None
+        try:
+            self._use_model(xml, arm)
+        except Exception as error:  # parameters that have changed since
+            self._refuse_description(error)
 
-    def _use_model(self, xml: str) -> None:
+    def _checked_arm(self, xml: str) -> ArmModel:
+        """Return the arm of a description; raise RobotDynamicsError where it is unfit."""
         values = self._settings.values
         arm = arm_from_parameters(xml, values)
         check_or_refuse(xml, arm, values, self.get_logger())
+        options_from(values, arm)
+        return arm
+
+    def _use_model(self, xml: str, arm: ArmModel) -> None:
+        values = self._settings.values
         options = options_from(values, arm)
         controller = Controller(arm, options)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
         watch = StateWatch(
             arm.joint_names, arm.limits.velocity, values['state_max_age'],
             np.array([kind == 'continuous' for kind in arm.joint_kinds]))
-        self._path.use(controller, watch, check)
-        self._path.command.use(arm, guard_limits(values, arm), safety_options(values))
+        self._path.use(
+            controller, watch, check, guard_limits(values, arm), safety_options(values))
         self._path.set_limits(values['state_max_age'], values['reference_timeout'])
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
@@ -358,7 +371,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],
-                 'a new one waits': bool(self._waiting_xml),
+                 'a new one waits': self._waiting is not None,
                  'callbacks that failed': self.callback_errors}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])

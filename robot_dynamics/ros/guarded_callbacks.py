@@ -119,13 +119,17 @@ class GuardedCallbacks(Node):
 
     def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> (
             SetParametersResult):
-        """Set all of these or none; what rclpy has no words for is refused by name."""
+        """Set all of these or none; say in a refusal which parameter it is about."""
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
                 return SetParametersResult(successful=False, reason=reason_of(InvalidInputError(
                     f'there is no parameter {parameter.name!r}, expected one of those that '
                     '~/list_parameters names')))
-        return super().set_parameters_atomically(parameter_list)
+        result = super().set_parameters_atomically(parameter_list)
+        names = [parameter.name for parameter in parameter_list]
+        if not result.successful and not any(name in result.reason for name in names):
+            result.reason = f'{", ".join(names)}: {result.reason}'
+        return result
 
     def _answering(
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any],
