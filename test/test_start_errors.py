@@ -229,6 +229,8 @@ def test_an_unknown_parameter_is_told() -> None:
         node.wait_for_log("Model 'planar_arm'")
 
 
+@fault('Robot descriptions at the start', 'joints that move no mass, `ignore_checks: [mass]`',
+       'taken; the error is a warning')
 def test_an_ignored_error_is_a_warning() -> None:
     parameters = {'robot_description': MASSLESS, 'ignore_checks': ['mass']}
     with NodeProcess(DYNAMICS, parameters) as node:
