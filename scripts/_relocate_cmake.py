@@ -26,19 +26,23 @@ import sysconfig
 
 import numpy as np
 
-BUILD_MACHINE_NUMPY = re.compile(r'/opt/python/[^";]*?/numpy/_?core/include')
-BUILD_MACHINE_PYTHON = re.compile(r'/opt/python/[^";/]*/include/python3\.\d+')
+# Whatever machine they name: a cache of wheels may have been rewritten for another environment.
+NUMPY_OF_ANY_MACHINE = re.compile(r'(?<=[";])/[^";]*/numpy/_?core/include(?=[";])')
+PYTHON_OF_ANY_MACHINE = re.compile(r'(?<=[";])/[^";]*/include/python3\.\d+(?=[";])')
 
 
 def main() -> None:
     python_include = sysconfig.get_paths()['include']
     for path in Path(sys.argv[1], 'share').rglob('*.cmake'):
         text = path.read_text(encoding='utf-8', errors='surrogateescape')
-        if '/opt/python/' not in text:
+        relocated = NUMPY_OF_ANY_MACHINE.sub(lambda _: np.get_include(), text)
+        relocated = PYTHON_OF_ANY_MACHINE.sub(lambda _: python_include, relocated)
+        if relocated == text:
             continue
-        text = BUILD_MACHINE_NUMPY.sub(lambda _: np.get_include(), text)
-        text = BUILD_MACHINE_PYTHON.sub(lambda _: python_include, text)
-        path.write_text(text, encoding='utf-8', errors='surrogateescape')
+        # A file of its own: this one may be linked with the installer's cache, and through it
+        # with other environments.
+        path.unlink()
+        path.write_text(relocated, encoding='utf-8', errors='surrogateescape')
 
 
 main()
