@@ -36,7 +36,7 @@ LAYERS = {
     # numpy alone
     'core': (
         'actuator', 'backlash', 'body_checks', 'coordinates', 'crossing', 'damped_step', 'drive',
-        'effort_semantics', 'exceptions', 'filtering', 'friction', 'gravity_check',
+        'effort_semantics', 'engine_xml', 'exceptions', 'filtering', 'friction', 'gravity_check',
         'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding', 'payload',
         'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
