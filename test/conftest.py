@@ -41,8 +41,8 @@ os.environ.setdefault(
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|stick_slip|rclpy|robot_dynamics_interfaces|robot_dynamics\.ros|'
-    r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
+    r'^(from|import) (ros_harness|stick_slip|fuzz_nodes|rclpy|robot_dynamics_interfaces|'
+    r'robot_dynamics\.ros|builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 
 def absent_for_ros() -> list[str]:
