@@ -32,7 +32,7 @@ from robot_dynamics.joint_forces import MotionState
 from robot_dynamics.motion import Motion
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
 
 DEFAULT_MAX_STEP = 2e-3
 """[s]"""
@@ -164,13 +164,14 @@ class ArmSimulation:
         """
         Return the state after `duration` [s] under the constant effort tau.
 
-        Raises InvalidInputError where the motion is not finite, and keeps the state before: a
-        joint that moves no mass, or an effort that flings the arm away.
+        Raises InvalidInputError where the state is not finite or beyond LARGEST_VALUE, and keeps
+        the state before: a joint that moves no mass, or an effort that flings the arm away.
         """
         if self.braked:
             return self.state
         try:
-            return self._step(tau, duration, wrenches)
+            with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+                return self._step(tau, duration, wrenches)
         except np.linalg.LinAlgError as error:
             raise self._not_finite(str(error)) from None
 
@@ -194,7 +195,7 @@ class ArmSimulation:
                 break  # it sticks, and nothing changes any more
             acceleration = np.zeros_like(effort) if leg.jolted else (
                 (now.omega - before.omega) / h)
-        if not np.isfinite(now).all():
+        if not (np.abs(now) <= LARGEST_VALUE).all():  # nor where one is NaN
             raise self._not_finite('the state overflows')
         self.heat, self.work = self.heat + heat, self.work + work
         self._now, self._motor_acceleration, self.effort = now, acceleration, effort

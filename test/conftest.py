@@ -43,7 +43,8 @@ os.environ.setdefault(
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|stick_slip|fault_bench|rclpy|robot_dynamics_interfaces|'
+    r'^(from|import) (ros_harness|stick_slip|fault_bench|fuzz_nodes|rclpy|'
+    r'robot_dynamics_interfaces|'
     r'robot_dynamics\.ros|builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 

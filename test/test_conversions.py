@@ -162,6 +162,9 @@ def test_bad_wrenches_say_which_one() -> None:
     with pytest.raises(
             InvalidInputError, match=r'external_wrenches\[1\]\.wrench\.torque\[1\] \(y\) is nan'):
         wrenches_from_ros(ARM, [good, bad])
+    good.wrench.force.z = -1e10
+    with pytest.raises(InvalidInputError, match=r'force\[2\] \(z\) is -1e\+10, expected'):
+        wrenches_from_ros(ARM, [good])
 
 
 # --- trajectories --------------------------------------------------------------------------------
@@ -271,3 +274,28 @@ def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names: list[st
     with pytest.raises(InvalidInputError) as refusal:
         JointStateReader(NAMES).read(message)
     assert isinstance(refusal.value, OtherJointsError) == (not set(NAMES) & set(names))
+
+
+@pytest.mark.parametrize(('number', 'words'), [
+    (float('nan'), "of 'joint2' is nan, expected a number in"),
+    (-float('inf'), "of 'joint2' is -inf, expected a number in"),
+    (1.5e9, r"of 'joint2' is 1\.5e\+09, expected a number in \[-1e\+09, 1e\+09\]"),
+])
+def test_numbers_that_no_arm_has_are_refused_by_joint(number: float, words: str) -> None:
+    names, values = ['joint2', 'x', 'joint1'], [number, float('nan'), -1e9]
+    reader = JointStateReader(NAMES)
+    with pytest.raises(InvalidInputError, match=f'position {words}'):
+        reader.read(JointState(name=names, position=values))
+    with pytest.raises(InvalidInputError, match=f'velocity {words}'):
+        reader.read(JointState(name=names, position=[0.0] * 3, velocity=values))
+    with pytest.raises(InvalidInputError, match=f'effort {words}'):
+        reader.finite_effort(JointState(name=names, effort=values))
+    # What is measured may lack a joint.
+    effort = reader.effort(JointState(name=names, effort=values))
+    assert effort is not None
+    assert effort[0] == -1e9
+
+
+def test_an_effort_message_has_an_effort_for_each_joint() -> None:
+    with pytest.raises(InvalidInputError, match='effort has 0 values, expected 2 as name has'):
+        JointStateReader(NAMES).finite_effort(JointState(name=NAMES))

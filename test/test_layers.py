@@ -37,9 +37,10 @@ LAYERS = {
     'core': (
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
         'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
-        'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check', 'gravity_verdict',
-        'link_bodies', 'mesh_bounds', 'model_finding', 'payload', 'payload_transition', 'planar',
-        'planar_chain', 'planar_urdf', 'runge_kutta', 'set_point_stream', 'state_watch',
+        'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',
+        'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding', 'payload',
+        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
+        'set_point_stream', 'state_watch',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio

@@ -302,8 +302,8 @@ REFUSALS = {
         "robot_description: joint 'turn': lower=1.5 is above upper=-1"),
     'no finite position': (
         joint_of('', limit='<limit lower="inf" upper="inf"/>'),
-        "robot_description: joint 'turn': lower=inf, upper=inf, "
-        'expected a range that holds a finite position'),
+        "robot_description: joint 'turn': lower=inf, upper=inf, expected a range that holds a "
+        'position in [-1e+09, 1e+09]'),
     'limit in words': (
         joint_of('', limit='<limit lower="-pi" upper="2"/>'),
         "robot_description: joint 'turn': lower='-pi', expected a number"),

@@ -17,7 +17,7 @@
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_unique, FloatArray
+from robot_dynamics.validation import check_scalar, check_unique, FloatArray, LARGEST_VALUE
 from sensor_msgs.msg import JointState
 
 
@@ -38,7 +38,8 @@ class JointStateReader:
         Return position (n,) and velocity (n,), the latter None where the message has none.
 
         Raises OtherJointsError where none of the joints is there; InvalidInputError where some
-        are missing, a name stands twice, lengths differ or a value of these joints is not finite.
+        are missing, a name stands twice, lengths differ, or a value of these joints is not finite
+        or larger than any arm has.
         """
         q = self._values(message, 'position')
         return q, self._values(message, 'velocity') if message.velocity else None
@@ -48,6 +49,10 @@ class JointStateReader:
         if not message.effort:
             return None
         return self._values(message, 'effort', finite=False)
+
+    def finite_effort(self, message: JointState) -> FloatArray:
+        """Return the efforts (n,), one for each joint; raise InvalidInputError likewise."""
+        return self._values(message, 'effort')
 
     def _learn(self, names: list[str]) -> None:
         """Find the joints; publishers keep their order, so this is done once for each."""
@@ -71,9 +76,7 @@ class JointStateReader:
             raise InvalidInputError(
                 f'{field} has {len(values)} values, expected {len(message.name)} as name has')
         used: FloatArray = np.frombuffer(values, dtype=np.float64)[self._index]
-        if finite and not np.isfinite(used).all():
-            joint = int(np.argmin(np.isfinite(used)))
-            raise InvalidInputError(
-                f'{field} of {self._joint_names[joint]!r} is {used[joint]}, '
-                'expected a finite number')
+        if finite and not (np.abs(used) <= LARGEST_VALUE).all():  # nor where one is NaN
+            for name, value in zip(self._joint_names, used.tolist()):
+                check_scalar(f'{field} of {name!r}', value, -LARGEST_VALUE, LARGEST_VALUE)
         return used

@@ -26,7 +26,6 @@ import threading
 import time
 
 from builtin_interfaces.msg import Time
-import numpy as np
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -77,11 +76,7 @@ class ArmTopics:
             if taken is None:
                 return None
             message = read_message(taken[0], JointState)
-            effort = self._reader.effort(message)
-            if effort is None or not np.isfinite(effort).all():
-                raise RobotDynamicsError(
-                    f'effort is {list(message.effort)}, expected a finite number for each of '
-                    f'{self._names}')
+            effort = self._reader.finite_effort(message)
         except Exception as error:  # nothing that arrives may end the simulation
             self._node.get_logger().warning(
                 f'Refused an effort: {reason_of(error)}', throttle_duration_sec=LOG_PERIOD)
