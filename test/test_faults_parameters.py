@@ -33,7 +33,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter
 from request_bench import ControlGoesOn, PATIENT
-from robot_dynamics.ros.dynamics_node import SPECS
+from robot_dynamics.ros.dynamics_parameters import SPECS
 from robot_dynamics.ros.parameters import ParameterSpec, Type
 from ros_harness import RosClient
 

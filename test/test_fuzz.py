@@ -45,7 +45,7 @@ from hypothesis import strategies as st
 import pytest
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.ros.conversions import stamp_from_ros
-from robot_dynamics.ros.dynamics_node import SPECS
+from robot_dynamics.ros.dynamics_parameters import SPECS
 from robot_dynamics.ros.parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
 

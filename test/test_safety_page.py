@@ -33,7 +33,7 @@ from robot_dynamics.ros import (
     robot_description,
     safe_command,
 )
-from robot_dynamics.ros.dynamics_node import SPECS
+from robot_dynamics.ros.dynamics_parameters import SPECS
 from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 

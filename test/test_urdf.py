@@ -434,8 +434,8 @@ def test_as_many_links_as_may_be_are_read_and_no_more():
     def chain(links):
         body = ''.join(f'<link name="l{i}"/>' for i in range(links))
         return robot(body + ''.join(
-            f'<joint name="j{i}" type="fixed"><parent link="l{i}"/><child link="l{i + 1}"/></joint>'
-            for i in range(links - 1)))
+            f'<joint name="j{i}" type="fixed"><parent link="l{i}"/>'
+            f'<child link="l{i + 1}"/></joint>' for i in range(links - 1)))
 
     assert len(parse_urdf(chain(MOST_LINKS)).link_names) == MOST_LINKS
     with pytest.raises(ModelError, match=f'has {MOST_LINKS + 1} links, expected at most'):

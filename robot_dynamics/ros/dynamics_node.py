@@ -23,51 +23,29 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.control import (
-    DEFAULT_DAMPING_RATIO,
-    DEFAULT_NATURAL_FREQUENCY,
-    make_gains,
-)
-from robot_dynamics.controller import (
-    COMMAND_MODES,
-    Controller,
-    ControllerOptions,
-    FRICTION_MODES,
-)
-from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.control_path import ControlPath
-from robot_dynamics.ros.conversions import (
-    payload_to_ros,
-    stamp_from_ros,
-    trajectory_from_ros,
-)
+from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.dynamics_parameters import options_from, SPECS
 from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
-from robot_dynamics.ros.model_check_log import check_or_refuse, IGNORE_CHECKS_SPEC
-from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.model_check_log import check_or_refuse
+from robot_dynamics.ros.parameters import DeclaredParameters, Values
 from robot_dynamics.ros.robot_description import (
-    ACTUATOR_SPECS,
     arm_from_parameters,
-    check_order_is_given,
     description_from_parameters,
-    DESCRIPTION_SPECS,
     embedded_description,
-    FRICTION_SPECS,
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.safety_parameters import (
-    guard_limits,
-    safety_options,
-    SAFETY_SPECS,
-)
+from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.state_watch import StateWatch
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -76,63 +54,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-SPECS = (
-    *DESCRIPTION_SPECS,
-    *FRICTION_SPECS,
-    *ACTUATOR_SPECS,
-    IGNORE_CHECKS_SPEC,
-    ParameterSpec(
-        'command', Type.STRING, 'computed_torque',
-        'What effort_command carries; computed_torque falls back to gravity_compensation '
-        'without a reference.', choices=COMMAND_MODES),
-    ParameterSpec(
-        'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
-        'Natural frequency of the tracking error [rad/s], one for all joints or one a joint: '
-        'K_p is its square.', minimum=0.0, maximum=1e4),
-    ParameterSpec(
-        'gains.damping_ratio', Type.DOUBLE_ARRAY, [DEFAULT_DAMPING_RATIO],
-        'Damping ratio of the tracking error, one for all joints or one a joint: K_d is twice '
-        'this times the natural frequency.', minimum=0.0, maximum=1e4),
-    ParameterSpec(
-        'gains.kp', Type.DOUBLE_ARRAY, [],
-        'K_p [1/s^2] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
-    ParameterSpec(
-        'gains.kd', Type.DOUBLE_ARRAY, [],
-        'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
-    ParameterSpec(
-        'friction_compensation', Type.STRING, 'reference',
-        'The velocity at which computed torque compensates friction: reference (that of the '
-        'reference, corrected by the error: robust), measured (exact linearisation, for strong '
-        'gears read without delay), or none.', choices=FRICTION_MODES),
-    ParameterSpec(
-        'effort_scale', Type.DOUBLE, 1.0,
-        'Share of the URDF effort limits to which effort_command is clamped.',
-        minimum=0.0, maximum=1.0),
-    ParameterSpec(
-        'measured_effort', Type.STRING, 'joint_torque',
-        'What effort in joint_states is: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N m] or motor_current [A] (both need actuators), or none.',
-        read_only=True, choices=MEASURED_EFFORTS),
-    ParameterSpec(
-        'robot_compensates', Type.STRING_ARRAY, [],
-        'What the robot adds by itself to the effort that it is commanded, and effort_command '
-        'so leaves out: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
-    ParameterSpec(
-        'effort_check', Type.BOOL, True,
-        'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
-        'is compensated twice, or not as declared.', read_only=True),
-    *SAFETY_SPECS,
-    ParameterSpec(
-        'autostart', Type.BOOL, True,
-        'Configure and activate at the start; without, wait for ~/change_state.',
-        read_only=True),
-    ParameterSpec(
-        'state_thread', Type.BOOL, True,
-        'Take joint states in a thread of their own (little delay) instead of in the executor.',
-        read_only=True),
-)
-GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
 
 
 class DynamicsNode(GuardedCallbacks, LifecycleNode):
@@ -385,16 +306,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             'refused': self._refused, 'refusal of the latest': self._refusal,
             'streams that paused': counters.paused_streams,
             'over before the first state': controller.expired if controller else 0})
-
-
-def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
-    """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
-    for name in GAINS:
-        check_order_is_given(values, name, arm)
-    gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
-    return ControllerOptions(
-        gains, values['command'], values['effort_scale'], values['friction_compensation'],
-        semantics_from_parameters(values))
 
 
 def main(args: Sequence[str] | None = None) -> int:
