@@ -32,15 +32,19 @@ FULL_PASSES_APART = 1000
 
 
 def limit_memory(beyond: int = MEMORY_LIMIT) -> None:
-    """Let this process take so many bytes more than it has, where Linux tells how many it has."""
+    """
+    Let this process take so many bytes more than it has, where Linux tells how many it has.
+
+    A stricter limit stays.
+    """
     status = Path('/proc/self/status')
     has = re.search(r'^VmData:\s*(\d+) kB', status.read_text(), re.MULTILINE) if (
         status.exists()) else None
     if has is None:
         return
     wanted = 1024 * int(has[1]) + beyond
-    _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    if most == resource.RLIM_INFINITY or wanted < most:
+    limit, most = resource.getrlimit(resource.RLIMIT_DATA)
+    if limit == resource.RLIM_INFINITY or wanted < limit:
         resource.setrlimit(resource.RLIMIT_DATA, (wanted, most))
 
 

@@ -15,6 +15,7 @@
 """The `main` of a node: start, spin, and leave in order, whatever arrives in between."""
 
 from collections.abc import Callable, Sequence
+import os
 import sys
 
 import rclpy
@@ -77,7 +78,11 @@ def _when_asked(node: Node) -> Callable[[], None]:
 
 
 def _refuse_to_start(error: Exception) -> int:
-    print(f'robot_dynamics: {reason_of(error)}', file=sys.stderr)
+    hint = ''
+    if isinstance(error, MiddlewareError) and os.environ.get('ROS_SECURITY_ENABLE') == 'true':
+        hint = (' (ROS_SECURITY_ENABLE is true, which takes a middleware with DDS security and '
+                'the keys of this enclave: docs/security.md)')
+    print(f'robot_dynamics: {reason_of(error)}{hint}', file=sys.stderr)
     return 1
 
 
