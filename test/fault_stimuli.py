@@ -28,6 +28,8 @@ from sensor_msgs.msg import JointState
 
 RATE = 1000.0
 """The default of `effort_rate_limit` [N m/s]."""
+PATIENT = {'state_timeout': 2.0, 'reference_timeout': 0.001}
+"""For tests of other faults: no pause of the driver is a fault, no set-points are a stream."""
 
 
 def altered(**fields: Any) -> Change:
@@ -75,7 +77,6 @@ def another_driver(bench: FaultBench, **driver: Any) -> Iterator[Driver]:
         yield other.start()
     finally:
         other.close()
-        bench.client.node.destroy_publisher(other.publisher)
 
 
 class SetPoints:

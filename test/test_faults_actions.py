@@ -29,8 +29,8 @@ from sensor_msgs.msg import JointState
 
 GROUP = 'Fault actions'
 SILENCE = 'joint states fall silent'
-SLACK = 0.1
-"""[s] that an effort may be late on its way here."""
+SLACK = 0.01
+"""[s] by which the clock of stamps may be off that of timeouts, and one effort off the next."""
 SILENT = 0.5
 """[s] without an effort that are the end of them: 250 times what lies between two."""
 Timed = tuple[float, JointState]
@@ -64,7 +64,7 @@ def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
     assert 'no valid joint state for 0.3 s' in bench.wait_fault('state_timeout').message
     wait_until(
         lambda: time.monotonic() > bench.efforts.times[-1] + SILENT, 'an end of the efforts')
-    efforts = bench.efforts.since(0.0)
+    efforts = bench.efforts.published()
     last = efforts[-1][1].header.stamp
     first = next(i for i, (_, message) in enumerate(efforts) if message.header.stamp == last)
     return efforts[first], efforts[first + 1:]

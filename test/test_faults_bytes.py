@@ -63,7 +63,7 @@ def raw() -> Iterator[RawPublisher]:
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
-    with fault_bench(client, '/faults_bytes') as one:
+    with fault_bench(client, '/faults_bytes', {'state_timeout': 1.0}) as one:
         yield one
 
 

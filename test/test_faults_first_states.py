@@ -23,7 +23,7 @@ import time
 from typing import Any
 
 from fault_bench import Change, fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, check_rate, shifted, wait_states
+from fault_stimuli import altered, check_rate, PATIENT, shifted, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ FLOOD = Path(__file__).with_name('state_flood.py')
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that has not had a joint state, until the last test of this module."""
-    with fault_bench(client, '/faults_first', stream=False) as one:
+    with fault_bench(client, '/faults_first', PATIENT, stream=False) as one:
         yield one
 
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, figure_of, G, Q
-from fault_stimuli import check_rate, RATE, wait_states
+from fault_stimuli import check_rate, PATIENT, RATE, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
@@ -45,10 +45,7 @@ MARGIN = 0.0087
 @pytest.fixture(scope='module')
 def limited_arm(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands an arm with limits, as tests leave it."""
-    parameters = {
-        'robot_description': URDF,
-        'reference_timeout': 0.001,  # no set-points of these tests are a stream
-    }
+    parameters = {**PATIENT, 'robot_description': URDF}
     with fault_bench(client, '/faults_limits', parameters) as one:
         yield one
 
@@ -77,8 +74,9 @@ def gravity(q: Any) -> Any:
 
 
 def be_at(bench: FaultBench, q: Any) -> None:
-    """Let the driver say that the arm is there, a jump away, and wait until it is held."""
+    """Let the driver say that the arm is there, where it is to be, and wait until it is held."""
     bench.driver.q = list(q)
+    bench.set_point(q)
     bench.hold = gravity(q)
     bench.efforts.clear()
     wait_effort(bench, bench.hold)

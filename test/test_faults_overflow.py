@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, figure_of
-from fault_stimuli import wait_states
+from fault_stimuli import PATIENT, wait_states
 from fault_table import fault
 import pytest
 from robot_dynamics.planar_urdf import planar_arm_urdf
@@ -33,7 +33,7 @@ HEAVY = planar_arm_urdf((1e300, 1.0), (1.0, 0.8), (0.5, 0.4), (0.1, 0.05))
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands an arm of 1e300 kg, without gravity."""
-    parameters = {'robot_description': HEAVY, 'gravity': [0.0, 0.0, 0.0]}
+    parameters = {**PATIENT, 'robot_description': HEAVY, 'gravity': [0.0, 0.0, 0.0]}
     with fault_bench(client, '/faults_overflow', parameters, stream=False) as one:
         one.hold = [0.0, 0.0]
         one.driver.go_on()

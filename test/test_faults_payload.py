@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, G, Q
-from fault_stimuli import check_rate
+from fault_stimuli import check_rate, PATIENT
 from fault_table import fault
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 import numpy as np
@@ -40,7 +40,7 @@ LOADED = np.array(G) - 9.81 * MASS * np.array([sum(SHOULDER), SHOULDER[1]])
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation without a payload."""
-    with fault_bench(client, '/faults_payload') as one:
+    with fault_bench(client, '/faults_payload', PATIENT) as one:
         yield one
 
 

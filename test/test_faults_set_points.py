@@ -21,7 +21,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q
-from fault_stimuli import check_rate, SetPoints
+from fault_stimuli import check_rate, PATIENT, SetPoints
 from fault_table import fault
 import numpy as np
 import pytest
@@ -39,7 +39,8 @@ LIMITS = 150.0, 60.0
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
-    with fault_bench(client, '/faults_set_points', {'reference_timeout': TIMEOUT}) as one:
+    parameters = {**PATIENT, 'reference_timeout': TIMEOUT}
+    with fault_bench(client, '/faults_set_points', parameters) as one:
         yield one
 
 
