@@ -195,8 +195,8 @@ def settle(
 def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> None:
     rate = 50.0
     publisher = Descriptions(client, '/faults_embedded')
-    with lifecycle_bench(
-            client, '/faults_embedded', {**PARAMETERS, 'effort_rate_limit': rate}) as one:
+    with lifecycle_bench(client, '/faults_embedded', {
+                **PARAMETERS, 'effort_rate_limit': rate, 'state_timeout': 2.0}) as one:
         one.check_alive()
         one.efforts.wait_count(len(one.efforts.messages) + 1)
         publisher.send(HEAVY)
