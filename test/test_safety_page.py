@@ -65,7 +65,7 @@ def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, 
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
     result = subprocess.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
-         '--list-faults', str(file), str(Path(__file__).parent)],
+         '-m', 'fault', '--list-faults', str(file), str(Path(__file__).parent)],
         capture_output=True, text=True, timeout=COLLECTION_TIMEOUT)
     assert result.returncode == 0, result.stdout + result.stderr
     return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]
