@@ -19,8 +19,10 @@ Silence is told from the topic of g(q), which goes on while no efforts go out: w
 its messages came without an effort, there is none.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+import os
+from pathlib import Path
 from typing import Any
 
 from fault_bench import FaultBench
@@ -78,15 +80,16 @@ class LifecycleBench(FaultBench):
 @contextmanager
 def lifecycle_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any], hold: Sequence[float] = (),
-    before: Callable[[], object] = lambda: None,
+    module: str = DYNAMICS,
 ) -> Iterator[LifecycleBench]:
-    """Run a node and a driver; `before` is called when both are there, and states do not flow."""
+    """Run a node, or another module of it in this directory, and a driver."""
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
     with NodeProcess(
-            DYNAMICS, parameters, namespace=namespace, patient=False, ready=None) as node:
+            module, parameters, namespace=namespace, environment={'PYTHONPATH': path},
+            patient=False, ready=None) as node:
         bench = LifecycleBench(client, node, namespace)
         bench.hold = hold or bench.hold
         try:
-            before()
             bench.driver.start()
             yield bench
         finally:

@@ -15,21 +15,24 @@
 """Faults inside callbacks: what nobody foresaw is answered and told, and the node goes on."""
 
 from collections.abc import Iterator
-import os
-from pathlib import Path
 import re
 import time
 from typing import Any
 
 from failing_node import WORDS
-from fault_bench import FaultBench
 from fault_table import fault
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_bench import (
+    ACTIVATE,
+    CLEANUP,
+    CONFIGURE,
+    DEACTIVATE,
+    lifecycle_bench,
+    LifecycleBench,
+)
 import pytest
 from request_bench import PATIENT
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from ros_harness import NodeProcess, RosClient
+from ros_harness import RosClient
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -39,20 +42,14 @@ CALLS = 10
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
+def bench(client: RosClient) -> Iterator[LifecycleBench]:
     """Return a node with callbacks that fail, which commands, as tests leave it."""
-    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
-    with NodeProcess(
-            'failing_node', PATIENT, namespace='/failing', environment={'PYTHONPATH': path},
-            patient=False) as node:
-        one = FaultBench(client, node, '/failing')
-        one.driver.start()
+    with lifecycle_bench(client, '/failing', PATIENT, module='failing_node') as one:
         one.check_commanding()
         yield one
-        one.close()
 
 
-def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
+def check_told(bench: LifecycleBench, of: str, words: str, since: float) -> None:
     """Check that the log told of a callback, and not too often since a moment."""
     line = bench.node.wait_for_log(f'The callback of {of} failed: internal error: {words}')
     assert '[ERROR]' in line
@@ -72,7 +69,7 @@ def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
             ('answers_another_type', Trigger, r'TypeError\(.the service .* answered .*SetBool',
              'a service that answers with another type'))])
 def test_a_service_that_fails(
-    bench: FaultBench, service: str, kind: Any, words: str,
+    bench: LifecycleBench, service: str, kind: Any, words: str,
 ) -> None:
     begun = time.monotonic()
     for _ in range(CALLS):
@@ -83,7 +80,7 @@ def test_a_service_that_fails(
 
 
 @fault(GROUP, 'a subscription that raises', TOLD)
-def test_a_subscription_that_fails(bench: FaultBench) -> None:
+def test_a_subscription_that_fails(bench: LifecycleBench) -> None:
     begun = time.monotonic()
     publisher = bench.client.publisher(String, bench.name('raises'))
     for _ in range(CALLS):
@@ -94,7 +91,7 @@ def test_a_subscription_that_fails(bench: FaultBench) -> None:
 
 @fault(GROUP, 'a parameter callback that raises',
        f'refused with what failed, old value kept; {TOLD}')
-def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
+def test_a_parameter_callback_that_fails(bench: LifecycleBench) -> None:
     node = bench.name('').rstrip('/')
     before, begun = bench.client.get_parameter(node, 'hold_time'), time.monotonic()
     for _ in range(CALLS):
@@ -107,17 +104,12 @@ def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
 
 @fault(GROUP, 'a lifecycle transition that raises',
        '`success` false; efforts have ramped out, the node is unconfigured and can be configured')
-def test_a_transition_that_fails(bench: FaultBench) -> None:
-    def change(transition: int) -> bool:
-        return bool(bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(
-            transition=Transition(id=transition))).success)
-
+def test_a_transition_that_fails(bench: LifecycleBench) -> None:
     bench.check_commanding()
-    assert change(Transition.TRANSITION_DEACTIVATE)
-    assert not change(Transition.TRANSITION_CLEANUP)
-    state = bench.client.call(GetState, bench.name('get_state')).current_state
-    assert state.id == State.PRIMARY_STATE_UNCONFIGURED
+    assert bench.change(DEACTIVATE)
+    assert not bench.change(CLEANUP)
+    assert bench.state() == 'unconfigured'
     assert list(bench.efforts.messages[-1].effort) == [0.0, 0.0]
-    assert change(Transition.TRANSITION_CONFIGURE)
-    assert change(Transition.TRANSITION_ACTIVATE)
+    assert bench.change(CONFIGURE)
+    assert bench.change(ACTIVATE)
     bench.check_commanding()

@@ -17,47 +17,41 @@
 from collections.abc import Iterator
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, figure_of
+from fault_bench import figure_of, QUICK
 from fault_stimuli import PATIENT, wait_states
 from fault_table import fault
+from lifecycle_bench import lifecycle_bench, LifecycleBench
 import pytest
-from robot_dynamics.planar_urdf import planar_arm_urdf
 from ros_harness import RosClient
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 GROUP = 'Efforts that are not finite'
-HEAVY = planar_arm_urdf((1e300, 1.0), (1.0, 0.8), (0.5, 0.4), (0.1, 0.05))
-"""An arm whose Coriolis efforts overflow where it moves fast."""
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands an arm of 1e300 kg, without gravity."""
-    parameters = {**PATIENT, 'robot_description': HEAVY, 'gravity': [0.0, 0.0, 0.0]}
-    with fault_bench(client, '/faults_overflow', parameters, stream=False) as one:
-        one.hold = [0.0, 0.0]
-        one.driver.go_on()
+def bench(client: RosClient) -> Iterator[LifecycleBench]:
+    """Return a node whose model overflows while it is asked to."""
+    with lifecycle_bench(
+            client, '/faults_overflow', {**QUICK, **PATIENT}, module='overflowing_node') as one:
         one.wait_running()
         yield one
 
 
-def reset(bench: FaultBench) -> Any:
+def reset(bench: LifecycleBench) -> Any:
     """Ask to reset the fault; return the answer."""
     return bench.client.call(Trigger, bench.name('reset_fault'))
 
 
-@fault(GROUP, 'a reference, and a velocity of 1e9 rad/s, at which the computed torque overflows',
+@fault(GROUP, 'a model whose g(q) overflows, which no input that is let in brings about',
        'not published; fault `non_finite`, which good states do not end; `~/reset_fault` does')
-def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
+def test_an_effort_that_is_not_finite(bench: LifecycleBench) -> None:
     bench.check_alive()
-    bench.set_point(bench.driver.q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
-    bench.driver.v = [1e9, 1e9]
+    bench.ask('overflow', SetBool, data=True)
     status = bench.wait_fault('non_finite')
     assert 'are not finite' in status.message
     assert 'waits for ~/reset_fault' in status.message
     bench.wait_dropped('no finite effort')
-    bench.driver.v = [0.0, 0.0]
+    bench.ask('overflow', SetBool, data=False)
     wait_states(bench, 100)
     assert bench.status('command').message.startswith('fault non_finite')
     assert figure_of(bench.status('command'), 'faults: non_finite') == 1
@@ -68,7 +62,7 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
 
 
 @fault(GROUP, '`~/reset_fault` where there is no fault', 'success = false, and it says so')
-def test_nothing_to_reset(bench: FaultBench) -> None:
+def test_nothing_to_reset(bench: LifecycleBench) -> None:
     bench.check_alive()
     answer = reset(bench)
     assert not answer.success

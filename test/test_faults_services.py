@@ -98,14 +98,14 @@ def test_malformed_requests(control: ControlGoesOn, service: str) -> None:
             assert re.search(words, response.message), response.message
 
 
-@fault(GROUP, 'a payload of 10³⁰⁸ kg, whose gravity is no float64', REFUSED)
+@fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)
 def test_a_payload_beyond_numbers(control: ControlGoesOn) -> None:
     request = SetPayload.Request()
     request.payload.header.frame_id, request.payload.inertia.m = 'tool0', 1.7e308
     with control.checked():
         response = control.ask('set_payload', SetPayload, payload=request.payload)
         assert not response.success
-        assert 'the gravity of payload.inertia is too large' in response.message
+        assert 'payload.inertia.m is 1.7e+308, expected a number in [0, ' in response.message
 
 
 @fault(GROUP, '`~/reset_fault` without a fault', '`success` false, says so; control goes on')
