@@ -171,6 +171,7 @@ class FaultBench:
         self.efforts = TimedCollector(
             client.node, JointState, f'{namespace}/effort_command', KEEP_MANY)
         self.efforts.wait_matched()
+        self._listens = True
         self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
         self._diagnostics.wait_matched()
         self.trajectories = client.publisher(
@@ -273,10 +274,16 @@ class FaultBench:
             joint_names=self.driver.names,
             points=[JointTrajectoryPoint(positions=list(q), **more)]))
 
+    def stop_listening(self) -> None:
+        """Keep no efforts any more."""
+        self.efforts.close()
+        self._listens = False
+
     def close(self) -> None:
         """Stop the driver and forget the topics."""
         self.driver.close()
-        self.efforts.close()
+        if self._listens:
+            self.efforts.close()
         self._diagnostics.close()
         self.client.node.destroy_publisher(self.trajectories)
 

@@ -28,6 +28,7 @@ import numpy as np
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
 from robot_dynamics.ros.dynamics_node import DynamicsNode, options_from, SPECS
@@ -58,7 +59,7 @@ class RunningNodes:
         arguments = [
             word for node, parameters in START_PARAMETERS.items()
             for name, value in parameters.items() for word in ('-p', f'{node}:{name}:={value}')]
-        rclpy.init(args=['--ros-args', *arguments])
+        rclpy.init(args=['--ros-args', '-r', '__ns:=/fuzz', *arguments])
         self.dynamics, self.simulated_arm = DynamicsNode(), SimulatedArmNode()
         self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
         for arm in ARMS:
@@ -98,7 +99,7 @@ class RunningNodes:
         node = self.dynamics
         counters = node._path.counters
         answered, node._refusal, counters.last_drop = counters.states, '', ''
-        callback_of(node, topic)(over_the_wire(message))
+        callback_of(node, topic)(serialize_message(message))
         assert counters.dropped['internal error'] == 0, counters.last_drop
         words = node._refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:

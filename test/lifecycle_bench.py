@@ -19,10 +19,8 @@ Silence is told from the topic of g(q), which goes on while no efforts go out: w
 its messages came without an effort, there is none.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-import os
-from pathlib import Path
 from typing import Any
 
 from fault_bench import FaultBench
@@ -80,16 +78,15 @@ class LifecycleBench(FaultBench):
 @contextmanager
 def lifecycle_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any], hold: Sequence[float] = (),
-    module: str = DYNAMICS,
+    before: Callable[[], object] = lambda: None,
 ) -> Iterator[LifecycleBench]:
-    """Run a node, or another module of it in this directory, and a driver."""
-    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
+    """Run a node and a driver; `before` is called when both are there, and states do not flow."""
     with NodeProcess(
-            module, parameters, namespace=namespace, environment={'PYTHONPATH': path},
-            patient=False, ready=None) as node:
+            DYNAMICS, parameters, namespace=namespace, patient=False, ready=None) as node:
         bench = LifecycleBench(client, node, namespace)
         bench.hold = hold or bench.hold
         try:
+            before()
             bench.driver.start()
             yield bench
         finally:

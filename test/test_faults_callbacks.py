@@ -15,24 +15,21 @@
 """Faults inside callbacks: what nobody foresaw is answered and told, and the node goes on."""
 
 from collections.abc import Iterator
+import os
+from pathlib import Path
 import re
 import time
 from typing import Any
 
 from failing_node import WORDS
+from fault_bench import FaultBench
 from fault_table import fault
-from lifecycle_bench import (
-    ACTIVATE,
-    CLEANUP,
-    CONFIGURE,
-    DEACTIVATE,
-    lifecycle_bench,
-    LifecycleBench,
-)
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from request_bench import PATIENT
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from ros_harness import RosClient
+from ros_harness import NodeProcess, RosClient
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -42,14 +39,20 @@ CALLS = 10
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[LifecycleBench]:
+def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node with callbacks that fail, which commands, as tests leave it."""
-    with lifecycle_bench(client, '/failing', PATIENT, module='failing_node') as one:
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
+    with NodeProcess(
+            'failing_node', PATIENT, namespace='/failing', environment={'PYTHONPATH': path},
+            patient=False) as node:
+        one = FaultBench(client, node, '/failing')
+        one.driver.start()
         one.check_commanding()
         yield one
+        one.close()
 
 
-def check_told(bench: LifecycleBench, of: str, words: str, since: float) -> None:
+def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
     """Check that the log told of a callback, and not too often since a moment."""
     line = bench.node.wait_for_log(f'The callback of {of} failed: internal error: {words}')
     assert '[ERROR]' in line
@@ -69,7 +72,7 @@ def check_told(bench: LifecycleBench, of: str, words: str, since: float) -> None
             ('answers_another_type', Trigger, r'TypeError\(.the service .* answered .*SetBool',
              'a service that answers with another type'))])
 def test_a_service_that_fails(
-    bench: LifecycleBench, service: str, kind: Any, words: str,
+    bench: FaultBench, service: str, kind: Any, words: str,
 ) -> None:
     begun = time.monotonic()
     for _ in range(CALLS):
@@ -80,7 +83,7 @@ def test_a_service_that_fails(
 
 
 @fault(GROUP, 'a subscription that raises', TOLD)
-def test_a_subscription_that_fails(bench: LifecycleBench) -> None:
+def test_a_subscription_that_fails(bench: FaultBench) -> None:
     begun = time.monotonic()
     publisher = bench.client.publisher(String, bench.name('raises'))
     for _ in range(CALLS):
@@ -91,7 +94,7 @@ def test_a_subscription_that_fails(bench: LifecycleBench) -> None:
 
 @fault(GROUP, 'a parameter callback that raises',
        f'refused with what failed, old value kept; {TOLD}')
-def test_a_parameter_callback_that_fails(bench: LifecycleBench) -> None:
+def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
     node = bench.name('').rstrip('/')
     before, begun = bench.client.get_parameter(node, 'hold_time'), time.monotonic()
     for _ in range(CALLS):
@@ -104,12 +107,17 @@ def test_a_parameter_callback_that_fails(bench: LifecycleBench) -> None:
 
 @fault(GROUP, 'a lifecycle transition that raises',
        '`success` false; efforts have ramped out, the node is unconfigured and can be configured')
-def test_a_transition_that_fails(bench: LifecycleBench) -> None:
+def test_a_transition_that_fails(bench: FaultBench) -> None:
+    def change(transition: int) -> bool:
+        return bool(bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(
+            transition=Transition(id=transition))).success)
+
     bench.check_commanding()
-    assert bench.change(DEACTIVATE)
-    assert not bench.change(CLEANUP)
-    assert bench.state() == 'unconfigured'
+    assert change(Transition.TRANSITION_DEACTIVATE)
+    assert not change(Transition.TRANSITION_CLEANUP)
+    state = bench.client.call(GetState, bench.name('get_state')).current_state
+    assert state.id == State.PRIMARY_STATE_UNCONFIGURED
     assert list(bench.efforts.messages[-1].effort) == [0.0, 0.0]
-    assert bench.change(CONFIGURE)
-    assert bench.change(ACTIVATE)
+    assert change(Transition.TRANSITION_CONFIGURE)
+    assert change(Transition.TRANSITION_ACTIVATE)
     bench.check_commanding()

@@ -36,8 +36,9 @@ import pytest
 from robot_dynamics.planar_urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import LATCHED, RosClient
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 GROUP = 'Lifecycle'
 RAMP_TIME = 0.3
@@ -48,8 +49,7 @@ NOT_CHANGED = '`success` false at once; nothing changes, efforts go on'
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[LifecycleBench]:
     """Return a node that is active and commands, as tests leave it."""
-    with lifecycle_bench(
-            client, '/faults_lifecycle', PARAMETERS, module='overflowing_node') as one:
+    with lifecycle_bench(client, '/faults_lifecycle', PARAMETERS) as one:
         yield one
 
 
@@ -214,11 +214,18 @@ def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int])
 
 
 def latch(bench: LifecycleBench) -> None:
-    """Bring about a fault that is latched: an effort that is not finite."""
+    """Bring about a fault that is latched: a state for which the reference has no torque."""
     bench.check_alive()
-    bench.ask('overflow', SetBool, data=True)
+    bench.set_point(Q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+
+    def spin(message: JointState) -> JointState:
+        message.velocity = [1e200, 1e200]
+        return message
+
+    bench.driver.change = spin
     bench.wait_fault('non_finite')
-    bench.ask('overflow', SetBool, data=False)
+    bench.driver.go_on()
     bench.efforts.wait_for(lambda message: not any(message.effort))
 
 

@@ -17,41 +17,40 @@
 from collections.abc import Iterator
 from typing import Any
 
-from fault_bench import figure_of, QUICK
+from fault_bench import fault_bench, FaultBench, figure_of
 from fault_stimuli import PATIENT, wait_states
 from fault_table import fault
-from lifecycle_bench import lifecycle_bench, LifecycleBench
 import pytest
 from ros_harness import RosClient
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 GROUP = 'Efforts that are not finite'
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[LifecycleBench]:
-    """Return a node whose model overflows while it is asked to."""
-    with lifecycle_bench(
-            client, '/faults_overflow', {**QUICK, **PATIENT}, module='overflowing_node') as one:
-        one.wait_running()
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands the default arm."""
+    with fault_bench(client, '/faults_overflow', PATIENT) as one:
         yield one
 
 
-def reset(bench: LifecycleBench) -> Any:
+def reset(bench: FaultBench) -> Any:
     """Ask to reset the fault; return the answer."""
     return bench.client.call(Trigger, bench.name('reset_fault'))
 
 
-@fault(GROUP, 'a model whose g(q) overflows, which no input that is let in brings about',
+@fault(GROUP, 'a reference, and a velocity of 10²⁰⁰ rad/s, at which the computed torque overflows',
        'not published; fault `non_finite`, which good states do not end; `~/reset_fault` does')
-def test_an_effort_that_is_not_finite(bench: LifecycleBench) -> None:
+def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.check_alive()
-    bench.ask('overflow', SetBool, data=True)
+    bench.set_point(bench.driver.q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.driver.v = [1e200, 1e200]
     status = bench.wait_fault('non_finite')
     assert 'are not finite' in status.message
     assert 'waits for ~/reset_fault' in status.message
     bench.wait_dropped('no finite effort')
-    bench.ask('overflow', SetBool, data=False)
+    bench.driver.v = [0.0, 0.0]
     wait_states(bench, 100)
     assert bench.status('command').message.startswith('fault non_finite')
     assert figure_of(bench.status('command'), 'faults: non_finite') == 1
@@ -62,7 +61,7 @@ def test_an_effort_that_is_not_finite(bench: LifecycleBench) -> None:
 
 
 @fault(GROUP, '`~/reset_fault` where there is no fault', 'success = false, and it says so')
-def test_nothing_to_reset(bench: LifecycleBench) -> None:
+def test_nothing_to_reset(bench: FaultBench) -> None:
     bench.check_alive()
     answer = reset(bench)
     assert not answer.success

@@ -40,7 +40,8 @@ DROPPED = 'dropped and told; fault `state_timeout` where nothing else comes; bac
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, and is patient with stamps."""
-    with fault_bench(client, '/faults_stamps', {'state_timeout': 0.6, 'state_max_age': 2.0}) as one:
+    parameters = {'state_timeout': 0.6, 'state_max_age': 2.0}
+    with fault_bench(client, '/faults_stamps', parameters) as one:
         yield one
 
 

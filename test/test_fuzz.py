@@ -55,7 +55,7 @@ pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 SOAK_EXAMPLES = 100_000
 SHORT_EXAMPLES = 120
 """Inputs of each target in the short form."""
-LEAST_ACCEPTED, LEAST_REFUSED = 0.25, 0.03
+LEAST_ACCEPTED, LEAST_REFUSED = 0.2, 0.03
 """Shares: a test whose inputs all end at the first check, or at none, tests nothing."""
 Inputs = st.SearchStrategy[tuple[Any, ...]]
 Taker = Callable[[RunningNodes], Callable[..., None]]

@@ -544,8 +544,10 @@ def test_the_documented_words_are_the_words():
         TrajectoryFollower(JOINTS).start(
             trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=7 * SECOND)
     spoken.add(str(refusal.value))
-    assert len(documented) == 14
-    assert [words for words in documented if words not in spoken] == []
+    unread = [words for words in documented  # by test_message_bytes
+              if words.endswith('more would hold up control') or 'cannot be read' in words]
+    assert (len(documented), len(unread)) == (17, 3)
+    assert [words for words in documented if words not in spoken] == unread
 
 
 def test_the_index_in_a_refusal_is_the_senders():

@@ -32,7 +32,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
 from robot_dynamics.ros.message_bytes import (
     LARGEST_MESSAGE,
     read_message,
@@ -40,7 +40,7 @@ from robot_dynamics.ros.message_bytes import (
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
-LONGEST_REASON = 4000
+LONGEST_REASON = LONGEST_MESSAGE
 """Characters; a reason that quotes more of what arrived leaves out its middle."""
 
 

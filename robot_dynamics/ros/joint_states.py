@@ -14,11 +14,15 @@
 
 """Read joint states by name, as fast as a control path wants it."""
 
+import sys
+
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_scalar, check_unique, FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import check_unique, FloatArray, LARGEST_VALUE
 from sensor_msgs.msg import JointState
+
+FINITE = sys.float_info.max
 
 
 class OtherJointsError(InvalidInputError):
@@ -38,8 +42,7 @@ class JointStateReader:
         Return position (n,) and velocity (n,), the latter None where the message has none.
 
         Raises OtherJointsError where none of the joints is there; InvalidInputError where some
-        are missing, a name stands twice, lengths differ, or a value of these joints is not finite
-        or larger than any arm has.
+        are missing, a name stands twice, lengths differ, or a value of these joints is not finite.
         """
         q = self._values(message, 'position')
         return q, self._values(message, 'velocity') if message.velocity else None
@@ -48,11 +51,15 @@ class JointStateReader:
         """Return the efforts of shape (n,) likewise, NaN where one is not measured."""
         if not message.effort:
             return None
-        return self._values(message, 'effort', finite=False)
+        return self._values(message, 'effort', None)
 
     def finite_effort(self, message: JointState) -> FloatArray:
-        """Return the efforts (n,), one for each joint; raise InvalidInputError likewise."""
-        return self._values(message, 'effort')
+        """
+        Return the efforts (n,), one for each joint.
+
+        Raises InvalidInputError likewise, and for an effort larger than any arm has.
+        """
+        return self._values(message, 'effort', LARGEST_VALUE)
 
     def _learn(self, names: list[str]) -> None:
         """Find the joints; publishers keep their order, so this is done once for each."""
@@ -68,7 +75,9 @@ class JointStateReader:
         self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
         self._known_names = list(names)
 
-    def _values(self, message: JointState, field: str, finite: bool = True) -> FloatArray:
+    def _values(
+        self, message: JointState, field: str, largest: float | None = FINITE,
+    ) -> FloatArray:
         if message.name != self._known_names:
             self._learn(message.name)
         values = getattr(message, field)
@@ -76,7 +85,10 @@ class JointStateReader:
             raise InvalidInputError(
                 f'{field} has {len(values)} values, expected {len(message.name)} as name has')
         used: FloatArray = np.frombuffer(values, dtype=np.float64)[self._index]
-        if finite and not (np.abs(used) <= LARGEST_VALUE).all():  # nor where one is NaN
-            for name, value in zip(self._joint_names, used.tolist()):
-                check_scalar(f'{field} of {name!r}', value, -LARGEST_VALUE, LARGEST_VALUE)
+        if largest is not None and not (np.abs(used) <= largest).all():  # nor where one is NaN
+            j = int(np.argmin(np.abs(used) <= largest))
+            expected = 'finite number' if largest == FINITE else (
+                f'number in [{-largest:g}, {largest:g}]')
+            raise InvalidInputError(
+                f'{field} of {self._joint_names[j]!r} is {used[j]:g}, expected a {expected}')
         return used
