@@ -162,8 +162,9 @@ class FaultBench:
 
     def __init__(
         self, client: RosClient, node: NodeProcess, namespace: str,
-        driver_type: type = Driver, **driver: Any,
+        driver_type: type = Driver, diagnostics: str = '/diagnostics', **driver: Any,
     ) -> None:
+        """`diagnostics` is where the node tells of itself; all nodes of this name, by default."""
         self.client, self.node, self.namespace = client, node, namespace
         self.hold: Sequence[float] = G
         """The command that holds the arm where the driver says it is."""
@@ -172,7 +173,7 @@ class FaultBench:
             client.node, JointState, f'{namespace}/effort_command', KEEP_MANY)
         self.efforts.wait_matched()
         self._listens = True
-        self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
+        self._diagnostics = client.collect(DiagnosticArray, diagnostics)
         self._diagnostics.wait_matched()
         self.trajectories = client.publisher(
             JointTrajectory, f'{namespace}/dynamics/joint_trajectory')

@@ -19,7 +19,7 @@ Silence is told from the topic of g(q), which goes on while no efforts go out: w
 its messages came without an effort, there is none.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -78,15 +78,15 @@ class LifecycleBench(FaultBench):
 @contextmanager
 def lifecycle_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any], hold: Sequence[float] = (),
-    before: Callable[[], object] = lambda: None,
 ) -> Iterator[LifecycleBench]:
-    """Run a node and a driver; `before` is called when both are there, and states do not flow."""
+    """Run a node and a driver; other nodes may run beside it, and are not heard."""
+    diagnostics = f'{namespace}/diagnostics'
     with NodeProcess(
-            DYNAMICS, parameters, namespace=namespace, patient=False, ready=None) as node:
-        bench = LifecycleBench(client, node, namespace)
+            DYNAMICS, parameters, namespace=namespace, remaps={'/diagnostics': diagnostics},
+            patient=False, ready=None) as node:
+        bench = LifecycleBench(client, node, namespace, diagnostics=diagnostics)
         bench.hold = hold or bench.hold
         try:
-            before()
             bench.driver.start()
             yield bench
         finally:

@@ -214,5 +214,6 @@ def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> Non
         assert moving[-1] - moving[0] > 0.8 * way / rate
         assert 'Kept the model' not in one.node.log
         check_model(one, HEAVY)
+        assert one.figure('command', 'faults: state_timeout') == 0
     publisher.close()
     seen(f'{way:.1f} N·m in {moving[-1] - moving[0]:.2f} s at {rate:g} N·m/s')
