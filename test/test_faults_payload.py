@@ -24,7 +24,7 @@ from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 import numpy as np
 import pytest
 from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import RosClient
+from ros_harness import RosClient, wait_until
 from std_msgs.msg import Header
 
 GROUP = 'Payloads'
@@ -68,7 +68,8 @@ def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> Non
     assert set_payload(bench, MASS).success
     bench.efforts.wait_for(is_loaded)
     assert set_payload(bench, 0.0).success
-    bench.efforts.wait_for(lambda message: message.effort[0] > LOADED[0] + 5.0)
+    wait_until(
+        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'no load again')
     check_rate(bench.efforts.messages)
     seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N m')
     bench.check_alive()

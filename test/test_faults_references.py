@@ -152,6 +152,7 @@ def refusals(bench: FaultBench) -> list[str]:
 
 def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str) -> None:
     """Check that this is refused in one line that says so, and another one followed on."""
+    bench.efforts.clear()
     bench.set_point(GOAL)
     bench.efforts.wait_for(is_torque)
     before = len(refusals(bench))
@@ -167,6 +168,7 @@ def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str
 
 
 def test_diagnostics_tell_of_refusals(bench: FaultBench) -> None:
+    bench.efforts.clear()
     bench.set_point(GOAL)
     bench.efforts.wait_for(is_torque)
     bench.trajectories.publish(trajectory())

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in set-points that stream: silence, and jumps."""
+"""Faults while references are followed: silence, jumps, and states without velocities."""
 
 from collections.abc import Callable, Iterator
 from itertools import cycle
@@ -20,12 +20,14 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q
-from fault_stimuli import check_rate, PATIENT, SetPoints
+from fault_stimuli import altered, check_rate, PATIENT, SetPoints
 from fault_table import fault
 import numpy as np
 import pytest
-from ros_harness import RosClient, wait_until
+from ros_harness import KEEP_MANY, RosClient, wait_until
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'References'
@@ -95,6 +97,27 @@ def test_one_set_point_is_held(bench: FaultBench) -> None:
     wait_until(lambda: time.monotonic() > sent + 2.0 * TIMEOUT, 'two timeouts to pass')
     bench.efforts.clear()
     assert not any(map(is_gravity, bench.efforts.wait_count(20)))
+    rest(bench)
+
+
+@fault(GROUP, 'joint states without velocities',
+       'gravity compensation, told; `~/computed_torque` falls silent; the reference is followed '
+       'again when velocities come back')
+def test_states_without_velocities(bench: FaultBench) -> None:
+    rest(bench)
+    with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
+        torques.wait_matched()
+        bench.driver.change = altered(velocity=[])
+        status = bench.wait_status(
+            'reference', lambda status: 'no velocity' in status.message)
+        assert status.level == DiagnosticStatus.WARN
+        bench.set_point(GOAL)
+        torques.clear()
+        bench.efforts.clear()
+        assert all(map(is_gravity, bench.efforts.wait_count(50)))
+        assert torques.messages == []
+        bench.driver.go_on()
+        wait_now(bench, lambda message: not is_gravity(message))
     rest(bench)
 
 

@@ -22,7 +22,7 @@ from fault_bench import Change, fault_bench, FaultBench, figure_of, G, NAMES, Q
 from fault_stimuli import altered
 from fault_table import fault
 import pytest
-from ros_harness import KEEP_MANY, RosClient
+from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 NAN, INF = float('nan'), float('inf')
@@ -113,30 +113,6 @@ def test_a_state_that_is_only_odd(bench: FaultBench, fields: dict[str, Any]) -> 
         assert message.effort == pytest.approx(G, abs=1e-6)
     bench.check_alive()
     assert bench.status('command').level != DiagnosticStatus.ERROR
-
-
-@fault(GROUP, 'no velocities, while a reference is followed',
-       'gravity compensation, told; computed torque stops, and goes on when velocities come back')
-def test_states_without_velocities(bench: FaultBench) -> None:
-    bench.check_alive()
-    with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
-        torques.wait_matched()
-        bench.set_point([Q[0] + 0.01, Q[1]])
-        torque = torques.wait_for().effort
-        bench.efforts.wait_for(lambda message: message.effort == torque)
-        bench.driver.change = altered(velocity=[])
-        status = bench.wait_status(
-            'reference', lambda status: 'no velocity' in status.message)
-        assert status.level == DiagnosticStatus.WARN
-        bench.efforts.clear()
-        bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))
-        torques.clear()
-        bench.efforts.wait_count(len(bench.efforts.messages) + 50)
-        assert torques.messages == []
-        bench.driver.go_on()
-        bench.efforts.wait_for(lambda message: message.effort == torque)
-        bench.set_point(Q)
-    bench.check_alive()
 
 
 def many_joints(names: list[str], count: int) -> Change:
