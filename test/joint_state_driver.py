@@ -29,7 +29,7 @@ import time
 from fault_bench import NAMES, Q, V
 import rclpy
 from rclpy.executors import ExternalShutdownException
-from ros_harness import NodeProcess, RosClient
+from ros_harness import NO_SHARED_MEMORY, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 
 
@@ -54,7 +54,7 @@ class DriverProcess:
         """Start the process; do not wait for it."""
         self._process = NodeProcess(
             Path(__file__).stem, self._parameters, remaps={'joint_states': self._topic},
-            environment={'PYTHONPATH': os.pathsep.join(
+            environment={**NO_SHARED_MEMORY, 'PYTHONPATH': os.pathsep.join(
                 [str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])},
             ready=re.compile('Streaming'), prefix=self._prefix).launch()
         return self

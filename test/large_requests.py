@@ -19,7 +19,7 @@ Making them keeps a process busy, which is not to hold up the driver of a test. 
 the numbers of its answer itself, where there should be any.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import sys
 import time
 from typing import Any, NamedTuple
@@ -119,8 +119,10 @@ def wrenches() -> Large:
 class LargeRequests(ClientProcess):
     """The process that makes these requests."""
 
-    def __init__(self, namespace: str) -> None:
-        super().__init__('large_requests', namespace)
+    def __init__(
+        self, namespace: str, environment: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__('large_requests', namespace, environment=environment)
 
     def call(self, case: str) -> Answer:
         """Make the request of a case; return what came of it."""

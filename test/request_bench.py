@@ -19,10 +19,11 @@ No fault may begin while a request is answered. The timeout of states is long en
 that shares a busy computer with the tests; how long efforts paused is told, not judged.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import itertools
 import json
+import os
 from pathlib import Path
 import select
 import subprocess
@@ -77,10 +78,13 @@ class ClientProcess:
     For use in a `with` statement, at whose end it must leave by itself.
     """
 
-    def __init__(self, module: str, *arguments: str) -> None:
+    def __init__(
+        self, module: str, *arguments: str, environment: Mapping[str, str] | None = None,
+    ) -> None:
         self._process = subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name(f'{module}.py')), *arguments],
-            text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            text=True, env={**os.environ, **(environment or {})},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def ask(self, question: Any, timeout: float = 4 * TIMEOUT) -> Any:
         """Return the answer to a question."""

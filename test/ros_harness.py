@@ -49,6 +49,15 @@ RESEND_PERIOD = 0.5
 DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
+NO_SHARED_MEMORY = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+"""
+Environment of a process that is to be killed.
+
+With LOCALHOST rmw_fastrtps takes shared memory, whatever else is asked for. A process killed while
+it writes there leaves a lock behind for ever, at which others crash when they end.
+"""
+
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 KEEP_MANY = QoSProfile(depth=10000)

@@ -20,6 +20,7 @@ import signal
 import threading
 from typing import Any
 
+from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.arm_model import ArmModel, load_arm
@@ -31,6 +32,7 @@ from robot_dynamics.trajectory import quintic_point_to_point
 from ros_harness import (
     Collector,
     DYNAMICS,
+    NO_SHARED_MEMORY,
     NodeProcess,
     RosClient,
     SIMULATED_ARM,
@@ -241,6 +243,10 @@ def test_a_process_that_was_suspended_could_not_hear(client: RosClient) -> None:
 
 # --- the closed loop -----------------------------------------------------------------------------
 
+@fault('Processes that fall silent, stall and are killed',
+       'SIGKILL of `dynamics` while it moves `simulated_arm`',
+       'after `command_timeout` the arm stands on its brakes, its velocity exactly 0, and says so; '
+       'another `dynamics` holds it where it stands and moves it on')
 def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
     client: RosClient,
 ) -> None:
@@ -250,7 +256,8 @@ def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
     topic = '/killed/dynamics/joint_trajectory'
     with client.collect(JointState, '/killed/joint_states') as states, \
             NodeProcess(SIMULATED_ARM, parameters, namespace='/killed') as node:
-        dynamics = NodeProcess(DYNAMICS, namespace='/killed').start()
+        dynamics = NodeProcess(
+            DYNAMICS, namespace='/killed', environment=NO_SHARED_MEMORY).start()
         try:
             states.wait_for(lambda m: any(m.effort), LONG)
             publisher = client.publisher(JointTrajectory, topic)

@@ -31,7 +31,15 @@ import numpy as np
 import pytest
 from robot_dynamics.effort_guard import LONGEST_STEP
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, TIMEOUT, wait_until
+from ros_harness import (
+    DYNAMICS,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 
 GROUP = 'A node that is told to end'
@@ -137,6 +145,23 @@ def test_before_it_commands(client: RosClient) -> None:
             assert node.wait() == 0, node.log
             assert 'Traceback' not in node.log, node.log
         assert not efforts.messages
+
+
+# --- the simulated arm --------------------------------------------------------------------------
+
+@fault(GROUP, 'SIGINT and SIGTERM of `simulated_arm`, in wall time, and in lock-step without a '
+       'controller', IN_ORDER)
+def test_the_simulated_arm(client: RosClient) -> None:
+    nodes = [NodeProcess(SIMULATED_ARM, parameters, namespace='/arms')
+             for parameters in ({}, {}, {'lock_step': True}, {'lock_step': True})]
+    with client.collect(JointState, '/arms/joint_states') as states, running(*nodes):
+        states.wait_matched(len(nodes))
+        states.wait_for()
+        for node, end_signal in zip(nodes, 2 * SIGNALS):
+            tell(node, end_signal)
+        for node in nodes:
+            assert node.wait() == 0, node.log
+            assert 'Traceback' not in node.log, node.log
 
 
 # --- while it starts -----------------------------------------------------------------------------

@@ -35,7 +35,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch, SetPayload
-from ros_harness import RosClient, TIMEOUT
+from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
 from std_srvs.srv import SetBool, Trigger
 from test_services import REFUSALS, SERVICES
 
@@ -177,7 +177,7 @@ def test_many_clients_at_the_same_time(control: ControlGoesOn, seen: Any) -> Non
 @fault(GROUP, 'a client killed while its request is answered',
        'the next client gets its answer; control goes on')
 def test_a_client_that_dies_mid_call(control: ControlGoesOn) -> None:
-    doomed = LargeRequests(control.bench.namespace)
+    doomed = LargeRequests(control.bench.namespace, NO_SHARED_MEMORY)
     with control.checked():
         doomed.send('points')
         doomed.kill()
