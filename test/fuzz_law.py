@@ -31,8 +31,8 @@ LONGEST_MESSAGE = 2000
 """Characters that a person reads to learn what is wrong."""
 
 
-class RefusalError(RobotDynamicsError):
-    """What a service refused, with its words."""
+class RefusalError(Exception):
+    """What a service, topic or parameter refused, with the very words that it gave for it."""
 
 
 def over_the_wire(message: Any) -> Any:
@@ -44,7 +44,7 @@ def accepts(take: Callable[..., None], *inputs: Any) -> bool:
     """Return whether an input is accepted; fail where it is refused in words that say nothing."""
     try:
         take(*inputs)
-    except RobotDynamicsError as error:
+    except (RobotDynamicsError, RefusalError) as error:
         check_words(str(error))
         return False
     return True

@@ -28,24 +28,24 @@ import numpy as np
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import serialize_message
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
 from robot_dynamics.ros.dynamics_node import DynamicsNode, options_from, SPECS
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.model_check_log import check_or_refuse
-from robot_dynamics.ros.parameters import Values
+from robot_dynamics.ros.parameters import DeclaredParameters, Values
 from robot_dynamics.ros.robot_description import arm_from_parameters
 from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation
 
 PLANAR_JOINTS = ('joint1', 'joint2')
-START_PARAMETERS = {
-    'dynamics': {'joints': f'[{", ".join(PLANAR_JOINTS)}]'},
-    # Its thread waits for the effort that answers a state, and does nothing.
-    'simulated_arm': {'lock_step': 'true'},
-}
+# Apart, and in lock-step, the simulated arm waits for an effort, and disturbs nobody.
+ARGUMENTS = (
+    '-p', f'joints:=[{", ".join(PLANAR_JOINTS)}]', '-p', 'lock_step:=true',
+    '-r', 'simulated_arm:__ns:=/apart', '-r', '__ns:=/fuzz')
 DEFAULTS: Values = {
     spec.name: tuple(spec.default) if isinstance(spec.default, list) else spec.default
     for spec in SPECS}
@@ -56,11 +56,10 @@ class RunningNodes:
     """Both nodes, and nodes with the services for one arm each; for a `with` statement."""
 
     def __enter__(self) -> 'RunningNodes':
-        arguments = [
-            word for node, parameters in START_PARAMETERS.items()
-            for name, value in parameters.items() for word in ('-p', f'{node}:{name}:={value}')]
-        rclpy.init(args=['--ros-args', '-r', '__ns:=/fuzz', *arguments])
+        rclpy.init(args=['--ros-args', *ARGUMENTS])
         self.dynamics, self.simulated_arm = DynamicsNode(), SimulatedArmNode()
+        assert self.simulated_arm.get_parameter('lock_step').value
+        assert self.simulated_arm.get_namespace() == '/apart'
         self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
         for arm in ARMS:
             self._services_of(arm.name).use(Controller(arm, options_from(DEFAULTS, arm)))
@@ -99,8 +98,9 @@ class RunningNodes:
         node = self.dynamics
         counters = node._path.counters
         answered, node._refusal, counters.last_drop = counters.states, '', ''
+        failures = counters.dropped['internal error']
         callback_of(node, topic)(serialize_message(message))
-        assert counters.dropped['internal error'] == 0, counters.last_drop
+        assert counters.dropped['internal error'] == failures, counters.last_drop
         words = node._refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:
             raise RefusalError(words)
@@ -127,6 +127,21 @@ class RunningNodes:
                     assert node._settings.values[parameter.name] == value
         if parameters and not any(result.successful for result in response.results):
             raise RefusalError(response.results[0].reason)
+
+    def declare(self, parameters: list[Any]) -> None:
+        """Start a node with these parameters, as from a file."""
+        given = [(message.name, parameter_value_to_python(over_the_wire(message).value))
+                 for message in parameters]
+        node = Node(
+            'declaring', start_parameter_services=False, enable_rosout=False,
+            parameter_overrides=[  # an empty list of a file counts as unset
+                Parameter(name, value=None if value == [] else value) for name, value in given])
+        try:
+            values = DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values
+            for name, value in values.items():
+                check_finite(value, name)
+        finally:
+            node.destroy_node()
 
     def start(self, xml: str, given: Mapping[str, Any]) -> None:
         """Do what nodes do with a URDF and their parameters, and ask for one of everything."""

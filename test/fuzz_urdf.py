@@ -38,6 +38,11 @@ _TAGS = (
     'link', 'joint', 'inertial', 'mass', 'inertia', 'origin', 'axis', 'limit', 'dynamics', 'mimic',
     'parent', 'child', 'collision', 'geometry', 'box', 'transmission', 'robot')
 _KINDS = ('revolute', 'continuous', 'prismatic', 'fixed', 'floating', 'planar', 'spherical', '')
+_likely_numbers = st.floats(0.01, 3.0).map(repr)
+_number_texts = st.one_of(
+    _likely_numbers, _likely_numbers, small_numbers.map(repr), wild_numbers.map(repr),
+    st.sampled_from(WORDS_FOR_NUMBERS))
+_CHANGE_COUNTS = st.sampled_from((1, 1, 1, 2, 3))
 _MARKUP = st.text(alphabet='<>/="\'&;![]-? \n\t\x00a0é', max_size=8)
 
 
@@ -54,8 +59,7 @@ def _change_attribute(draw: Draw, root: ElementTree.Element) -> None:
         element.attrib[attribute] = draw(st.one_of(st.sampled_from(names), wild_texts))
     else:
         words = text.split() or ['0']
-        words[draw(st.integers(0, len(words) - 1))] = draw(st.one_of(
-            small_numbers.map(repr), wild_numbers.map(repr), st.sampled_from(WORDS_FOR_NUMBERS)))
+        words[draw(st.integers(0, len(words) - 1))] = draw(_number_texts)
         element.attrib[attribute] = ' '.join(words)
 
 
@@ -131,7 +135,7 @@ def urdfs(draw: Draw, bases: Sequence[str]) -> str:
     if what <= 3:
         return _change_characters(draw, base)
     root = ElementTree.fromstring(base)
-    for _ in range(draw(st.integers(0 if what == 4 else 1, 3))):
+    for _ in range(0 if what == 4 else draw(_CHANGE_COUNTS)):
         draw(st.sampled_from(_CHANGES))(draw, root)
     return ElementTree.tostring(root, encoding='unicode')
 

@@ -19,7 +19,7 @@ Run it in a network of its own, as `own_network` says how. It prints the times t
 line of JSON.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 import json
@@ -58,6 +58,18 @@ def run(*command: str) -> None:
     subprocess.run(command, check=True)
 
 
+def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
+    """
+    Return whether the kernel takes the link for up, which follows a little after both its ends.
+
+    A process that starts before leaves the device alone for ever: Fast DDS looks for devices that
+    are running once, when it starts.
+    """
+    shown = subprocess.run(
+        [*prefix, 'ip', '-json', 'link', 'show', device], check=True, capture_output=True)
+    return str(json.loads(shown.stdout)[0]['operstate']) == 'UP'
+
+
 @contextmanager
 def linked_network() -> Iterator[list[str]]:
     """Link this network with another; yield the command that runs a command over there."""
@@ -73,6 +85,7 @@ def linked_network() -> Iterator[list[str]]:
             run(*prefix, 'ip', 'addr', 'add', address, 'dev', device)
             run(*prefix, 'ip', 'link', 'set', 'lo', 'up')
             run(*prefix, 'ip', 'link', 'set', device, 'up')
+        wait_until(lambda: is_running('near') and is_running('far', over_there), 'the link')
         yield over_there
     finally:
         holder.kill()

@@ -125,8 +125,6 @@ def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
 @fault(GROUP, 'a network partition and its healing, between driver and node in two network '
        'namespaces: until efforts have ended, and until each has forgotten the other',
        'the fault action begins after `state_timeout`, and is told; back by itself')
-# Discovery over a fresh link once took more than 20 s: run by -m fault and -m soak alone.
-@pytest.mark.soak
 def test_a_partition(seen: Any) -> None:
     command, reason = partition_scenario.own_network()
     if reason:
