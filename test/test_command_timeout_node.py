@@ -245,8 +245,8 @@ def test_a_process_that_was_suspended_could_not_hear(client: RosClient) -> None:
 
 @fault('Processes that fall silent, stall and are killed',
        'SIGKILL of `dynamics` while it moves `simulated_arm`',
-       'after `command_timeout` the arm stands on its brakes, its velocity exactly 0, and says so; '
-       'another `dynamics` holds it where it stands and moves it on')
+       'after `command_timeout` the arm stands on its brakes, its velocity exactly 0, and says '
+       'so; another `dynamics` holds it where it stands and moves it on')
 def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
     client: RosClient,
 ) -> None:

@@ -132,6 +132,14 @@ def test_a_joint_without_a_velocity_limit_never_jumps() -> None:
     assert not one.judge(PERIOD, q=Q + 1e6).restart
 
 
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('speed', [1.7e308, -1e200])
+def test_beyond_all_speeds_nothing_overflows(speed: float) -> None:
+    watched = Watched()
+    watched.judge(0.0, q=[1.7e308, -1.7e308], v=[speed, 0.0])
+    watched.judge(0.5, q=[-1.7e308, 1.7e308], v=[speed, speed])
+
+
 @pytest.mark.parametrize('turns', [-3, -1, 1, 7])
 def test_a_whole_turn_is_no_way_for_a_joint_without_an_end(turns: int) -> None:
     one = started()
