@@ -33,7 +33,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_vector, FloatArray
+from robot_dynamics.validation import (
+    check_vector,
+    FloatArray,
+    LARGEST_VALUE,
+    SMALLEST_DIVISOR,
+)
 
 DEFAULT_CURRENT_TIME_CONSTANT = 2e-4
 """[s]"""
@@ -164,15 +169,17 @@ def make_actuators(
     Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
     no limits, no backlash, e = 0. Raises InvalidInputError, naming field, joint and value, on
     another number of values, N = 0, η outside (0, 1], e outside [0, 1], backlash of a rotor
-    without inertia, or a value that must not be negative or zero.
+    without inertia, a value that must not be negative or zero, and as zero counts what is below
+    SMALLEST_DIVISOR.
     """
     n = len(joint_names)
 
     def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
         if len(value) == 0:
             return otherwise
-        given = check_vector(f'actuator.{field}', value, 1) if len(value) == 1 else (
-            check_vector(f'actuator.{field}', value, n, joint_names))
+        label = f'actuator.{field}'
+        given = check_vector(label, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
+            check_vector(label, value, n, joint_names, LARGEST_VALUE))
         return np.array(np.broadcast_to(given, (n,)))
 
     for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
@@ -198,22 +205,25 @@ def make_actuators(
 
 
 def _check(names: Sequence[str], actuators: Actuators) -> None:
-    eta, e = actuators.efficiency, actuators.restitution
+    eta, e, zero = actuators.efficiency, actuators.restitution, SMALLEST_DIVISOR
+    positive = f'a number > 0, at least {zero:g}'
     bad = {
-        'torque_constant': (actuators.torque_constant <= 0.0, 'a number > 0'),
-        'gear_ratio': (actuators.gear_ratio == 0.0, 'a number other than 0'),
-        'efficiency': ((eta <= 0.0) | (eta > 1.0), 'a number in (0, 1]'),
-        'current_limit': (actuators.current_limit <= 0.0, 'a number > 0'),
-        'voltage_limit': (actuators.voltage_limit <= 0.0, 'a number > 0'),
-        'current_time_constant': (actuators.current_time_constant <= 0.0, 'a number > 0'),
+        'torque_constant': (actuators.torque_constant < zero, positive),
+        'gear_ratio': (
+            np.abs(actuators.gear_ratio) < zero,
+            f'a number other than 0, at least {zero:g} in size'),
+        'efficiency': ((eta < zero) | (eta > 1.0), f'a number in (0, 1], at least {zero:g}'),
+        'current_limit': (actuators.current_limit < zero, positive),
+        'voltage_limit': (actuators.voltage_limit < zero, positive),
+        'current_time_constant': (actuators.current_time_constant < zero, positive),
         'restitution': ((e < 0.0) | (e > 1.0), 'a number in [0, 1]'),
         'rotor_inertia': (
             (actuators.rotor_inertia < 0.0) | (
-                (actuators.rotor_inertia == 0.0) & (actuators.backlash > 0.0)),
+                (actuators.rotor_inertia < zero) & (actuators.backlash > 0.0)),
             'a number > 0 where there is backlash, >= 0 elsewhere'),
         'resistance': (
             (actuators.resistance < 0.0) | (
-                (actuators.resistance == 0.0) & np.isfinite(actuators.voltage_limit)),
+                (actuators.resistance < zero) & np.isfinite(actuators.voltage_limit)),
             'a number > 0 where there is a voltage_limit, >= 0 elsewhere'),
     }
     for field in fields(actuators):

@@ -226,9 +226,9 @@ class CommandSupervisor:
 
     def _share_left(self, passed: float) -> float:
         """Return the share of an effort that is left so long [s] after its ramp began."""
-        if passed < self.options.ramp_time:
-            return 1.0 - max(passed, 0.0) / self.options.ramp_time
-        return 0.0
+        if passed <= 0.0:
+            return 1.0
+        return 0.0 if passed >= self.options.ramp_time else 1.0 - passed / self.options.ramp_time
 
     def _finish(self) -> None:
         """Be silent; whatever comes next begins with what holds the arm."""

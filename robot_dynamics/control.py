@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.trajectory import Reference
-from robot_dynamics.validation import check_vector, FloatArray
+from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
 
 DEFAULT_NATURAL_FREQUENCY = 20.0
 """[rad/s]"""
@@ -48,6 +48,13 @@ class Gains:
     kp: FloatArray
     kd: FloatArray
 
+    @property
+    def ratio(self) -> FloatArray:
+        """Return K_p/K_d (n,) [1/s], 0 where K_d is 0."""
+        with np.errstate(over='ignore'):
+            return np.divide(
+                self.kp, self.kd, out=np.zeros_like(self.kp), where=self.kd > 0.0)
+
 
 def make_gains(
     joint_names: Sequence[str],
@@ -60,20 +67,27 @@ def make_gains(
     Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
 
     Each is one value for all joints, or one a joint; `kp` or `kd`, where given, take precedence.
-    Raises InvalidInputError on another number of values or a negative one.
+    Raises InvalidInputError on another number of values, a negative one or one beyond
+    LARGEST_VALUE, and on a K_d so small beside K_p that K_p/K_d is.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
-    return Gains(
+    gains = Gains(
         per_joint('gains.kp', kp, joint_names) if len(kp) else omega**2,
         per_joint('gains.kd', kd, joint_names) if len(kd) else 2.0 * zeta * omega)
+    for name, K_p, K_d, ratio in zip(joint_names, gains.kp, gains.kd, gains.ratio):
+        if ratio > LARGEST_VALUE:
+            raise InvalidInputError(
+                f'gains.kd of {name!r} is {K_d:g} beside a gains.kp of {K_p:g}, expected 0, or '
+                f'at least 1/{LARGEST_VALUE:g} of that')
+    return gains
 
 
 def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
     """Return non-negative values (n,) of one for all joints, or of one a joint."""
     n = len(joint_names)
-    values = check_vector(field, value, 1) if len(value) == 1 else (
-        check_vector(field, value, n, joint_names))
+    values = check_vector(field, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
+        check_vector(field, value, n, joint_names, LARGEST_VALUE))
     if (values < 0.0).any():
         raise InvalidInputError(f'{field} is {values.tolist()}, expected no value below 0')
     return np.array(np.broadcast_to(values, (n,)))
@@ -93,8 +107,7 @@ class ErrorFeedback:
 
     def __init__(self, gains: Gains, joint_kinds: Sequence[str]) -> None:
         self.gains = gains
-        self._ratio = np.divide(
-            gains.kp, gains.kd, out=np.zeros_like(gains.kp), where=gains.kd > 0.0)
+        self._ratio = gains.ratio
         continuous = np.array([kind == 'continuous' for kind in joint_kinds])
         self._continuous = continuous if continuous.any() else None
 

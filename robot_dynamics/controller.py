@@ -165,7 +165,7 @@ class Controller:
         Without a velocity there is gravity compensation alone. Efforts that are not finite raise
         NonFiniteEffortError: such a state is outside anything the model can answer.
         """
-        with self._lock:
+        with self._lock, np.errstate(over='ignore', invalid='ignore'):
             return self._update(stamp_ns, q, v, with_terms)
 
     def _update(

@@ -15,8 +15,25 @@
 """All errors that this package raises on purpose, under one base class."""
 
 
+LONGEST_MESSAGE = 1600
+"""Characters; a message that quotes what arrived may be as long as that, and so unreadable."""
+
+
 class RobotDynamicsError(Exception):
     """Base of every error that `robot_dynamics` raises on purpose."""
+
+    def __init__(self, message: str = '') -> None:
+        """Take what is wrong; of a message beyond LONGEST_MESSAGE the middle is left out."""
+        super().__init__(_shortened(message))
+
+
+def _shortened(message: str) -> str:
+    if len(message) <= LONGEST_MESSAGE:
+        return message
+    # The field comes first and the expectation last.
+    kept = LONGEST_MESSAGE // 2 - 25
+    left_out = len(message) - 2 * kept
+    return f'{message[:kept]} … ({left_out} characters left out) … {message[-kept:]}'
 
 
 class InvalidInputError(RobotDynamicsError, ValueError):

@@ -28,7 +28,12 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_vector, FloatArray
+from robot_dynamics.validation import (
+    check_vector,
+    FloatArray,
+    LARGEST_VALUE,
+    SMALLEST_DIVISOR,
+)
 
 SMOOTHING_VELOCITY = 0.01
 """[rad/s] or [m/s] over which `smooth_effort` changes its sign."""
@@ -108,8 +113,8 @@ def make_friction(
     def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
         if len(value) == 0:
             return otherwise
-        given = check_vector(field, value, 1) if len(value) == 1 else (
-            check_vector(field, value, n, joint_names))
+        given = check_vector(field, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
+            check_vector(field, value, n, joint_names, LARGEST_VALUE))
         return np.array(np.broadcast_to(given, (n,)))
 
     nothing = np.zeros(n)
@@ -126,7 +131,8 @@ def make_friction(
     _refuse(joint_names, 'friction.coulomb', F_c, F_c < 0.0, 'a number >= 0')
     _refuse(joint_names, 'friction.static', F_s, F_s < F_c,
             'at least friction.coulomb of that joint')
-    _refuse(joint_names, 'friction.stribeck_velocity', v_s, v_s <= 0.0, 'a number > 0')
+    _refuse(joint_names, 'friction.stribeck_velocity', v_s, v_s < SMALLEST_DIVISOR,
+            f'a number > 0, at least {SMALLEST_DIVISOR:g}')
     _refuse(joint_names, 'friction.offset', F_o, np.abs(F_o) > F_c,
             'at most friction.coulomb of that joint in size, or friction would create energy')
     return JointFriction(F_v, F_c, F_s, v_s, F_o)

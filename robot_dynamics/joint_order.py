@@ -33,6 +33,7 @@ from robot_dynamics.validation import (
     check_vector,
     FloatArray,
     is_empty,
+    LARGEST_VALUE,
 )
 
 MIMIC_TOLERANCE = 1e-3
@@ -61,18 +62,17 @@ class JointOrder:
 
     def position(self, value: Any, field: str = 'position') -> FloatArray:
         """Return positions (n,) in the arm's order; raise InvalidInputError."""
-        return self._motion(check_vector(field, value, len(self._given), self._given), field, True)
+        return self._motion(self._vector(field, value), field, True)
 
     def rate(self, value: Any, field: str) -> FloatArray:
         """Return velocities or accelerations (n,) in the arm's order; empty means zero."""
         if is_empty(value):
             return np.zeros(self._n)
-        return self._motion(
-            check_vector(field, value, len(self._given), self._given), field, False)
+        return self._motion(self._vector(field, value), field, False)
 
     def effort(self, value: Any, field: str = 'effort') -> FloatArray:
         """Return efforts (n,) in the arm's order, those at mimic joints added to their leaders."""
-        given = check_vector(field, value, len(self._given), self._given)
+        given = self._vector(field, value)
         tau = given[self._to_arm]
         for column, leader, mimic in self._mimics:
             tau[leader] += mimic.multiplier * given[column]
@@ -80,14 +80,13 @@ class JointOrder:
 
     def positions(self, value: Any, field: str = 'position') -> FloatArray:
         """Return many positions, (samples, n) in the arm's order, of a flat or 2-D array."""
-        samples = check_samples(field, value, len(self._given), self._given)
-        return self._motion(samples, field, True)
+        return self._motion(self._samples(field, value), field, True)
 
     def rates(self, value: Any, samples: int, field: str) -> FloatArray:
         """Return many velocities or accelerations likewise; empty means zero."""
         if is_empty(value):
             return np.zeros((samples, self._n))
-        rates = check_samples(field, value, len(self._given), self._given)
+        rates = self._samples(field, value)
         if len(rates) != samples:
             raise InvalidInputError(
                 f'{field} has {len(rates)} samples, expected {samples} as position has, or none')
@@ -102,6 +101,12 @@ class JointOrder:
         if self._same:
             return value
         return np.asarray(value[np.ix_(*(self._to_request,) * value.ndim)])
+
+    def _vector(self, field: str, value: Any) -> FloatArray:
+        return check_vector(field, value, len(self._given), self._given, LARGEST_VALUE)
+
+    def _samples(self, field: str, value: Any) -> FloatArray:
+        return check_samples(field, value, len(self._given), self._given, LARGEST_VALUE)
 
     def _motion(self, given: FloatArray, field: str, with_offset: bool) -> FloatArray:
         if self._same:

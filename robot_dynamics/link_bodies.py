@@ -25,7 +25,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.mesh_bounds import MeshReader
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.validation import FloatArray, LARGEST_VALUE
 
 _UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 
@@ -52,9 +52,10 @@ class LinkBody:
 
 def read_bodies(xml: str, meshes: MeshReader | None = None) -> list[LinkBody]:
     """
-    Return the links of a URDF; numbers that are none are NaN, and well-formed XML is expected.
+    Return the links of a URDF; well-formed XML is expected.
 
-    Meshes are left unread without `meshes`.
+    Numbers that are none, or larger than any arm has, are NaN. Meshes are left unread without
+    `meshes`.
     """
     return [_read_body(link, meshes) for link in _robot_element(xml).findall('link')]
 
@@ -152,9 +153,10 @@ def _pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:
 
 def _number(element: ElementTree.Element | None, attribute: str) -> float:
     try:
-        return float('' if element is None else element.get(attribute, ''))
+        value = float('' if element is None else element.get(attribute, ''))
     except ValueError:
         return math.nan
+    return value if abs(value) <= LARGEST_VALUE else math.nan
 
 
 def _vector(element: ElementTree.Element | None, attribute: str, default: str) -> FloatArray:
@@ -163,4 +165,5 @@ def _vector(element: ElementTree.Element | None, attribute: str, default: str) -
         values = np.array([float(word) for word in text.split()])
     except ValueError:
         values = np.zeros(0)
-    return values if values.shape == (3,) else np.full(3, math.nan)
+    good = values.shape == (3,) and bool((np.abs(values) <= LARGEST_VALUE).all())
+    return values if good else np.full(3, math.nan)

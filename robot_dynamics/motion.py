@@ -52,6 +52,8 @@ _STRIBECK_TOLERANCE = 1e-7
 """Error of √M q̇ [J^½] that a piece of a step may have where friction falls with speed."""
 _FINEST = 2.0**-10
 """Share of a step that such a piece is at least."""
+_MAX_PIECES = 10_000
+"""Pieces of a step, all trials counted, after which they are no longer cut."""
 
 
 class Leg(NamedTuple):
@@ -91,6 +93,7 @@ class Motion:
             end = self._advance(state, h, self._modes.free, None)
             return Leg(end.state, end.heat)
         heat, jolted, a = 0.0, False, None
+        self._pieces = 0
         for event_count in range(_MAX_EVENTS):
             if forces.play is not None:
                 met = self._modes.meet(state, a, plastic=event_count >= _MAX_BOUNCES)
@@ -180,10 +183,13 @@ class Motion:
         weights[:len(state.q)] = self._root_inertia
         heat, rest, piece = 0.0, h, h
         while True:
+            self._pieces += 1
+            may_cut = self._pieces <= _MAX_PIECES
+            piece = piece if may_cut else rest
             step = runge_kutta_step(q, v, piece, acceleration, a)
             error = step.error(piece, acceleration, weights)
             ratio = 0.9 * (_STRIBECK_TOLERANCE / (error + 1e-30))**0.2
-            if ratio < 0.9 and piece > _FINEST * h:
+            if may_cut and ratio < 0.9 and piece > _FINEST * h:
                 piece = max(piece * max(ratio, 0.1), _FINEST * h)
                 continue
             end = self._end(state, step, piece, modes)
@@ -191,7 +197,7 @@ class Motion:
             if rest <= 1e-12 * h:
                 return end._replace(heat=heat)
             q, v, a = step.position, step.velocity, None
-            piece = min(rest, piece * min(ratio, 5.0))
+            piece = min(rest, max(piece * min(ratio, 5.0), _FINEST * h))
 
     def _end(
         self, state: MotionState, step: RungeKuttaStep, h: float, modes: GearModes,

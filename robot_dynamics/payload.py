@@ -20,7 +20,13 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_scalar, check_tensor, check_vector, FloatArray
+from robot_dynamics.validation import (
+    check_scalar,
+    check_tensor,
+    check_vector,
+    FloatArray,
+    LARGEST_VALUE,
+)
 
 # Relative slack of the triangle inequality: inertias come from files with few digits.
 _INERTIA_TOLERANCE = 1e-6
@@ -44,21 +50,25 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
     """
     Return a checked Payload.
 
-    Raises InvalidInputError on a negative mass, or an inertia that no body has: it must be
-    symmetric, its principal moments non-negative and each at most the sum of the other two.
+    Raises InvalidInputError on a negative mass, a number beyond LARGEST_VALUE, or an inertia that
+    no body has: it must be symmetric, its principal moments non-negative and each at most the sum
+    of the other two.
     """
-    mass = check_scalar('payload.inertia.m', mass, minimum=0.0)
-    com = check_vector('payload.inertia.com', com, 3, ('x', 'y', 'z'))
-    tensor = np.zeros((3, 3)) if inertia is None else check_tensor('payload.inertia', inertia)
+    mass = check_scalar('payload.inertia.m', mass, 0.0, LARGEST_VALUE)
+    com = check_vector('payload.inertia.com', com, 3, ('x', 'y', 'z'), LARGEST_VALUE)
+    tensor = np.zeros((3, 3)) if inertia is None else (
+        check_tensor('payload.inertia', inertia, LARGEST_VALUE))
     if abs(tensor - tensor.T).max() > _INERTIA_TOLERANCE * abs(tensor).max():
         raise InvalidInputError(
             f'payload.inertia is {tensor.tolist()}, expected a symmetric tensor')
-    tensor = 0.5 * tensor + 0.5 * tensor.T  # halves first: the largest numbers stay finite
+    tensor = 0.5 * (tensor + tensor.T)
     if mass == 0.0 and tensor.any():
         raise InvalidInputError(
             'payload.inertia.m is 0 with a moment of inertia, expected a mass > 0, '
             'or all zeros to clear the payload')
     _check_physical(tensor)
+    # What rounding left below 0, and Pinocchio would refuse.
+    np.fill_diagonal(tensor, np.maximum(np.diagonal(tensor), 0.0))
     return Payload(link, mass, com.copy(), tensor)
 
 
@@ -83,12 +93,8 @@ def _together(one: Payload, other: Payload) -> Payload:
 
 
 def _check_physical(tensor: FloatArray) -> None:
-    scale = abs(tensor).max()
-    if scale == 0.0:
-        return
-    # In units of the largest entry, where no sum of finite numbers overflows.
-    moments = np.linalg.eigvalsh(tensor / scale)
-    in_words = f'payload.inertia has the principal moments {(scale * moments).tolist()} kg·m²'
+    moments = np.asarray(np.linalg.eigvalsh(tensor))
+    in_words = f'payload.inertia has the principal moments {moments.tolist()} kg·m²'
     slack = _INERTIA_TOLERANCE * abs(moments).max()
     if moments[0] < -slack:
         raise InvalidInputError(

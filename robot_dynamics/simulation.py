@@ -32,7 +32,7 @@ from robot_dynamics.joint_forces import MotionState
 from robot_dynamics.motion import Motion
 from robot_dynamics.payload import Payload
 from robot_dynamics.rigid_body import ExternalWrench
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
 
 DEFAULT_MAX_STEP = 2e-3
 """[s]"""
@@ -47,7 +47,7 @@ class ArmState(NamedTuple):
 
 class ArmSimulation:
     """
-    An arm in motion. It stands with its brakes on until `release`.
+    An arm in motion. It stands with its brakes on until `release`, and from `brake` on.
 
     All arrays are (n,) in the order of `arm.joint_names`.
     """
@@ -91,16 +91,19 @@ class ArmSimulation:
     def reset(self) -> None:
         """Go back to the initial state, brakes on."""
         self.place(*self._initial)
-        q = self._now.q
-        self.braked = True
-        self.effort = np.zeros_like(q)
-        """What the actuators delivered last, (n,) [N·m] or [N]."""
-        self._drive = None if self.arm.actuators is None else Drive(self.arm.actuators)
-        self._motor_acceleration = np.zeros_like(q)
+        self._hold()
         self.work = 0.0
         """Work of the efforts since the start [J]."""
         self.heat = 0.0
-        """What friction and meeting teeth turned into heat since the start [J]."""
+        """What friction, meeting teeth and brakes turned into heat since the start [J]."""
+
+    def _hold(self) -> None:
+        """Let the brakes carry the arm, and its motors be without current."""
+        self.braked = True
+        self.effort = np.zeros_like(self._now.q)
+        """What the actuators delivered last, (n,) [N·m] or [N]."""
+        self._drive = None if self.arm.actuators is None else Drive(self.arm.actuators)
+        self._motor_acceleration = np.zeros_like(self._now.q)
 
     def place(self, position: FloatArray, velocity: FloatArray) -> None:
         """Put the arm there, (n,) each; where gears have play, they bear its weight."""
@@ -112,6 +115,15 @@ class ArmSimulation:
     def release(self) -> None:
         """Open the brakes."""
         self.braked = False
+
+    def brake(self) -> None:
+        """Close the brakes: joints and motors stand at once, and their motion becomes heat."""
+        if self.braked:
+            return
+        self.heat += self._motion.kinetic_energy(self._now)
+        self._now = self._now._replace(
+            v=np.zeros_like(self._now.v), omega=np.zeros_like(self._now.omega))
+        self._hold()
 
     def set_payload(self, payload: Payload | None) -> None:
         """Fix this load to the arm in place of the one before; raise InvalidInputError."""
@@ -152,13 +164,14 @@ class ArmSimulation:
         """
         Return the state after `duration` [s] under the constant effort tau.
 
-        Raises InvalidInputError where the motion is not finite, and keeps the state before: a
-        joint that moves no mass, or an effort that flings the arm away.
+        Raises InvalidInputError where the state is not finite or beyond LARGEST_VALUE, and keeps
+        the state before: a joint that moves no mass, or an effort that flings the arm away.
         """
         if self.braked:
             return self.state
         try:
-            return self._step(tau, duration, wrenches)
+            with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+                return self._step(tau, duration, wrenches)
         except np.linalg.LinAlgError as error:
             raise self._not_finite(str(error)) from None
 
@@ -182,7 +195,7 @@ class ArmSimulation:
                 break  # it sticks, and nothing changes any more
             acceleration = np.zeros_like(effort) if leg.jolted else (
                 (now.omega - before.omega) / h)
-        if not np.isfinite(now).all():
+        if not (np.abs(now) <= LARGEST_VALUE).all():  # nor where one is NaN
             raise self._not_finite('the state overflows')
         self.heat, self.work = self.heat + heat, self.work + work
         self._now, self._motor_acceleration, self.effort = now, acceleration, effort

@@ -139,7 +139,8 @@ class StateWatch:
         if dt > LONGEST_GAP:
             return Judgement(True, restart='stamp jumped ahead')
         try:
-            self._check_follows(dt, q, v)
+            with np.errstate(over='ignore', invalid='ignore'):  # any finite number is measured
+                self._check_follows(dt, q, v)
         except ImplausibleStateError as error:
             if is_crowded():
                 raise

@@ -38,7 +38,7 @@ from robot_dynamics.trajectory_checks import (
     NANOSECONDS_PER_SECOND,
     TrajectoryPoint,
 )
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
 
 __all__ = [
     'ActiveTrajectory', 'JointTrajectory', 'make_trajectory', 'quintic_point_to_point',
@@ -292,11 +292,11 @@ class TrajectoryFollower:
     def _state_at(self, now_ns: int, position: Any, velocity: Any) -> Reference:
         if self.active is not None:
             reference = self.active.sample(now_ns)
-            if all(np.isfinite(values).all() for values in reference):
+            if all((np.abs(values) <= LARGEST_VALUE).all() for values in reference):
                 return reference
         n, names = len(self.joint_names), self.joint_names
-        q = check_vector('position', position, n, names)
-        v = check_vector('velocity', velocity, n, names)
+        q = check_vector('position', position, n, names, LARGEST_VALUE)
+        v = check_vector('velocity', velocity, n, names, LARGEST_VALUE)
         return Reference(q, v.copy(), np.zeros(n))
 
     def _turned(self, position: FloatArray, target: FloatArray) -> FloatArray:

@@ -27,7 +27,13 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.validation import check_scalar, check_unique, check_vector, FloatArray
+from robot_dynamics.validation import (
+    check_scalar,
+    check_unique,
+    check_vector,
+    FloatArray,
+    LARGEST_VALUE,
+)
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -36,9 +42,6 @@ _LONGEST_TIME = 2.0 ** 31
 
 # What joint_trajectory_controller takes for zero: the epsilon of a 32-bit float.
 _ZERO_VELOCITY = float(np.finfo(np.float32).eps)
-
-LARGEST_VALUE = 1e9
-"""[rad] or [m], per second and per second²: interpolation of what is larger may overflow."""
 
 
 @dataclass(frozen=True, eq=False)

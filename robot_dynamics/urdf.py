@@ -24,16 +24,21 @@ from dataclasses import dataclass, field
 import math
 import xml.etree.ElementTree as ElementTree
 
+from robot_dynamics.engine_xml import engine_xml, INERTIA_ENTRIES
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.transmissions import read_reductions, Reductions
+from robot_dynamics.validation import LARGEST_VALUE, SMALLEST_DIVISOR
 
 MOVING_KINDS = ('revolute', 'continuous', 'prismatic')
 SUPPORTED_KINDS = (*MOVING_KINDS, 'fixed')
 
-# Stands for "no limit" where the parser behind Pinocchio wants a number.
-_UNLIMITED = '1e30'
-_INERTIA_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-_NUMERIC_ATTRIBUTES = ('xyz', 'rpy', 'value', *_INERTIA_ENTRIES)
+_SHORTEST_AXIS = 1e-9
+"""Of a direction, which a parser scales to 1; below, its square may underflow."""
+_CHUNK = 2**16
+MOST_LINKS = 500
+"""Links; the parser behind Pinocchio, which calls itself for each in a row, dies of thousands."""
+MOST_TAGS = 100_000
+"""Tags of XML, of geometry and the like too; no other thread runs while they are forgotten."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class UrdfJoint:
     One joint of a URDF; [rad, N·m] where it turns, [m, N] where it slides.
 
     An absent limit is infinite; so is an effort or velocity limit of 0, which exporters write for
-    "not known".
+    "not known", and any limit beyond LARGEST_VALUE.
     """
 
     name: str
@@ -104,6 +109,10 @@ def parse_urdf(xml: str) -> UrdfRobot:
                 if 'xmlns:xacro' in xml else '')
         raise ModelError(
             f'robot_description: robot {name!r} has no links, expected at least two{hint}')
+    if len(link_names) > MOST_LINKS:
+        raise ModelError(
+            f'robot_description: robot {name!r} has {len(link_names)} links, expected at most '
+            f'{MOST_LINKS}')
     for link in root.findall('link'):
         _check_inertial(link)
     elements = root.findall('joint')
@@ -112,7 +121,7 @@ def parse_urdf(xml: str) -> UrdfRobot:
     root_link = _check_tree(link_names, joints)
     _check_mimics(joints)
     return UrdfRobot(
-        name, root_link, link_names, joints, _engine_xml(root), read_reductions(root))
+        name, root_link, link_names, joints, engine_xml(root), read_reductions(root))
 
 
 def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
@@ -130,8 +139,11 @@ def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
 def _robot_element(xml: str) -> ElementTree.Element:
     if not xml.strip():
         raise ModelError('robot_description is empty, expected the XML of a URDF')
+    if xml.count('<') > MOST_TAGS:
+        raise ModelError(
+            f'robot_description has {xml.count("<")} tags, expected at most {MOST_TAGS}')
     try:
-        root = ElementTree.fromstring(xml.strip())
+        root = _read_xml(xml.strip())
     except (ElementTree.ParseError, ValueError) as error:
         raise ModelError(
             f'robot_description is not well-formed XML ({error}), expected a URDF; '
@@ -147,6 +159,15 @@ def _robot_element(xml: str) -> ElementTree.Element:
     return root
 
 
+def _read_xml(text: str) -> ElementTree.Element:
+    """Return the root element, read in parts, as no other thread runs while one is read."""
+    parser = ElementTree.XMLParser()
+    for i in range(0, len(text), _CHUNK):
+        parser.feed(text[i:i + _CHUNK])
+    root: ElementTree.Element = parser.close()
+    return root
+
+
 def _check_expanded(root: ElementTree.Element) -> None:
     for element in root.iter():
         namespace, _, tag = element.tag.rpartition('}')
@@ -158,15 +179,15 @@ def _check_expanded(root: ElementTree.Element) -> None:
 
 
 def _names_of(elements: Iterable[ElementTree.Element], what: str) -> list[str]:
-    names: list[str] = []
+    names: dict[str, None] = {}
     for element in elements:
         name = element.get('name')
         if not name:
             raise ModelError(f'robot_description: a <{what}> has no name')
         if name in names:
             raise ModelError(f'robot_description: two {what}s are named {name!r}')
-        names.append(name)
-    return names
+        names[name] = None
+    return list(names)
 
 
 def _number(
@@ -191,7 +212,15 @@ def _finite_number(
     if math.isinf(value):
         raise ModelError(
             f'robot_description: {where}: {attribute}={value:g}, expected a finite number')
+    _check_size(value, attribute, where)
     return value
+
+
+def _check_size(value: float, attribute: str, where: str) -> None:
+    if abs(value) > LARGEST_VALUE:
+        raise ModelError(
+            f'robot_description: {where}: {attribute}={value:g}, expected at most '
+            f'{LARGEST_VALUE:g} in size')
 
 
 def _vector(
@@ -205,6 +234,8 @@ def _vector(
     if len(values) != 3 or not all(math.isfinite(value) for value in values):
         raise ModelError(
             f'robot_description: {where}: {attribute}={text!r}, expected three numbers')
+    for value in values:
+        _check_size(value, attribute, where)
     return values
 
 
@@ -223,12 +254,14 @@ def _check_inertial(link: ElementTree.Element) -> None:
     mass = _number(inertial.find('mass'), 'value', math.nan, where)
     if not 0.0 <= mass < math.inf:
         raise ModelError(f'robot_description: {where}: mass is {mass:g}, expected a number >= 0')
+    _check_size(mass, 'mass', where)
     inertia = inertial.find('inertia')
-    for entry in _INERTIA_ENTRIES:
+    for entry in INERTIA_ENTRIES:
         value = _number(inertia, entry, math.nan, where)
         if not math.isfinite(value):
             raise ModelError(
                 f'robot_description: {where}: {entry} is {value:g}, expected a number')
+        _check_size(value, entry, where)
 
 
 def _end(element: ElementTree.Element, tag: str, link_names: tuple[str, ...]) -> str:
@@ -250,22 +283,11 @@ def _parse_joint(element: ElementTree.Element, link_names: tuple[str, ...]) -> U
             f'robot_description: {where} is of type {kind!r}{hint}, '
             f'expected one of {list(SUPPORTED_KINDS)}')
     _check_origin(element, where)
-    if kind in MOVING_KINDS and not any(_vector(element.find('axis'), 'xyz', '1 0 0', where)):
+    if kind in MOVING_KINDS and math.hypot(
+            *_vector(element.find('axis'), 'xyz', '1 0 0', where)) < _SHORTEST_AXIS:
         raise ModelError(f'robot_description: {where}: axis is zero, expected a direction')
     limit = element.find('limit')
-    if kind in ('revolute', 'prismatic') and limit is None:
-        raise ModelError(
-            f'robot_description: {where} is {kind} and has no <limit>, which URDF requires')
-    lower, upper = -math.inf, math.inf
-    if kind in ('revolute', 'prismatic'):
-        lower, upper = _number(limit, 'lower', 0.0, where), _number(limit, 'upper', 0.0, where)
-    if lower == math.inf or upper == -math.inf:
-        raise ModelError(
-            f'robot_description: {where}: lower={lower:g}, upper={upper:g}, '
-            'expected a range that holds a finite position')
-    if lower > upper:
-        raise ModelError(
-            f'robot_description: {where}: lower={lower:g} is above upper={upper:g}')
+    lower, upper = _position_limits(limit, kind, where)
     dynamics = element.find('dynamics')
     damping = _number(dynamics, 'damping', 0.0, where)
     friction = _number(dynamics, 'friction', 0.0, where)
@@ -273,12 +295,37 @@ def _parse_joint(element: ElementTree.Element, link_names: tuple[str, ...]) -> U
         if not 0.0 <= value < math.inf:
             raise ModelError(
                 f'robot_description: {where}: {attribute}={value:g}, expected a number >= 0')
+        _check_size(value, attribute, where)
     return UrdfJoint(
         name, kind, _end(element, 'parent', link_names), _end(element, 'child', link_names),
         lower, upper,
-        abs(_number(limit, 'velocity', 0.0, where)) or math.inf,
-        abs(_number(limit, 'effort', 0.0, where)) or math.inf,
+        _size_limit(limit, 'velocity', where), _size_limit(limit, 'effort', where),
         damping, friction, _parse_mimic(element, where))
+
+
+def _position_limits(
+    limit: ElementTree.Element | None, kind: str, where: str,
+) -> tuple[float, float]:
+    if kind not in ('revolute', 'prismatic'):
+        return -math.inf, math.inf
+    if limit is None:
+        raise ModelError(
+            f'robot_description: {where} is {kind} and has no <limit>, which URDF requires')
+    lower, upper = _number(limit, 'lower', 0.0, where), _number(limit, 'upper', 0.0, where)
+    if lower > LARGEST_VALUE or upper < -LARGEST_VALUE:
+        raise ModelError(
+            f'robot_description: {where}: lower={lower:g}, upper={upper:g}, expected a range '
+            f'that holds a position in [{-LARGEST_VALUE:g}, {LARGEST_VALUE:g}]')
+    if lower > upper:
+        raise ModelError(
+            f'robot_description: {where}: lower={lower:g} is above upper={upper:g}')
+    return (lower if lower >= -LARGEST_VALUE else -math.inf,
+            upper if upper <= LARGEST_VALUE else math.inf)
+
+
+def _size_limit(limit: ElementTree.Element | None, attribute: str, where: str) -> float:
+    size = abs(_number(limit, attribute, 0.0, where))
+    return size if SMALLEST_DIVISOR <= size <= LARGEST_VALUE else math.inf
 
 
 def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
@@ -337,45 +384,12 @@ def _check_mimics(joints: tuple[UrdfJoint, ...]) -> None:
                     f'{leader.leader!r}')
             followed.add(leader.leader)
             leader = by_name[leader.leader].mimic
+        if joint.mimic is not None:
+            _check_relation(joint, joints)
 
 
-def _engine_xml(root: ElementTree.Element) -> str:
-    """Return the tree as Pinocchio is to read it; see UrdfRobot.engine_xml."""
-    tree = ElementTree.Element('robot', {'name': root.get('name') or 'arm'})
-    for link in root.findall('link'):
-        copy = ElementTree.SubElement(tree, 'link', {'name': link.get('name') or ''})
-        inertial = link.find('inertial')
-        if inertial is not None:
-            _copy_first(
-                ElementTree.SubElement(copy, 'inertial'), inertial, 'origin', 'mass', 'inertia')
-    for joint in root.findall('joint'):
-        kind = joint.get('type') or ''
-        copy = ElementTree.SubElement(tree, 'joint', {
-            'name': joint.get('name') or '',
-            'type': 'revolute' if kind == 'continuous' else kind})
-        _copy_first(copy, joint, 'origin', 'parent', 'child')
-        if kind in MOVING_KINDS:
-            _copy_first(copy, joint, 'axis')
-            ElementTree.SubElement(copy, 'limit', {
-                'lower': f'-{_UNLIMITED}', 'upper': _UNLIMITED,
-                'effort': _UNLIMITED, 'velocity': _UNLIMITED})
-    return ElementTree.tostring(tree, encoding='unicode')
-
-
-def _copy_first(target: ElementTree.Element, source: ElementTree.Element, *tags: str) -> None:
-    """
-    Append the first child of each tag, which is the one that was checked.
-
-    Its numbers are written anew: where the parser behind Pinocchio cannot read one (after it a
-    space, between two a tab) it drops the whole inertia of a link, and goes on.
-    """
-    for tag in tags:
-        element = source.find(tag)
-        if element is not None:
-            ElementTree.SubElement(target, tag, {
-                attribute: _rewritten(text) if attribute in _NUMERIC_ATTRIBUTES else text
-                for attribute, text in element.items()})
-
-
-def _rewritten(numbers: str) -> str:
-    return ' '.join(repr(float(word)) for word in numbers.split())
+def _check_relation(joint: UrdfJoint, joints: tuple[UrdfJoint, ...]) -> None:
+    """Raise ModelError where a chain of leaders multiplies up to a number that is none."""
+    relation, where = resolve_mimic(joint, joints), f'joint {joint.name!r}: mimic chain'
+    _check_size(relation.multiplier, 'multiplier', where)
+    _check_size(relation.offset, 'offset', where)

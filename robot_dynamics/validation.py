@@ -29,6 +29,15 @@ from robot_dynamics.exceptions import InvalidInputError
 
 FloatArray = npt.NDArray[np.float64]
 
+LARGEST_VALUE = 1e9
+"""
+What a number of an arm or its motion may be in size, in SI units.
+
+Products of a few numbers beyond it overflow, and whoever sends them measures or means no arm.
+"""
+SMALLEST_DIVISOR = 1e-12
+"""What a number must be in size, in SI units, that others are divided by."""
+
 
 def _as_float_array(field: str, value: Any) -> FloatArray:
     try:
@@ -44,39 +53,48 @@ def _label(field: str, index: tuple[int, ...], names: Sequence[str] | None) -> s
     return f'{field}{place}'
 
 
-def _check_finite(field: str, array: FloatArray, names: Sequence[str] | None) -> FloatArray:
-    if np.isfinite(array).all():
+def _check_size(
+    field: str, array: FloatArray, names: Sequence[str] | None, largest: float,
+) -> FloatArray:
+    """Return the array; raise InvalidInputError where an entry is not finite, or beyond."""
+    good = np.isfinite(array) & (np.abs(array) <= largest)
+    if good.all():
         return array
-    index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-    raise InvalidInputError(
-        f'{_label(field, index, names)} is {array[index]}, expected a finite number')
+    index = tuple(int(i) for i in np.argwhere(~good)[0])
+    value = array[index]
+    in_words = (
+        f'is {value:g}, expected {_range_in_words(-largest, largest, False)}'
+        if np.isfinite(value) else f'is {value}, expected a finite number')
+    raise InvalidInputError(f'{_label(field, index, names)} {in_words}')
 
 
 def check_vector(
     field: str, value: Any, length: int, names: Sequence[str] | None = None,
+    largest: float = np.inf,
 ) -> FloatArray:
     """
-    Return `value` as a float64 vector, shape (length,), all finite.
+    Return `value` as a float64 vector, shape (length,), all finite and at most `largest` in size.
 
     `names` are the names of its entries, for the message: usually the joints.
-    Raises InvalidInputError on another shape or a value that is not finite.
+    Raises InvalidInputError on another shape or a value that is not finite or beyond.
     """
     array = _as_float_array(field, value)
     if array.shape != (length,):
         given = f'{array.size} values' if array.ndim == 1 else f'an array of shape {array.shape}'
         wanted = f'{length}, one for each of {list(names)}' if names is not None else f'{length}'
         raise InvalidInputError(f'{field} has {given}, expected {wanted}')
-    return _check_finite(field, array, names)
+    return _check_size(field, array, names, largest)
 
 
 def check_samples(
     field: str, value: Any, columns: int, names: Sequence[str] | None = None,
+    largest: float = np.inf,
 ) -> FloatArray:
     """
-    Return `value` as a float64 matrix, shape (samples, columns), all finite.
+    Return `value` as a float64 matrix, shape (samples, columns), entries as in `check_vector`.
 
     A flat sequence is read row by row. Raises InvalidInputError where it does not divide into
-    rows of `columns` values or holds a value that is not finite.
+    rows of `columns` values or holds a value that is not finite or beyond `largest`.
     """
     array = _as_float_array(field, value)
     if array.ndim == 1 and (array.size % columns if columns else array.size) == 0:
@@ -86,16 +104,20 @@ def check_samples(
         of = f' ({list(names)})' if names is not None else ''
         raise InvalidInputError(
             f'{field} has {given}, expected samples × {columns} joints{of}, row by row')
-    return _check_finite(field, array, names)
+    return _check_size(field, array, names, largest)
 
 
-def check_tensor(field: str, value: Any) -> FloatArray:
-    """Return `value` as a float64 tensor, shape (3, 3), all finite; raise InvalidInputError."""
+def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
+    """
+    Return `value` as a float64 tensor, shape (3, 3), all finite and at most `largest` in size.
+
+    Raises InvalidInputError.
+    """
     array = _as_float_array(field, value)
     if array.shape != (3, 3) or not np.isfinite(array).all():
         raise InvalidInputError(
             f'{field} is {array.tolist()}, expected a finite 3 × 3 tensor')
-    return array
+    return _check_size(field, array, None, largest)
 
 
 def is_empty(value: Any) -> bool:

@@ -33,8 +33,8 @@ from robots import must_have_everything
 if TYPE_CHECKING:
     from ros_harness import RosClient
 
-# Test runs that go on at the same time, and whatever else runs here, must not hear each other;
-# UDP because processes that are killed leave segments of shared memory behind.
+# Test runs that go on at the same time, and whatever else runs here, must not hear each other.
+# LOCALHOST takes shared memory and UDP in any case; with another range UDP will do.
 os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
@@ -43,7 +43,8 @@ os.environ.setdefault(
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|stick_slip|fault_bench|rclpy|robot_dynamics_interfaces|'
+    r'^(from|import) (ros_harness|stick_slip|fault_bench|fuzz_nodes|rclpy|'
+    r'robot_dynamics_interfaces|'
     r'robot_dynamics\.ros|builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 

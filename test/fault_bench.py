@@ -63,14 +63,21 @@ def nanoseconds_of(stamp: Time) -> int:
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
+def figure_of(status: DiagnosticStatus | None, key: str) -> int:
+    """Return a figure of a status, 0 where it is not named."""
+    values = () if status is None else status.values
+    return next((int(value.value) for value in values if value.key == key), 0)
+
+
 class Driver:
     """Streams joint states of an arm at rest with stamps of now, as a robot's driver does."""
 
     def __init__(
         self, client: RosClient, topic: str, names: Sequence[str] = NAMES,
-        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0,
+        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0, qos: Any = 1,
     ) -> None:
-        self.publisher = client.publisher(JointState, topic, 1)
+        self._node = client.node
+        self.publisher = client.publisher(JointState, topic, qos)
         self.names, self.q, self.v, self.period = list(names), list(q), list(v), 1.0 / rate
         self.change: Change = lambda message: message
         """Applied to each message before it goes out; None sends nothing."""
@@ -99,9 +106,10 @@ class Driver:
         self._quiet.clear()
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread and the topic."""
         self._ends.set()
         self._thread.join(TIMEOUT)
+        self._node.destroy_publisher(self.publisher)
 
     def _run(self) -> None:
         while not self._ends.wait(self.period):
@@ -112,15 +120,22 @@ class Driver:
 
 
 class TimedCollector(Collector):
-    """Keeps the messages of a topic together with the times of a steady clock at their arrival."""
+    """
+    Keeps the messages of a topic together with times.
+
+    These are of a steady clock at their arrival, and of the clock of this computer when they were
+    published, as the middleware notes it: so a slow test does not make a node look slow.
+    """
 
     def __init__(self, *args: Any) -> None:
         self.times: list[float] = []
+        self._published: list[int] = []
         super().__init__(*args)
 
-    def _keep(self, message: Any) -> None:
+    def _keep(self, message: Any, info: Mapping[str, int]) -> None:
         with self._news:
             self.times.append(time.monotonic())
+            self._published.append(info['source_timestamp'])
             self._messages.append(message)
             self._news.notify_all()
 
@@ -129,6 +144,12 @@ class TimedCollector(Collector):
         with self._news:
             self._messages.clear()
             self.times.clear()
+            self._published.clear()
+
+    def published(self) -> list[tuple[float, Any]]:
+        """Return what has arrived, each with the time [s] when it was published."""
+        with self._news:
+            return [(1e-9 * t, m) for t, m in zip(self._published, self._messages)]
 
     def since(self, moment: float) -> list[tuple[float, Any]]:
         """Return what arrived after a moment, with the times."""
@@ -140,14 +161,19 @@ class FaultBench:
     """A `dynamics` node with real safety, and all that a test of faults needs beside it."""
 
     def __init__(
-        self, client: RosClient, node: NodeProcess, namespace: str, **driver: Any,
+        self, client: RosClient, node: NodeProcess, namespace: str,
+        driver_type: type = Driver, diagnostics: str = '/diagnostics', **driver: Any,
     ) -> None:
+        """`diagnostics` is where the node tells of itself; all nodes of this name, by default."""
         self.client, self.node, self.namespace = client, node, namespace
-        self.driver = Driver(client, f'{namespace}/joint_states', **driver)
+        self.hold: Sequence[float] = G
+        """The command that holds the arm where the driver says it is."""
+        self.driver = driver_type(client, f'{namespace}/joint_states', **driver)
         self.efforts = TimedCollector(
             client.node, JointState, f'{namespace}/effort_command', KEEP_MANY)
         self.efforts.wait_matched()
-        self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
+        self._listens = True
+        self._diagnostics = client.collect(DiagnosticArray, diagnostics)
         self._diagnostics.wait_matched()
         self.trajectories = client.publisher(
             JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
@@ -186,9 +212,16 @@ class FaultBench:
 
     def figure(self, check: str, key: str) -> int:
         """Return a figure of a check in the next report; 0 where it is not named."""
+        return figure_of(self.next_status(check), key)
+
+    def known(self, check: str, key: str) -> int:
+        """Return a figure of a check in the newest report that has arrived."""
+        return figure_of(self.status(check), key)
+
+    def next_status(self, check: str) -> DiagnosticStatus:
+        """Return the status of a check in the next report."""
         self._diagnostics.clear()
-        status = self.wait_status(check, lambda _: True)
-        return next((int(value.value) for value in status.values if value.key == key), 0)
+        return self.wait_status(check, lambda _: True)
 
     def wait_fault(self, name: str) -> DiagnosticStatus:
         """Wait until the command is in this fault."""
@@ -204,9 +237,8 @@ class FaultBench:
 
     def wait_dropped(self, reason: str, more_than: int = 0) -> DiagnosticStatus:
         """Wait until more states than so many were dropped for a reason."""
-        return self.wait_status('joint states', lambda status: any(
-            value.key == f'dropped: {reason}' and int(value.value) > more_than
-            for value in status.values))
+        return self.wait_status(
+            'joint states', lambda status: figure_of(status, f'dropped: {reason}') > more_than)
 
     def wait_silent(self) -> None:
         """Wait until the command has ended: zero efforts, then none."""
@@ -223,13 +255,17 @@ class FaultBench:
 
     def check_alive(self) -> None:
         """Check that the node runs, commands what holds the arm, and has raised nothing."""
+        self.check_commanding()
+        assert 'Traceback' not in self.node.log, self.node.log
+        assert 'internal error' not in self.node.log, self.node.log
+
+    def check_commanding(self) -> None:
+        """Check that the node commands what holds the arm, of itself."""
         self.driver.go_on()
         self.wait_running()
         self.efforts.clear()
-        self.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+        self.efforts.wait_for(lambda message: np.allclose(message.effort, self.hold, atol=1e-6))
         self.check_efforts()
-        assert 'Traceback' not in self.node.log, self.node.log
-        assert 'internal error' not in self.node.log, self.node.log
 
     # ------------------------------------------------------------------ what to send
 
@@ -239,12 +275,17 @@ class FaultBench:
             joint_names=self.driver.names,
             points=[JointTrajectoryPoint(positions=list(q), **more)]))
 
+    def stop_listening(self) -> None:
+        """Keep no efforts any more."""
+        self.efforts.close()
+        self._listens = False
+
     def close(self) -> None:
         """Stop the driver and forget the topics."""
         self.driver.close()
-        self.efforts.close()
+        if self._listens:
+            self.efforts.close()
         self._diagnostics.close()
-        self.client.node.destroy_publisher(self.driver.publisher)
         self.client.node.destroy_publisher(self.trajectories)
 
 

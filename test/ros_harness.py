@@ -49,6 +49,15 @@ RESEND_PERIOD = 0.5
 DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
+NO_SHARED_MEMORY = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+"""
+Environment of a process that is to be killed.
+
+With LOCALHOST rmw_fastrtps takes shared memory, whatever else is asked for. A process killed while
+it writes there leaves a lock behind for ever, at which others crash when they end.
+"""
+
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 KEEP_MANY = QoSProfile(depth=10000)
@@ -77,20 +86,23 @@ class NodeProcess:
         self, module: str, parameters: Mapping[str, Any] | None = None, *,
         remaps: Mapping[str, str] | None = None, namespace: str = '', node_name: str = '',
         arguments: Sequence[str] = (), environment: Mapping[str, str] | None = None,
-        ready: re.Pattern[str] | None = READY, patient: bool = True,
+        ready: re.Pattern[str] | None = READY, patient: bool = True, prefix: Sequence[str] = (),
     ) -> None:
         """
         `ready` is a pattern of the log to wait for at the start; None does not wait.
 
-        A `patient` dynamics node takes no fault from a test that is slow to send states, and
-        lets efforts change at any rate.
+        `prefix` is a command that runs a command and becomes it, so that signals reach the node.
+
+        A `patient` dynamics node takes no fault from a test that is slow to send states, or from
+        a simulated arm that a busy machine makes run late, and lets efforts change at any rate.
         """
         if patient and module == DYNAMICS:
             parameters = {
-                'state_timeout': 10.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
+                'state_timeout': 10.0, 'state_max_age': 0.0, 'ramp_time': 0.05,
+                'effort_rate_limit': 1e9,
                 **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
-        command = [sys.executable, '-m', module, *arguments, '--ros-args']
+        command = [*prefix, sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:
             file = write_parameters(Path(self._directory.name, 'parameters.yaml'), parameters)
             command += ['--params-file', str(file)]
@@ -170,7 +182,7 @@ class NodeProcess:
             self.stop()
             return
         self.kill()
-        print(f'--- log of {" ".join(self._command[2:])}\n{self.log}')
+        print(f'--- log of {" ".join(self._command)}\n{self.log}')
 
     # ------------------------------------------------------------------ the log
 

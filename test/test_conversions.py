@@ -14,6 +14,8 @@
 
 """Messages to arrays and back: round trips, and what is refused."""
 
+import re
+
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 from hypothesis import assume, given, settings
@@ -162,6 +164,9 @@ def test_bad_wrenches_say_which_one() -> None:
     with pytest.raises(
             InvalidInputError, match=r'external_wrenches\[1\]\.wrench\.torque\[1\] \(y\) is nan'):
         wrenches_from_ros(ARM, [good, bad])
+    good.wrench.force.z = -1e10
+    with pytest.raises(InvalidInputError, match=r'force\[2\] \(z\) is -1e\+10, expected'):
+        wrenches_from_ros(ARM, [good])
 
 
 # --- trajectories --------------------------------------------------------------------------------
@@ -271,3 +276,32 @@ def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names: list[st
     with pytest.raises(InvalidInputError) as refusal:
         JointStateReader(NAMES).read(message)
     assert isinstance(refusal.value, OtherJointsError) == (not set(NAMES) & set(names))
+
+
+@pytest.mark.parametrize(('number', 'is_finite'), [
+    (float('nan'), False), (-float('inf'), False), (1.5e9, True)])
+def test_numbers_that_no_arm_has_are_refused_by_joint(number: float, is_finite: bool) -> None:
+    names, values = ['joint2', 'x', 'joint1'], [number, float('nan'), -1e9]
+    reader = JointStateReader(NAMES)
+    words = f"of 'joint2' is {number:g}, expected a "
+    with pytest.raises(InvalidInputError, match=re.escape(
+            f'effort {words}number in [-1e+09, 1e+09]')):
+        reader.finite_effort(JointState(name=names, effort=values))
+    if is_finite:  # a measured state may be beyond: where its efforts overflow, that is a fault
+        q, v = reader.read(JointState(name=names, position=values, velocity=values))
+        assert v is not None
+        assert q[1] == v[1] == number
+    else:
+        with pytest.raises(InvalidInputError, match=f'position {words}finite number'):
+            reader.read(JointState(name=names, position=values))
+        with pytest.raises(InvalidInputError, match=f'velocity {words}finite number'):
+            reader.read(JointState(name=names, position=[0.0] * 3, velocity=values))
+    # What is measured may lack a joint.
+    effort = reader.effort(JointState(name=names, effort=values))
+    assert effort is not None
+    assert effort[0] == -1e9
+
+
+def test_an_effort_message_has_an_effort_for_each_joint() -> None:
+    with pytest.raises(InvalidInputError, match='effort has 0 values, expected 2 as name has'):
+        JointStateReader(NAMES).finite_effort(JointState(name=NAMES))

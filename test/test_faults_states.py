@@ -12,21 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in what a driver sends: states that cannot be believed, and silence."""
+"""Faults in what joint states say: values, joints and lengths; and states that are only odd."""
 
 from collections.abc import Callable, Iterator
-import time
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q, stamp_of
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import Change, fault_bench, FaultBench, figure_of, G, NAMES, Q
+from fault_stimuli import altered
 from fault_table import fault
 import pytest
 from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 NAN, INF = float('nan'), float('inf')
-GROUP = 'Joint states that cannot be used'
-DROPPED = 'dropped alone and told, `state_timeout` if nothing else comes, back by itself'
+GROUP = 'Joint states'
+DROPPED = 'dropped and told; fault `state_timeout` where nothing else comes; back by itself'
+ANSWERED = 'answered as ever'
 
 
 @pytest.fixture(scope='module')
@@ -36,76 +38,115 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         yield one
 
 
-def altered(**fields: Any) -> Callable[[JointState], JointState]:
-    """Return what replaces fields of each state."""
-    def change(message: JointState) -> JointState:
-        for name, value in fields.items():
-            setattr(message, name, value)
-        return message
-
-    return change
-
-
-def shifted(seconds: float) -> Callable[[JointState], JointState]:
-    """Return what moves the stamp of each state."""
-    def change(message: JointState) -> JointState:
-        message.header.stamp = stamp_of(
-            nanoseconds_of(message.header.stamp) + round(1e9 * seconds))
-        return message
-
-    return change
-
-
-def inject(bench: FaultBench, change: Callable[[JointState], JointState | None]) -> float:
-    """Let the driver send nothing but this from now on; return when that was."""
-    bench.check_alive()
+def check_dropped(bench: FaultBench, change: Change, reason: str, told: str = '') -> None:
+    """Let the driver send nothing but this: it is counted and told of, and a fault follows."""
+    key = f'dropped: {reason}'
+    before = bench.known('joint states', key)
     bench.driver.change = change
-    return time.monotonic()
-
-
-@pytest.mark.parametrize(('reason', 'fields'), [
-    pytest.param('invalid', fields, marks=fault(GROUP, words, DROPPED)) for words, fields in (
-        ('NaN in a position that is used', {'position': [NAN, 0.0]}),
-        ('infinity in a velocity that is used', {'velocity': [0.0, -INF]}),
-        ('a joint missing', {'name': NAMES[:1], 'position': Q[:1], 'velocity': [0.0]}),
-        ('a joint twice', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []}),
-        ('fewer positions than names', {'position': Q[:1]}),
-        ('more velocities than names', {'velocity': [0.0] * 3}),
-        ('no position', {'position': []}),
-    )])
-def test_a_state_that_cannot_be_used(
-    bench: FaultBench, reason: str, fields: dict[str, Any],
-) -> None:
-    before = bench.figure('joint states', f'dropped: {reason}')
-    inject(bench, altered(**fields))
-    bench.wait_dropped(reason, before)
+    bench.wait_status('joint states', lambda status: (
+        figure_of(status, key) > before and told in status.message))
     bench.wait_fault('state_timeout')
     bench.check_alive()
 
 
+@pytest.mark.parametrize(('fields', 'told'), [
+    pytest.param(fields, told, marks=fault(GROUP, words, DROPPED)) for words, fields, told in (
+        ('NaN in a position that is used', {'position': [NAN, 0.0]}, "position of 'joint1' is"),
+        ('infinity in a position that is used', {'position': [0.0, INF]},
+         "position of 'joint2' is"),
+        ('NaN in a velocity that is used', {'velocity': [NAN, 0.0]}, "velocity of 'joint1' is"),
+        ('infinity in a velocity that is used', {'velocity': [0.0, -INF]},
+         "velocity of 'joint2' is"),
+        ('a joint missing', {'name': NAMES[:1], 'position': Q[:1], 'velocity': [0.0]},
+         "name leaves out ['joint2']"),
+        ('a joint twice', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
+         "name has 'joint1' twice"),
+        ('fewer positions than names', {'position': Q[:1]}, 'position has 1 values, expected 2'),
+        ('more positions than names', {'position': [*Q, 0.0]},
+         'position has 3 values, expected 2'),
+        ('fewer velocities than names', {'velocity': [0.0]}, 'velocity has 1 values, expected 2'),
+        ('more velocities than names', {'velocity': [0.0] * 3},
+         'velocity has 3 values, expected 2'),
+        ('no position', {'position': []}, 'position has 0 values, expected 2'),
+    )])
+def test_a_state_that_cannot_be_used(
+    bench: FaultBench, fields: dict[str, Any], told: str,
+) -> None:
+    check_dropped(bench, altered(**fields), 'invalid', told)
+
+
+@pytest.mark.parametrize('change', [
+    pytest.param(change, marks=fault(
+        GROUP, words, 'passed over and counted; fault `state_timeout` where nothing else comes; '
+        'back by itself'))
+    for words, change in (
+        ('an empty message', lambda _: JointState()),
+        ('positions without names', altered(name=[])),
+        ('joints of another robot alone', altered(name=['left', 'right'])),
+    )])
+def test_a_state_of_no_joint_of_this_arm(
+    bench: FaultBench, change: Callable[[JointState], JointState],
+) -> None:
+    check_dropped(bench, change, 'other joints')
+
+
 @pytest.mark.parametrize('fields', [
-    pytest.param(fields, marks=fault(GROUP, words, 'answered as ever'))
-    for words, fields in (
-        ('NaN in the efforts of a state', {'effort': [NAN, NAN]}),
+    pytest.param(fields, marks=fault(GROUP, words, ANSWERED)) for words, fields in (
+        ('NaN efforts', {'effort': [NAN, NAN]}),
+        ('fewer efforts than names', {'effort': [1.0]}),
         ('NaN and infinity for joints that are not used', {
             'name': [*NAMES, 'wheel'], 'position': [*Q, NAN], 'velocity': [0.0, 0.0, INF]}),
         ('another order of joints', {'name': NAMES[::-1], 'position': Q[::-1]}),
         ('joints beside those of the arm', {
             'name': ['wheel', NAMES[0], 'lid', NAMES[1]],
             'position': [9.0, Q[0], -9.0, Q[1]], 'velocity': [1.0, 0.0, 1.0, 0.0]}),
+        ('a joint that is not used twice', {
+            'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
+        ('no stamp (0)', {'header': JointState().header}),
     )])
 def test_a_state_that_is_only_odd(bench: FaultBench, fields: dict[str, Any]) -> None:
-    moment = inject(bench, altered(**fields))
-    bench.efforts.wait_count(len(bench.efforts.messages) + 50)
-    for _, message in bench.efforts.since(moment):
+    bench.check_alive()
+    before = bench.efforts.messages
+    bench.driver.change = altered(**fields)
+    for message in bench.efforts.wait_count(len(before) + 50)[len(before):]:
         assert list(message.name) == NAMES
+        assert message.effort == pytest.approx(G, abs=1e-6)
+    bench.check_alive()
+    assert bench.status('command').level != DiagnosticStatus.ERROR
+
+
+def many_joints(names: list[str], count: int) -> Change:
+    """Return what puts joints of an arm among so many others."""
+    others = [f'other{i}' for i in range(count - len(names))]
+    message = JointState(
+        name=[*others, *names], position=[0.0] * len(others) + Q[:len(names)],
+        velocity=[0.0] * count)
+
+    def change(state: JointState) -> JointState:
+        message.header = state.header
+        return message
+
+    return change
+
+
+@fault(GROUP, 'the joints of the arm among 10,000 others', ANSWERED)
+def test_many_joints(bench: FaultBench) -> None:
+    bench.check_alive()
+    before = bench.efforts.messages
+    bench.driver.change = many_joints(NAMES, 10_000)
+    for message in bench.efforts.wait_count(len(before) + 5)[len(before):]:
         assert message.effort == pytest.approx(G, abs=1e-6)
     bench.check_alive()
 
 
-@fault('Silence and time', 'stamps 10 s in the past', DROPPED)
-def test_stamps_in_the_past(bench: FaultBench) -> None:
-    inject(bench, shifted(-10.0))
-    assert 'old' in bench.wait_dropped('too old').message
-    bench.wait_fault('state_timeout')
-    bench.check_alive()
+@pytest.mark.parametrize('names', [
+    pytest.param(names, marks=fault(
+        GROUP, f'a message of 200,000 joints, {words}',
+        'dropped unread and told in a short line: making it a message would hold up control; '
+        'fault `state_timeout` where nothing else comes; back by itself'))
+    for words, names in (
+        ('those of the arm among them', NAMES), ('none of them of the arm', []))])
+def test_a_message_of_200_000_joints(bench: FaultBench, names: list[str]) -> None:
+    check_dropped(
+        bench, many_joints(names, 200_000), 'unreadable', 'bytes, expected at most 1000000')
+    assert max(map(len, bench.node.log.splitlines())) < 400

@@ -35,12 +35,13 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'actuator', 'backlash', 'body_checks', 'command_supervisor', 'coordinates', 'crossing',
-        'damped_step', 'drive', 'effort_guard', 'effort_semantics', 'event_timing', 'exceptions',
-        'filtering', 'friction', 'gravity_check', 'gravity_verdict', 'link_bodies', 'mesh_bounds',
-        'model_finding', 'payload', 'payload_transition', 'planar', 'planar_chain', 'planar_urdf',
-        'runge_kutta', 'set_point_stream', 'state_watch', 'sticking', 'trajectory',
-        'trajectory_checks', 'transmissions', 'urdf', 'validation',
+        'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
+        'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
+        'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',
+        'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding', 'payload',
+        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
+        'set_point_stream', 'state_watch',
+        'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
@@ -48,8 +49,9 @@ LAYERS = {
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
-        'limit_warnings', 'model_check', 'motion', 'motion_events', 'playback', 'plotting',
-        'recording', 'reference_motion', 'robot_side', 'simulation', 'trajectory_efforts',
+        'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
+        'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
+        'trajectory_efforts',
     ),
     # and ROS
     'ros': ('ros.',),

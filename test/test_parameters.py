@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar_urdf import default_arm_urdf
-from robot_dynamics.ros.dynamics_node import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters import ParameterSpec, Type
 from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
@@ -119,9 +119,11 @@ def another_value(spec: ParameterSpec) -> Any:
     (NODE, 'gains.kd', 1.0, 'expected .*DOUBLE_ARRAY.* got .*DOUBLE'),
     (NODE, 'gains.natural_frequency', [float('inf')], r'gains\.natural_frequency\[0\] is inf'),
     (NODE, 'gains.damping_ratio', ['a'], 'expected .*DOUBLE_ARRAY.* got .*STRING_ARRAY'),
-    (NODE, 'no_such_parameter', 1.0, 'undeclared'),
+    (NODE, 'no_such_parameter', 1.0, "there is no parameter 'no_such_parameter'"),
     (ARM_NODE, 'position_noise', -1.0, 'position_noise.*-1'),
     (ARM_NODE, 'position_noise', NAN, 'position_noise.*nan'),
+    (ARM_NODE, 'command_timeout', -0.1, 'command_timeout.*-0.1'),
+    (ARM_NODE, 'command_timeout', NAN, 'command_timeout.*nan'),
     (ARM_NODE, 'velocity_noise', True, 'expected .*DOUBLE.* got .*BOOL'),
 ])
 def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(
@@ -151,6 +153,8 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     states = client.publisher(JointState, '/parameters/joint_states', 1)
     trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')
     state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
+    usual = client.get_parameter(NODE, 'state_timeout')
+    client.set_parameters(NODE, {'state_timeout': 10.0})  # states come one by one
     with client.collect(JointState, f'{NODE}/computed_torque') as torques:
         torques.wait_matched()
 
@@ -173,6 +177,7 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
             result, = client.set_parameters(NODE, values)
             assert result.successful, result.reason
             assert torque() == pytest.approx(M @ (kp * error) + g)
+    client.set_parameters(NODE, {'state_timeout': usual})
 
 
 def test_changed_noise_acts(client: RosClient) -> None:

@@ -232,8 +232,8 @@ def test_a_flat_plate_is_a_body_though_it_has_no_slack():
     make_payload('hand', 1.0, inertia=np.diag([0.1, 0.2, 0.1 + 0.2 + 1e-8]))
 
 
-@pytest.mark.parametrize('size', [1e-300, 1e308])
-def test_no_finite_inertia_is_too_large_or_too_small_to_be_judged(size):
+@pytest.mark.parametrize('size', [1e-300, 1e9])
+def test_no_inertia_is_too_small_to_be_judged_nor_the_largest_too_large(size):
     assert np.array_equal(make_payload('hand', 1.0, inertia=size * np.eye(3)).inertia,
                           size * np.eye(3))
     off_diagonal = size * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
@@ -242,8 +242,8 @@ def test_no_finite_inertia_is_too_large_or_too_small_to_be_judged(size):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    ({'mass': -0.5}, 'payload.inertia.m is -0.5, expected a number >= 0'),
-    ({'mass': np.nan}, 'payload.inertia.m is nan, expected a number >= 0'),
+    ({'mass': -0.5}, 'payload.inertia.m is -0.5, expected a number in [0, 1e+09]'),
+    ({'mass': np.nan}, 'payload.inertia.m is nan, expected a number in [0, 1e+09]'),
     ({'mass': 1, 'com': (0, np.inf, 0)},
      'payload.inertia.com[1] (y) is inf, expected a finite number'),
     ({'mass': 1, 'com': (0, 0)},

@@ -129,6 +129,22 @@ def test_a_bad_effort_or_an_old_one_moves_nothing(
     assert stamp_from_ros(state.header.stamp) == stamp_from_ros(before) + PERIOD_NS
 
 
+def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped: LockStepped) -> None:
+    """The arm is in motion, and longer than `command_timeout` without an effort."""
+    before = stepped.step([20.0, -5.0])
+    assert any(before.velocity)
+    stamp = before.header.stamp
+    again = stepped.states.wait_count(4)  # as it is said every 0.1 s
+    assert all(message.header.stamp == stamp for message in again)
+    twin = ArmSimulation(ARM, before.position, before.velocity)
+    twin.release()
+    state = stepped.step([1.0, 2.0])
+    twin.step(np.array([1.0, 2.0]), 1.0 / RATE)
+    assert list(state.position) == twin.q.tolist()
+    assert list(state.velocity) == twin.v.tolist()
+    assert 'No valid effort' not in stepped.node.log
+
+
 def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
     for _ in range(5):
         stepped.step([20.0, -5.0])

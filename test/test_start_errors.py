@@ -23,28 +23,10 @@ import subprocess
 import sys
 from typing import Any, NamedTuple
 
+from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
+from fault_table import fault
 import pytest
-from robot_dynamics.planar_urdf import default_arm_urdf
-from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, write_parameters
-
-ARM = default_arm_urdf()
-LOOP = ARM.replace('</robot>', """
-  <joint name="closing" type="fixed"><parent link="base_link"/><child link="tool0"/></joint>
-</robot>""")
-
-
-MASSLESS = """<robot name="r">
-  <link name="base"/>
-  <link name="arm">
-    <inertial>
-      <mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
-    </inertial>
-  </link>
-  <link name="hand"/>
-  <joint name="joint1" type="continuous"><parent link="base"/><child link="arm"/></joint>
-  <joint name="joint2" type="continuous"><parent link="arm"/><child link="hand"/></joint>
-</robot>"""
-
+from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, TIMEOUT, write_parameters
 
 ARM_JOINTS = ['joint1', 'joint2']
 MOTORS = {'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [50.0]}
@@ -56,27 +38,18 @@ class Case(NamedTuple):
     module: str = DYNAMICS
 
 
+NAN, INF = float('nan'), float('inf')
 CASES = {
-    'floating joint': Case(
-        {'robot_description': ARM.replace('continuous', 'floating', 1)},
-        r"joint 'joint1' is of type 'floating': an arm needs a fixed base, expected one of"),
-    'closed loop': Case(
-        {'robot_description': LOOP},
-        r"link 'tool0' is the child of two joints, 'tool0_joint' and 'closing'.*expected a tree"),
+    **{name: Case({'robot_description': bad.xml}, bad.words)
+       for name, bad in BAD_DESCRIPTIONS.items()},
     'no mass to simulate': Case(
         {'robot_description': MASSLESS},
         r"joints \['joint2'\] of robot 'r' move no mass or inertia", SIMULATED_ARM),
-    'no mass to compute with': Case(
-        {'robot_description': MASSLESS},
-        r"model check mass: joint 'joint2' moves 0 kg .*ignore_checks: \[mass\] accepts it"),
     'unknown check': Case(
         {'ignore_checks': ['beauty']}, r"ignore_checks\[0\] is 'beauty', expected one of"),
     'another check ignored': Case(
         {'robot_description': MASSLESS, 'ignore_checks': ['inertia', 'limits']},
         r"model check mass: joint 'joint2' moves"),
-    'not XML': Case(
-        {'robot_description': 'joint1, joint2'},
-        r"robot_description is not well-formed XML .*it begins with 'joint1, joint2'"),
     'missing file': Case(
         {'robot_description_file': '/no/such/arm.urdf'},
         r"robot_description_file is '/no/such/arm.urdf', which cannot be read"),
@@ -92,7 +65,18 @@ CASES = {
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),
     'out of range': Case({'effort_scale': 2.0}, r'effort_scale.* 2'),
-    'not a number': Case({'effort_scale': float('nan')}, r'effort_scale.* nan'),
+    'not a number': Case({'effort_scale': NAN}, r'effort_scale.* nan'),
+    'infinite': Case({'ramp_time': INF}, r'ramp_time.* inf'),
+    'no time at all': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
+    'negative time': Case({'hold_time': -1.0}, r'hold_time.* -1'),
+    'no rate': Case({'effort_rate_limit': 0.0}, r'effort_rate_limit.* 0\.0'),
+    'unknown fault action': Case({'fault_action': 'pray'}, "fault_action is 'pray', expected"),
+    'not a number in an array': Case({'gains.kd': [NAN]}, r'gains\.kd\[0\] is nan'),
+    'too large in an array': Case({'gains.kd': [1e9]}, r'gains\.kd\[0\] is 1e\+09'),
+    'infinite gravity': Case({'gravity': [0.0, 0.0, -INF]}, r'gravity\[2\] is -inf'),
+    'time of no type': Case({'use_sim_time': 5}, r"'use_sim_time' to '5' .*expecting type 'BOOL'"),
+    'a switch of no type': Case(
+        {'start_type_description_service': 'no'}, r"description_service' .*expecting type 'BOOL'"),
     'wrong type': Case({'effort_scale': 'half'}, r'effort_scale.*a number with a decimal point'),
     'whole number': Case({'effort_scale': 1}, r'effort_scale.*a number with a decimal point'),
     'unknown choice': Case({'command': 'fly'}, r"command is 'fly', expected one of"),
@@ -156,6 +140,21 @@ CASES = {
 }
 
 
+def injected(name: str, case: Case) -> str:
+    """Return what a case does, in words for the table of faults."""
+    given = ', '.join(
+        f'{key}: {value}' for key, value in case.parameters.items() if key != 'robot_description')
+    return f'{name}: `{given}`' if given else name
+
+
+FAULTS = {
+    name: fault(
+        'Robot descriptions at the start' if list(case.parameters) == ['robot_description'] else
+        'Parameters at the start', injected(name, case),
+        'one line that says what is wrong and what was expected, status 1')
+    for name, case in CASES.items()}
+
+
 # Starts one node after the other in one process, as a process for each would take its time.
 DRIVER = """
 import importlib, json, sys
@@ -175,7 +174,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[
         calls.append((case.module, ['node', '--ros-args', '--params-file', str(file)]))
     done = subprocess.run(
         [sys.executable, '-c', DRIVER, json.dumps(calls)], text=True, check=False,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=60.0)
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=10 * TIMEOUT)
     outputs = re.split(r'^status (\d+)\n', done.stdout, flags=re.MULTILINE)
     assert len(outputs) == 2 * len(CASES) + 1, done.stdout
     return {
@@ -183,7 +182,8 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[
         for name, output, status in zip(CASES, outputs[::2], outputs[1::2])}
 
 
-@pytest.mark.parametrize('name', CASES)
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=mark) for name, mark in FAULTS.items()])
 def test_it_says_in_one_line_why_it_cannot_start(
     ends: dict[str, tuple[int, list[str]]], name: str,
 ) -> None:
@@ -195,7 +195,7 @@ def test_it_says_in_one_line_why_it_cannot_start(
     assert re.search(CASES[name].words, lines[0]), lines[0]
 
 
-@pytest.mark.parametrize('name', ['floating joint', 'initial position'])
+@pytest.mark.parametrize('name', ['a floating joint', 'initial position'])
 def test_its_process_ends_with_status_1(name: str) -> None:
     case = CASES[name]
     node = NodeProcess(case.module, case.parameters).launch()
@@ -204,6 +204,33 @@ def test_its_process_ends_with_status_1(name: str) -> None:
     assert re.search(case.words, line), line
 
 
+@pytest.mark.parametrize(('arguments', 'words'), [
+    pytest.param(arguments, words, marks=fault(
+        'Parameters at the start', f'arguments that ROS cannot read: `{" ".join(arguments)}`',
+        'one line that says what is wrong, status 1'))
+    for arguments, words in (
+        (['--params-file', 'nowhere.yaml'], "Couldn't parse params file: .*nowhere.yaml"),
+        (['-p', 'effort_scale'], "Couldn't parse parameter override rule: '-p effort_scale'"),
+        (['-r', '__node:=a name'], "Couldn't parse remap rule: '-r __node:=a name'"),
+        (['--scale', '1'], r"unknown ROS arguments \['--scale'"))])
+def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> None:
+    node = NodeProcess(DYNAMICS, arguments=['--ros-args', *arguments]).launch()
+    assert node.wait() == 1
+    line, = (line for line in node.log.splitlines() if '[rcl]' not in line)
+    assert re.search(f'^robot_dynamics: .*{words}', line), line
+
+
+@fault('Parameters at the start', 'a name that no parameter has: `efort_scale: 0.3`',
+       'a warning that says that it is not used, and what may be meant')
+def test_an_unknown_parameter_is_told() -> None:
+    with NodeProcess(DYNAMICS, {'efort_scale': 0.3}) as node:
+        assert '[WARN]' in node.wait_for_log(
+            "There is no parameter 'efort_scale': its value is not used; is 'effort_scale' meant?")
+        node.wait_for_log("Model 'planar_arm'")
+
+
+@fault('Robot descriptions at the start', 'joints that move no mass, `ignore_checks: [mass]`',
+       'taken; the error is a warning')
 def test_an_ignored_error_is_a_warning() -> None:
     parameters = {'robot_description': MASSLESS, 'ignore_checks': ['mass']}
     with NodeProcess(DYNAMICS, parameters) as node:

@@ -313,15 +313,25 @@ def test_the_largest_values_that_pass_do_not_overflow():
         assert all(np.isfinite(x).all() for x in follower.sample(EPOCH + seconds * SECOND))
 
 
-def test_a_reference_that_overflowed_does_not_outlive_its_replacement():
+def test_a_reference_that_no_arm_can_follow_does_not_outlive_its_replacement():
     follower = TrajectoryFollower(JOINTS)
-    with np.errstate(all='ignore'):  # a velocity that no arm has
-        follower.start(smooth((1.0, 2.0)), EPOCH, (0.0, 0.0), (1e308, 0.0))
-        assert not np.isfinite(follower.sample(EPOCH + SECOND // 2).position).all()
-        follower.start(smooth((1.0, 2.0)), EPOCH + SECOND // 2, (0.3, 0.4), (0.0, 0.0))
+    follower.start(smooth((100.0, 200.0)), EPOCH, (0.0, 0.0), (1e9, 0.0))
+    assert np.abs(follower.sample(EPOCH + 50 * SECOND).position).max() > 1e9
+    follower.start(smooth((1.0, 2.0)), EPOCH + 50 * SECOND, (0.3, 0.4), (0.0, 0.0))
     assert_same(
-        follower.sample(EPOCH + SECOND // 2),
+        follower.sample(EPOCH + 50 * SECOND),
         Reference(np.array([0.3, 0.4]), np.zeros(2), np.zeros(2)), 1e-14)
+
+
+@pytest.mark.parametrize(('position', 'velocity', 'words'), [
+    ((1e308, 0.0), (0.0, 0.0), r'position\[0\] \(shoulder\) is 1e\+308, expected a number in'),
+    ((0.0, 0.0), (0.0, -1e200), r'velocity\[1\] \(elbow\) is -1e\+200, expected a number in'),
+])
+def test_a_measured_state_that_no_arm_has_starts_nothing(position, velocity, words):
+    follower = TrajectoryFollower(JOINTS)
+    with pytest.raises(InvalidInputError, match=words):
+        follower.start(smooth((1.0, 2.0)), EPOCH, position, velocity)
+    assert follower.active is None
 
 
 def test_after_clear_the_measured_state_counts_again():
@@ -534,8 +544,10 @@ def test_the_documented_words_are_the_words():
         TrajectoryFollower(JOINTS).start(
             trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=7 * SECOND)
     spoken.add(str(refusal.value))
-    assert len(documented) == 14
-    assert [words for words in documented if words not in spoken] == []
+    unread = [words for words in documented  # by test_message_bytes
+              if words.endswith('more would hold up control') or 'cannot be read' in words]
+    assert (len(documented), len(unread)) == (17, 3)
+    assert [words for words in documented if words not in spoken] == unread
 
 
 def test_the_index_in_a_refusal_is_the_senders():

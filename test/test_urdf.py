@@ -22,7 +22,14 @@ import numpy.testing as npt
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
-from robot_dynamics.urdf import Mimic, parse_urdf, resolve_mimic, UrdfJoint
+from robot_dynamics.urdf import (
+    Mimic,
+    MOST_LINKS,
+    MOST_TAGS,
+    parse_urdf,
+    resolve_mimic,
+    UrdfJoint,
+)
 from robots import robot_path, robot_urdf, ROBOTS
 
 INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
@@ -295,8 +302,8 @@ REFUSALS = {
         "robot_description: joint 'turn': lower=1.5 is above upper=-1"),
     'no finite position': (
         joint_of('', limit='<limit lower="inf" upper="inf"/>'),
-        "robot_description: joint 'turn': lower=inf, upper=inf, "
-        'expected a range that holds a finite position'),
+        "robot_description: joint 'turn': lower=inf, upper=inf, expected a range that holds a "
+        'position in [-1e+09, 1e+09]'),
     'limit in words': (
         joint_of('', limit='<limit lower="-pi" upper="2"/>'),
         "robot_description: joint 'turn': lower='-pi', expected a number"),
@@ -421,6 +428,32 @@ def test_message_on_what_is_no_xml(text):
 
 def test_the_text_in_a_message_is_short():
     assert len(refusal('x' * 100_000)) < 250
+
+
+def test_as_many_links_as_may_be_are_read_and_no_more():
+    def chain(links):
+        body = ''.join(f'<link name="l{i}"/>' for i in range(links))
+        return robot(body + ''.join(
+            f'<joint name="j{i}" type="fixed"><parent link="l{i}"/>'
+            f'<child link="l{i + 1}"/></joint>' for i in range(links - 1)))
+
+    assert len(parse_urdf(chain(MOST_LINKS)).link_names) == MOST_LINKS
+    with pytest.raises(ModelError, match=f'has {MOST_LINKS + 1} links, expected at most'):
+        parse_urdf(chain(MOST_LINKS + 1))
+
+
+def test_as_many_tags_as_may_be_are_read_and_no_more():
+    text = robot(LINKS + JOINT + '{}')
+    more = MOST_TAGS - text.count('<')
+    assert parse_urdf(text.format('<a/>' * more)).joint('turn').moves
+    with pytest.raises(ModelError, match=f'has {MOST_TAGS + 1} tags, expected at most'):
+        parse_urdf(text.format('<a/>' * (more + 1)))
+
+
+@pytest.mark.parametrize('length', [2**16 - 1, 2**16, 2**16 + 1, 200_000])
+def test_a_text_of_any_length_is_read_as_a_whole(length):
+    name = 'ü' * (length // 2) + 'x' * (length % 2)
+    assert parse_urdf(joint_of('').replace('name="bot"', f'name="{name}"')).name == name
 
 
 def test_a_declared_but_unused_xacro_namespace_is_no_xacro_file():

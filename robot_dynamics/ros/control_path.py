@@ -17,13 +17,15 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+import threading
 import time
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.command_supervisor import Fault
+from robot_dynamics.command_supervisor import Fault, SafetyOptions
 from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.event_timing import EventTiming
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
@@ -81,7 +83,9 @@ class ControlPath:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._served: _Served | None = None
+        self._answering = threading.Lock()
         self._stream = SetPointStream()
+        self._state_max_age = 0.0
         self.count_publishers: Callable[[], int] = lambda: 1
         """Tells how many publishers of joint states there are."""
         self.counters = ControlCounters()
@@ -94,22 +98,27 @@ class ControlPath:
         self._terms = publisher(DynamicsTerms, '~/terms')
         self.command = SafeCommand(node, NEWEST_ONLY, self._forget_reference)
 
-    def use(self, controller: Controller, watch: StateWatch, check: EffortCheck) -> None:
+    def use(
+        self, controller: Controller, watch: StateWatch, check: EffortCheck, limits: GuardLimits,
+        options: SafetyOptions,
+    ) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
-        self._served = _Served(  # all at once: there is a thread
-            controller, JointStateReader(names), list(names), effort_template(names), watch, check)
+        with self._answering:  # no state is answered by one model and commanded by another
+            self._served = _Served(
+                controller, JointStateReader(names), list(names), effort_template(names), watch,
+                check)
+            self.command.use(controller.arm, limits, options)
 
     def forget(self) -> None:
         """Serve no arm."""
-        self._served = None
-        self.command.forget()
+        with self._answering:
+            self._served = None
+            self.command.forget()
 
     def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
         """Take over how old [s] a state may be, and how long [s] a stream may pause."""
-        self._stream.timeout = reference_timeout
-        if self._served is not None:
-            self._served.watch.max_age = state_max_age
+        self._stream.timeout, self._state_max_age = reference_timeout, state_max_age
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory; raise RobotDynamicsError where that cannot be."""
@@ -128,7 +137,8 @@ class ControlPath:
     def on_state(self, state: SensedState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
         try:
-            self._answer(state)
+            with self._answering:
+                self._answer(state)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
         except NonFiniteEffortError as error:
@@ -160,6 +170,9 @@ class ControlPath:
             return
         served = self._served
         q, v = served.reader.read(state)
+        # With use_sim_time stamps have no age by the clock of this computer.
+        is_simulated = self._node.get_clock().ros_time_is_active
+        served.watch.max_age = 0.0 if is_simulated else self._state_max_age
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
             state.stamp.nanoseconds, time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:

@@ -23,7 +23,7 @@ from array import array
 from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from geometry_msgs.msg import InertiaStamped, Vector3, WrenchStamped
 import numpy as np
 from robot_dynamics.arm_dynamics import EffortTerms
 from robot_dynamics.arm_model import ArmModel
@@ -31,7 +31,7 @@ from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.payload import make_payload, Payload
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.validation import check_vector, FloatArray
+from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -64,11 +64,14 @@ def wrenches_from_ros(arm: ArmModel, messages: Sequence[WrenchStamped]) -> list[
         arm.link_frame(message.header.frame_id, f'{field}.header.frame_id')
         wrenches.append(ExternalWrench(
             message.header.frame_id,
-            check_vector(
-                f'{field}.wrench.force', (force.x, force.y, force.z), 3, ('x', 'y', 'z')),
-            check_vector(
-                f'{field}.wrench.torque', (torque.x, torque.y, torque.z), 3, ('x', 'y', 'z'))))
+            _vector_from_ros(f'{field}.wrench.force', force),
+            _vector_from_ros(f'{field}.wrench.torque', torque)))
     return wrenches
+
+
+def _vector_from_ros(field: str, vector: Vector3) -> FloatArray:
+    return check_vector(
+        field, (vector.x, vector.y, vector.z), 3, ('x', 'y', 'z'), LARGEST_VALUE)
 
 
 def payload_from_ros(arm: ArmModel, message: InertiaStamped) -> Payload | None:

@@ -23,51 +23,29 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.control import (
-    DEFAULT_DAMPING_RATIO,
-    DEFAULT_NATURAL_FREQUENCY,
-    make_gains,
-)
-from robot_dynamics.controller import (
-    COMMAND_MODES,
-    Controller,
-    ControllerOptions,
-    FRICTION_MODES,
-)
-from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.control_path import ControlPath
-from robot_dynamics.ros.conversions import (
-    payload_to_ros,
-    stamp_from_ros,
-    trajectory_from_ros,
-)
+from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.dynamics_parameters import options_from, SPECS
 from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
-from robot_dynamics.ros.model_check_log import check_or_refuse, IGNORE_CHECKS_SPEC
-from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.model_check_log import check_or_refuse
+from robot_dynamics.ros.parameters import DeclaredParameters, Values
 from robot_dynamics.ros.robot_description import (
-    ACTUATOR_SPECS,
     arm_from_parameters,
-    check_order_is_given,
     description_from_parameters,
-    DESCRIPTION_SPECS,
     embedded_description,
-    FRICTION_SPECS,
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.safety_parameters import (
-    guard_limits,
-    safety_options,
-    SAFETY_SPECS,
-)
+from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.serialized import JointStateDecoder
 from robot_dynamics.state_watch import StateWatch
 from sensor_msgs.msg import JointState
@@ -77,63 +55,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-SPECS = (
-    *DESCRIPTION_SPECS,
-    *FRICTION_SPECS,
-    *ACTUATOR_SPECS,
-    IGNORE_CHECKS_SPEC,
-    ParameterSpec(
-        'command', Type.STRING, 'computed_torque',
-        'What effort_command carries; computed_torque falls back to gravity_compensation '
-        'without a reference.', choices=COMMAND_MODES),
-    ParameterSpec(
-        'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
-        'Natural frequency of the tracking error [rad/s], one for all joints or one a joint: '
-        'K_p is its square.', minimum=0.0, maximum=1e4),
-    ParameterSpec(
-        'gains.damping_ratio', Type.DOUBLE_ARRAY, [DEFAULT_DAMPING_RATIO],
-        'Damping ratio of the tracking error, one for all joints or one a joint: K_d is twice '
-        'this times the natural frequency.', minimum=0.0, maximum=1e4),
-    ParameterSpec(
-        'gains.kp', Type.DOUBLE_ARRAY, [],
-        'K_p [1/s^2] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
-    ParameterSpec(
-        'gains.kd', Type.DOUBLE_ARRAY, [],
-        'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
-    ParameterSpec(
-        'friction_compensation', Type.STRING, 'reference',
-        'The velocity at which computed torque compensates friction: reference (that of the '
-        'reference, corrected by the error: robust), measured (exact linearisation, for strong '
-        'gears read without delay), or none.', choices=FRICTION_MODES),
-    ParameterSpec(
-        'effort_scale', Type.DOUBLE, 1.0,
-        'Share of the URDF effort limits to which effort_command is clamped.',
-        minimum=0.0, maximum=1.0),
-    ParameterSpec(
-        'measured_effort', Type.STRING, 'joint_torque',
-        'What effort in joint_states is: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N m] or motor_current [A] (both need actuators), or none.',
-        read_only=True, choices=MEASURED_EFFORTS),
-    ParameterSpec(
-        'robot_compensates', Type.STRING_ARRAY, [],
-        'What the robot adds by itself to the effort that it is commanded, and effort_command '
-        'so leaves out: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
-    ParameterSpec(
-        'effort_check', Type.BOOL, True,
-        'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
-        'is compensated twice, or not as declared.', read_only=True),
-    *SAFETY_SPECS,
-    ParameterSpec(
-        'autostart', Type.BOOL, True,
-        'Configure and activate at the start; without, wait for ~/change_state.',
-        read_only=True),
-    ParameterSpec(
-        'state_thread', Type.BOOL, True,
-        'Take joint states in a thread of their own (little delay) instead of in the executor.',
-        read_only=True),
-)
-GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
 
 
 class DynamicsNode(GuardedCallbacks, LifecycleNode):
@@ -145,7 +66,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
-        self._xml = self._waiting_xml = ''
+        self._xml = ''
+        self._waiting: tuple[str, ArmModel] | None = None
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
@@ -173,6 +95,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if self._configuring_failed is not None:
             raise self._configuring_failed
         self.trigger_activate()
+
+    def begin_to_end(self) -> None:
+        """Begin to ramp the effort out, while a service may still be at work."""
+        self._path.command.begin_to_end()
 
     def destroy_node(self) -> None:
         """Ramp the effort out, stop the control path, then the rest."""
@@ -212,11 +138,16 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = None
-        self._xml = self._waiting_xml = ''
+        self._xml, self._waiting = '', None
         if self._descriptions is not None:
             self.destroy_subscription(self._descriptions)
             self._descriptions = None
         return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ramp efforts out and forget the model, after a transition that failed unforeseen."""
+        self._path.command.deactivate()
+        return self.on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ramp efforts out for good."""
@@ -234,7 +165,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         values = self._settings.values
         xml = description_from_parameters(values)
         if xml is not None:
-            self._use_model(xml)
+            self._use_model(xml, self._checked_arm(xml))
             return
         try:
             load_arm(embedded_description(), values['joints'], values['gravity'])
@@ -243,7 +174,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 f'Waiting for a URDF with the joints {list(values["joints"])} on the topic '
                 'robot_description.')
         else:
-            self._use_model(embedded_description())
+            self._use_model(
+                embedded_description(), self._checked_arm(embedded_description()))
             self.get_logger().info(
                 'No robot_description given: serving the embedded planar two-link arm until '
                 'one arrives on the topic robot_description.')
@@ -253,18 +185,18 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 refuse=self._refuse_description, largest=LARGEST_DESCRIPTION)
 
     def _on_description(self, message: String) -> None:
-        self._waiting_xml = ''
+        self._waiting = None
         if message.data == self._xml:
             return
         try:
+            arm = self._checked_arm(message.data)
             if self._path.command.is_commanding and self._xml != embedded_description():
-                arm_from_parameters(message.data, self._settings.values)
-                self._waiting_xml = message.data
+                self._waiting = message.data, arm
                 self.get_logger().error(
                     'Kept the model in use, as efforts go out by it: the new robot_description '
                     'is taken once they have ended (no joint states, or ~/change_state).')
             else:
-                self._use_model(message.data)
+                self._use_model(message.data, arm)
         except Exception as error:
             self._refuse_description(error)
 
@@ -272,21 +204,32 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
 
     def _take_waiting_description(self) -> None:
-        if self._waiting_xml and not self._path.command.is_commanding:
-            self._on_description(String(data=self._waiting_xml))
+        if self._waiting is None or self._path.command.is_commanding:
+            return
+        (xml, arm), self._waiting = self._waiting, None
+        try:
+            self._use_model(xml, arm)
+        except Exception as error:  # parameters that have changed since
+            self._refuse_description(error)
 
-    def _use_model(self, xml: str) -> None:
+    def _checked_arm(self, xml: str) -> ArmModel:
+        """Return the arm of a description; raise RobotDynamicsError where it is unfit."""
         values = self._settings.values
         arm = arm_from_parameters(xml, values)
         check_or_refuse(xml, arm, values, self.get_logger())
+        options_from(values, arm)
+        return arm
+
+    def _use_model(self, xml: str, arm: ArmModel) -> None:
+        values = self._settings.values
         options = options_from(values, arm)
         controller = Controller(arm, options)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
         watch = StateWatch(
             arm.joint_names, arm.limits.velocity, values['state_max_age'],
             np.array([kind == 'continuous' for kind in arm.joint_kinds]))
-        self._path.use(controller, watch, check)
-        self._path.command.use(arm, guard_limits(values, arm), safety_options(values))
+        self._path.use(
+            controller, watch, check, guard_limits(values, arm), safety_options(values))
         self._path.set_limits(values['state_max_age'], values['reference_timeout'])
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
@@ -351,7 +294,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],
-                 'a new one waits': bool(self._waiting_xml)}),
+                 'a new one waits': self._waiting is not None,
+                 'callbacks that failed': self.callback_errors}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 
@@ -364,16 +308,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             'refused': self._refused, 'refusal of the latest': self._refusal,
             'streams that paused': counters.paused_streams,
             'over before the first state': controller.expired if controller else 0})
-
-
-def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
-    """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
-    for name in GAINS:
-        check_order_is_given(values, name, arm)
-    gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
-    return ControllerOptions(
-        gains, values['command'], values['effort_scale'], values['friction_compensation'],
-        semantics_from_parameters(values))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -14,16 +14,15 @@
 
 """The services of `dynamics`: each checks its request, asks the library, and fills the answer."""
 
-from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
+from rclpy.qos import QoSProfile
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
+from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.limit_warnings import limit_warnings, motor_warnings, worst_in_words
 from robot_dynamics.payload import Payload
@@ -49,6 +48,8 @@ from robot_dynamics_interfaces.srv import (
 )
 
 Handler = Callable[[Any, Any], None]
+SERVICE_QOS = QoSProfile(depth=100)
+"""Requests, of all clients together, that may wait; one more is lost without a word."""
 
 
 @dataclass
@@ -75,7 +76,8 @@ class DynamicsServices:
         self._payload_done = payload_done
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
-            node.create_service(service_type, f'~/{name}', _refusing(handler))
+            node.create_service(
+                service_type, f'~/{name}', _refusing(handler), qos_profile=SERVICE_QOS)
 
         offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
@@ -110,7 +112,7 @@ class DynamicsServices:
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
         terms = dynamics.terms(q, v, a, wrenches)
         response.joint_names = list(order.names)
-        response.effort = _finite_to_ros('effort', order.answer(terms.effort))
+        response.effort = floats_to_ros(order.answer(terms.effort))
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
         response.terms.header.stamp = self._node.get_clock().now().to_msg()
         response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)
@@ -126,7 +128,7 @@ class DynamicsServices:
         a = order.rates(request.acceleration, len(q), 'acceleration')
         effort = dynamics.inverse_dynamics_batch(q, v, a)
         response.joint_names = list(order.names)
-        response.effort = _finite_to_ros('effort', order.answer(effort))
+        response.effort = floats_to_ros(order.answer(effort))
 
     def _trajectory(
         self,
@@ -139,7 +141,6 @@ class DynamicsServices:
         trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
         result = trajectory_efforts(dynamics, trajectory)
         order = JointOrder(dynamics.arm, request.trajectory.joint_names)
-        _finite_to_ros('effort', result.efforts)
         response.trajectory = with_efforts(request.trajectory, order.answer(result.efforts))
         response.feasible = result.feasible
         response.worst_joint = result.worst_joint
@@ -173,12 +174,10 @@ class DynamicsServices:
         v = order.rate(request.velocity, 'velocity')
         christoffel = body.christoffel_symbols(q)
         response.joint_names = list(order.names)
-        response.mass_matrix = _finite_to_ros(
-            'mass_matrix', order.answer_form(body.mass_matrix(q)))
-        response.coriolis_matrix = _finite_to_ros(
-            'coriolis_matrix', order.answer_form(christoffel @ v))
+        response.mass_matrix = floats_to_ros(order.answer_form(body.mass_matrix(q)))
+        response.coriolis_matrix = floats_to_ros(order.answer_form(christoffel @ v))
         response.gravity = floats_to_ros(order.answer(body.gravity(q)))
-        response.nonlinear = _finite_to_ros('nonlinear', order.answer(body.nonlinear(q, v)))
+        response.nonlinear = floats_to_ros(order.answer(body.nonlinear(q, v)))
         response.friction = floats_to_ros(order.answer(dynamics.friction.effort(v)))
         if request.include_christoffel:
             response.christoffel = floats_to_ros(order.answer_form(christoffel))
@@ -190,9 +189,10 @@ class DynamicsServices:
         served = self._arm()
         payload = payload_from_ros(served.controller.arm, request.payload)
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        served.controller.set_payload(payload, seconds, self._payload_done)
-        served.dynamics = ArmDynamics(
+        dynamics = ArmDynamics(
             served.controller.arm.with_payloads([payload] if payload else []))
+        served.controller.set_payload(payload, seconds, self._payload_done)
+        served.dynamics = dynamics
         response.message = (
             'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
 
@@ -223,12 +223,3 @@ def _fill_motors(
     response.current_ratio = floats_to_ros(order.answer(load.current_ratio))
     response.voltage_ratio = floats_to_ros(order.answer(load.voltage_ratio))
     return motor_warnings(arm, load)
-
-
-def _finite_to_ros(field: str, values: FloatArray) -> array:  # type: ignore[type-arg]
-    """Return a message's float64[]; raise InvalidInputError where the numbers overflowed."""
-    if not np.isfinite(values).all():
-        raise InvalidInputError(
-            f'{field} is too large for a float64 at this request, expected positions, '
-            'velocities, accelerations and wrenches of a size that an arm can have')
-    return floats_to_ros(values)

@@ -22,14 +22,17 @@ with what failed.
 
 from collections.abc import Callable, Sequence
 import functools
+import math
+import time
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
 from robot_dynamics.ros.message_bytes import (
     LARGEST_MESSAGE,
     read_message,
@@ -37,7 +40,7 @@ from robot_dynamics.ros.message_bytes import (
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
-LONGEST_REASON = 4000
+LONGEST_REASON = LONGEST_MESSAGE
 """Characters; a reason that quotes more of what arrived leaves out its middle."""
 
 
@@ -49,10 +52,12 @@ def reason_of(error: Exception) -> str:
 
 
 def _words_of(error: Exception) -> str:
-    if isinstance(error, RobotDynamicsError):
+    if isinstance(error, (RobotDynamicsError, ParameterException)):
         return str(error)
     if isinstance(error, rclpy_implementation.RCLError):  # whose trace through C files follows
         return ' '.join(str(error).partition(', at /')[0].split())
+    if isinstance(error, rclpy_implementation.UnknownROSArgsError):
+        return f'unknown ROS arguments {error}'
     if isinstance(error, MemoryError):
         return 'this takes more memory than the node may have, expected less at a time'
     return f'internal error: {error!r}'
@@ -65,6 +70,7 @@ class GuardedCallbacks(Node):
     """Callbacks that failed with an error that nobody foresaw."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
+        self._told: dict[str, float] = {}
         super().__init__(*args, **more)
         for service in self.services:  # rclpy makes some past `create_service`
             if not hasattr(service.callback, '__wrapped__'):
@@ -113,13 +119,17 @@ class GuardedCallbacks(Node):
 
     def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> (
             SetParametersResult):
-        """Set all of these or none; what rclpy has no words for is refused by name."""
+        """Set all of these or none; say in a refusal which parameter it is about."""
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
                 return SetParametersResult(successful=False, reason=reason_of(InvalidInputError(
                     f'there is no parameter {parameter.name!r}, expected one of those that '
                     '~/list_parameters names')))
-        return super().set_parameters_atomically(parameter_list)
+        result = super().set_parameters_atomically(parameter_list)
+        names = [parameter.name for parameter in parameter_list]
+        if not result.successful and not any(name in result.reason for name in names):
+            result.reason = f'{", ".join(names)}: {result.reason}'
+        return result
 
     def _answering(
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any],
@@ -154,10 +164,11 @@ class GuardedCallbacks(Node):
 
     def _failed(self, what: str, error: Exception) -> None:
         self.callback_errors += 1
-        if self.context.ok():
-            self.get_logger().error(
-                f'The callback of {what} failed: {reason_of(error)}',
-                throttle_duration_sec=LOG_PERIOD)
+        # Each callback has its own pause, which rclpy's throttle would give all of them together.
+        now = time.monotonic()
+        if self.context.ok() and now - self._told.get(what, -math.inf) > LOG_PERIOD:
+            self._told[what] = now
+            self.get_logger().error(f'The callback of {what} failed: {reason_of(error)}')
 
 
 def _check_parameter_types(request: Any) -> None:

@@ -14,12 +14,16 @@
 
 """Read joint states by name, as fast as a control path wants it."""
 
+import sys
+
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.serialized import SensedState
-from robot_dynamics.validation import check_unique, FloatArray
+from robot_dynamics.validation import check_unique, FloatArray, LARGEST_VALUE
 from sensor_msgs.msg import JointState
+
+FINITE = sys.float_info.max
 
 
 class OtherJointsError(InvalidInputError):
@@ -39,7 +43,7 @@ class JointStateReader:
         Return position (n,) and velocity (n,), the latter None where the message has none.
 
         Raises OtherJointsError where none of the joints is there; InvalidInputError where some
-        are missing, a name stands twice, lengths differ or a value of these joints is not finite.
+        are missing, a name stands twice, lengths differ, or a value of these joints is not finite.
         """
         q = self._values(message, 'position')
         return q, self._values(message, 'velocity') if len(message.velocity) else None
@@ -48,7 +52,15 @@ class JointStateReader:
         """Return the efforts of shape (n,) likewise, NaN where one is not measured."""
         if not len(message.effort):
             return None
-        return self._values(message, 'effort', finite=False)
+        return self._values(message, 'effort', None)
+
+    def finite_effort(self, message: JointState) -> FloatArray:
+        """
+        Return the efforts (n,), one for each joint.
+
+        Raises InvalidInputError likewise, and for an effort larger than any arm has.
+        """
+        return self._values(message, 'effort', LARGEST_VALUE)
 
     def _learn(self, names: list[str]) -> None:
         """Find the joints; publishers keep their order, so this is done once for each."""
@@ -65,7 +77,7 @@ class JointStateReader:
         self._known_names = list(names)
 
     def _values(
-        self, message: JointState | SensedState, field: str, finite: bool = True,
+        self, message: JointState | SensedState, field: str, largest: float | None = FINITE,
     ) -> FloatArray:
         if message.name != self._known_names:
             self._learn(message.name)
@@ -74,9 +86,10 @@ class JointStateReader:
             raise InvalidInputError(
                 f'{field} has {len(values)} values, expected {len(message.name)} as name has')
         used: FloatArray = np.frombuffer(values, dtype=np.float64)[self._index]
-        if finite and not np.isfinite(used).all():
-            joint = int(np.argmin(np.isfinite(used)))
+        if largest is not None and not (np.abs(used) <= largest).all():  # nor where one is NaN
+            j = int(np.argmin(np.abs(used) <= largest))
+            expected = 'finite number' if largest == FINITE else (
+                f'number in [{-largest:g}, {largest:g}]')
             raise InvalidInputError(
-                f'{field} of {self._joint_names[joint]!r} is {used[joint]}, '
-                'expected a finite number')
+                f'{field} of {self._joint_names[j]!r} is {used[j]:g}, expected a {expected}')
         return used

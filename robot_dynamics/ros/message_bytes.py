@@ -77,17 +77,15 @@ def _point_count(data: bytes) -> int:
     Source: OMG, Common Object Request Broker Architecture 3.4, part 2, section 9.3 (CDR): numbers
     are aligned to their size, and counts of four bytes come before strings and sequences.
     """
-    count = struct.Struct('<I' if data[1:2] == b'\x01' else '>I')
-    at = ENCAPSULATION + STAMP
+    word = struct.Struct('<I' if data[1:2] == b'\x01' else '>I')
 
-    def next_count() -> int:
-        nonlocal at
-        at += -at % count.size
-        value, = count.unpack_from(data, at)
-        at += count.size
-        return int(value)
+    def count_at(at: int) -> tuple[int, int]:
+        at += -(at - ENCAPSULATION) % word.size
+        return int(word.unpack_from(data, at)[0]), at + word.size
 
-    at += next_count()  # header.frame_id
-    for _ in range(next_count()):
-        at += next_count()  # joint_names
-    return next_count()
+    length, at = count_at(ENCAPSULATION + STAMP)
+    names, at = count_at(at + length)  # past header.frame_id
+    for _ in range(names):
+        length, at = count_at(at)
+        at += length
+    return count_at(at)[0]

@@ -21,6 +21,7 @@ reason, at start and at run time, and hands accepted changes to the node.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 import math
 from typing import Any
 
@@ -113,6 +114,7 @@ class DeclaredParameters:
         self._values: dict[str, Any] = {}
         for spec in specs:
             self._values[spec.name] = self._declare(spec)
+        self._tell_unknown()
         self._check(self._values)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._take_over)
@@ -141,6 +143,15 @@ class DeclaredParameters:
         value = _plain(parameter)
         spec.check(value)
         return value
+
+    def _tell_unknown(self) -> None:
+        """Warn of values for parameters that there are not, which ROS passes over in silence."""
+        for name in self._node._parameter_overrides:
+            if not self._node.has_parameter(name):
+                close = get_close_matches(name, self._specs, n=1)
+                self._node.get_logger().warning(
+                    f'There is no parameter {name!r}: its value is not used'
+                    f'{f"; is {close[0]!r} meant?" if close else "."}')
 
     def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

@@ -25,6 +25,9 @@ from robot_dynamics.friction import make_friction
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 
+MOST_JOINTS = 100
+"""Joints of an arm; the check of the model takes 2 s for so many, and minutes for more."""
+
 DESCRIPTION_SPECS = (
     ParameterSpec(
         'robot_description', Type.STRING, '',
@@ -105,6 +108,10 @@ def arm_from_parameters(xml: str, values: Values) -> ArmModel:
     Raises ModelError, or InvalidInputError where the parameters do not fit the arm.
     """
     arm = load_arm(xml, values['joints'], values['gravity'])
+    if arm.joint_count > MOST_JOINTS:
+        raise ModelError(
+            f'robot_description: robot {arm.name!r} has {arm.joint_count} joints that move, '
+            f'expected at most {MOST_JOINTS}, or those to use named in the parameter joints')
     for spec in FRICTION_SPECS:
         check_order_is_given(values, spec.name, arm)
     arm = arm.with_friction(make_friction(

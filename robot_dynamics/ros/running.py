@@ -15,40 +15,50 @@
 """The `main` of a node: start, spin, and leave in order, whatever arrives in between."""
 
 from collections.abc import Callable, Sequence
+import os
 import sys
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.end_request import EndRequest
+from robot_dynamics.ros.guarded_callbacks import reason_of
+from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+
+LONGEST_TURN = 0.0005
+"""[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""
+MiddlewareError = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
 
 def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """
     Run a node until it is told to stop; return the exit status.
 
-    A node that cannot start says why in one line and gives status 1.
+    A node that cannot start says why in one line and gives status 1. One that has a method
+    `begin_to_end` hears at once that it is to stop, in another thread, whatever its callbacks do.
     """
     with EndRequest() as end:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        except rclpy_implementation.RCLError as error:  # a parameter file that is none, say
-            print(f'robot_dynamics: {error}', file=sys.stderr)
-            return 1
+        except MiddlewareError as error:  # a parameter file that is none, say
+            return _refuse_to_start(error)
         node = None
         executor = SingleThreadedExecutor()
         try:
             node = make_node()
             executor.add_node(node)
-            # An executor that is merely woken waits on; for a guard condition it returns.
-            end.tell(node.create_guard_condition(lambda: None).trigger)
+            end.tell(_when_asked(node))
+            limit_memory()
+            expect_no_garbage()
+            sys.setswitchinterval(LONGEST_TURN)
             _spin(executor, node, end)
-        except RobotDynamicsError as error:
-            print(f'robot_dynamics: {error}', file=sys.stderr)
-            return 1
+        except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
+            return _refuse_to_start(error)
         finally:
             end.tell(lambda: None)
             if node is not None:
@@ -56,6 +66,27 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
             executor.shutdown()  # left to the garbage collector, it may meet its parts destroyed
             rclpy.try_shutdown()
     return 0
+
+
+def _when_asked(node: Node) -> Callable[[], None]:
+    # An executor that is merely woken waits on; for a guard condition it returns.
+    wake = node.create_guard_condition(lambda: None).trigger
+    begin_to_end = getattr(node, 'begin_to_end', lambda: None)
+
+    def tell() -> None:
+        wake()
+        begin_to_end()
+
+    return tell
+
+
+def _refuse_to_start(error: Exception) -> int:
+    hint = ''
+    if isinstance(error, MiddlewareError) and os.environ.get('ROS_SECURITY_ENABLE') == 'true':
+        hint = (' (ROS_SECURITY_ENABLE is true, which takes a middleware with DDS security and '
+                'the keys of this enclave: docs/security.md)')
+    print(f'robot_dynamics: {reason_of(error)}{hint}', file=sys.stderr)
+    return 1
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, end: EndRequest) -> None:
@@ -66,4 +97,5 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: EndRequest) -> None
             return
         except Exception as error:  # raised by rclpy itself, over what it cannot read
             if node.context.ok():
-                node.get_logger().error(f'A callback failed: {error!r}')
+                node.get_logger().error(
+                    f'A callback failed: {error!r}', throttle_duration_sec=LOG_PERIOD)

@@ -76,6 +76,7 @@ class SafeCommand:
         self._stamp = bytes(8)
         self._is_active = self._ends = False
         self._is_wanted = True
+        self._latched: Fault | None = None
         self.when_changed: Callable[[], object] = lambda: None
         """Called when a fault begins or is over, in the thread that met it; must return soon."""
         self._faults_seen = 0
@@ -115,15 +116,18 @@ class SafeCommand:
                 self._templates = effort_template(arm.joint_names), EffortTemplate(
                     arm.joint_count, lambda numbers: Float64MultiArray(data=numbers))
                 if old is not None and old.is_latched:
-                    self._supervisor.fault = old.fault
+                    self._latched = old.fault
+                self._supervisor.fault, self._latched = self._latched, None
                 if self._is_active:
                     self._supervisor.activate()
             self._changed.notify()
 
     def forget(self) -> None:
-        """Serve no arm."""
+        """Serve no arm; a latched fault stays, for whatever arm comes next."""
         with self._changed:
-            self._supervisor = None
+            old, self._supervisor = self._supervisor, None
+            if old is not None and old.is_latched:
+                self._latched = old.fault
 
     def set_options(self, limits: GuardLimits, options: SafetyOptions) -> None:
         """Take over limits and options."""
@@ -152,24 +156,31 @@ class SafeCommand:
             if self._supervisor is not None:
                 self._supervisor.activate()
 
+    def begin_to_end(self) -> None:
+        """Begin to ramp the effort out."""
+        with self._changed:
+            self._is_active = False
+            if self._supervisor is not None:
+                self._supervisor.deactivate(time.monotonic())
+            self._changed.notify()
+
     def deactivate(self) -> None:
         """Ramp the effort out, and return when that is done."""
         with self._changed:
-            self._is_active = False
+            self.begin_to_end()
             supervisor = self._supervisor
-            if supervisor is None:
-                return
-            supervisor.deactivate(time.monotonic())
-            self._changed.notify()
-            self._changed.wait_for(
-                lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + 1.0)
+            if supervisor is not None:
+                self._changed.wait_for(
+                    lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + 1.0)
 
     def reset(self) -> str:
         """Forget a latched fault; return what was reset, in words."""
         with self._changed:
             if self._supervisor is None:
-                return 'there is no fault'
-            words = self._supervisor.reset()
+                fault, self._latched = self._latched, None
+                words = 'there is no fault' if fault is None else f'reset {fault.name}'
+            else:
+                words = self._supervisor.reset()
             self._node.get_logger().info(f'Asked to reset: {words}')
             return words
 
@@ -311,12 +322,13 @@ class SafeCommand:
 
     def _verdict(self) -> tuple[bytes, str]:
         supervisor, counters = self._supervisor, self.counters
-        if supervisor is None:
-            return WARN, 'no model yet'
-        mode, fault = supervisor.mode, supervisor.fault
+        mode = Mode.INACTIVE if supervisor is None else supervisor.mode
+        fault = self._latched if supervisor is None else supervisor.fault
         if fault is not None and (mode is Mode.FAULT or fault.latched):
             waits = '; waits for ~/reset_fault' if fault.latched else ''
             return ERROR, f'fault {fault.name}: {fault.words}{waits}'
+        if supervisor is None:
+            return WARN, 'no model yet'
         if mode is Mode.INACTIVE and self._is_active and not self._is_wanted:
             return OK, "none, as the parameter command is 'none'"
         if mode is not Mode.RUNNING:

@@ -30,7 +30,7 @@ SAFETY_SPECS = (
     ParameterSpec(
         'ramp_time', Type.DOUBLE, 0.5,
         'How long efforts take to ramp to zero, after a fault, at deactivation and at the end '
-        '[s].', minimum=0.0, maximum=60.0),
+        '[s]; longer where effort_rate_limit asks for it.', minimum=0.0, maximum=60.0),
     ParameterSpec(
         'state_timeout', Type.DOUBLE, 0.05,
         'Time without a valid joint state that is a fault, on the steady clock [s].',

@@ -22,6 +22,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.plant import Plant
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
@@ -36,7 +37,7 @@ from robot_dynamics.ros.robot_description import (
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, Plant, WallTimeLoop
+from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics_interfaces.srv import SetPayload
 from std_srvs.srv import Trigger
@@ -66,8 +67,12 @@ SPECS = (
         read_only=True, minimum=-1e6, maximum=1e6),
     ParameterSpec(
         'brakes', Type.BOOL, True,
-        'Hold the initial pose until the first effort arrives; without, the arm falls freely.',
-        read_only=True),
+        'Hold the arm until the first effort arrives, and after command_timeout until the next '
+        'one; without, it falls freely then.', read_only=True),
+    ParameterSpec(
+        'command_timeout', Type.DOUBLE, 0.2,
+        'Time without a valid effort after which the brakes engage until the next one [s]; 0: '
+        'never. With lock_step time itself waits for the effort.', minimum=0.0, maximum=3600.0),
     ParameterSpec(
         'measured_effort', Type.STRING, 'joint_torque',
         'What this arm reports as effort in joint_states: joint_torque, '
@@ -113,8 +118,6 @@ class SimulatedArmNode(GuardedCallbacks):
             values['initial_position'] or None, values['initial_velocity'] or None,
             values['max_step'])
         simulation.check_inertia()
-        if not values['brakes']:
-            simulation.release()
         self._lock = threading.Lock()
         self._plant = Plant(
             simulation, RobotSide(self._arm, semantics_from_parameters(values)),
@@ -141,6 +144,7 @@ class SimulatedArmNode(GuardedCallbacks):
 
     def _apply(self, values: Values) -> None:
         with self._lock:
+            self._plant.commands.timeout = values['command_timeout']
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
 

@@ -15,31 +15,28 @@
 """
 The loops of `simulated_arm`: step the arm, publish its state, take the effort for it.
 
-In wall time a state goes out every period, and the newest effort acts until the next. In lock-step
-a state waits for the effort that carries its stamp, so that the same efforts meet the same states
-however fast the processes run.
+In wall time a state goes out every period, and the newest effort acts until the next, or until
+none has arrived for too long. In lock-step a state waits for the effort that carries its stamp, so
+that the same efforts meet the same states however fast the processes run; time stands still
+without an effort, so that none can be overdue.
 """
 
 import math
 import threading
 import time
-from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
-import numpy as np
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.rigid_body import ExternalWrench
-from robot_dynamics.robot_side import RobotSide
+from robot_dynamics.plant import Measured, Plant
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_bytes import read_message
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
-from robot_dynamics.simulation import ArmSimulation, ArmState
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -52,62 +49,6 @@ FASTEST_PERIOD = 0.8
 """Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """[s] after which lock-step says its state again: the first time nobody may have listened."""
-
-
-class Measured(NamedTuple):
-    """Position, velocity and effort (n,), the latter empty for none; the motors as they are."""
-
-    position: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
-    motors: ArmState
-
-
-class Plant:
-    """The simulated robot with what acts on it, and with noisy sensors. Guarded by the lock."""
-
-    def __init__(
-        self, simulation: ArmSimulation, robot: RobotSide, brakes: bool,
-        noise: np.random.Generator,
-    ) -> None:
-        self.simulation = simulation
-        self._robot = robot
-        self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
-        self.wrenches: dict[str, ExternalWrench] = {}
-        self.position_noise = 0.0
-        self.velocity_noise = 0.0
-        self.encoders_at_motor = False
-        self._brakes = brakes
-        self._noise = noise
-
-    def reset(self) -> None:
-        """Back to the initial pose, without an effort or a wrench."""
-        self.simulation.reset()
-        self.effort = np.zeros_like(self.effort)
-        self.wrenches.clear()
-        if not self._brakes:
-            self.simulation.release()
-
-    def take_effort(self, effort: FloatArray) -> None:
-        """Let this effort act; the first one opens the brakes."""
-        self.effort = effort
-        self.simulation.release()
-
-    def step(self, period: float) -> None:
-        effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
-        self.simulation.step(effort, period, list(self.wrenches.values()))
-
-    def measure(self) -> Measured:
-        """Return what the sensors say now."""
-        simulation = self.simulation
-        q, v = simulation.motor_state if self.encoders_at_motor else simulation.state
-        n = len(q)
-        effort = self._robot.measured(simulation.effort, q, v, simulation.braked)
-        if self.position_noise > 0.0:
-            q = q + self.position_noise * self._noise.standard_normal(n)
-        if self.velocity_noise > 0.0:
-            v = v + self.velocity_noise * self._noise.standard_normal(n)
-        return Measured(q, v, effort, simulation.motor_state)
 
 
 class ArmTopics:
@@ -135,11 +76,7 @@ class ArmTopics:
             if taken is None:
                 return None
             message = read_message(taken[0], JointState)
-            effort = self._reader.effort(message)
-            if effort is None or not np.isfinite(effort).all():
-                raise RobotDynamicsError(
-                    f'effort is {list(message.effort)}, expected a finite number for each of '
-                    f'{self._names}')
+            effort = self._reader.finite_effort(message)
         except Exception as error:  # nothing that arrives may end the simulation
             self._node.get_logger().warning(
                 f'Refused an effort: {reason_of(error)}', throttle_duration_sec=LOG_PERIOD)
@@ -241,17 +178,20 @@ class WallTimeLoop(_Loop):
         with self._lock:
             measured = self._plant.measure()
         while self._running():
-            self._topics.publish(first_ns + tick * self._period_ns, measured)
+            stamp_ns = first_ns + tick * self._period_ns
+            self._topics.publish(stamp_ns, measured)
             tick += 1
             due = start + tick * self._period
             self._take_efforts_until(max(due, before + FASTEST_PERIOD * self._period))
-            before = time.monotonic()
+            now = time.monotonic()
+            passed, before = now - before, now
             if before - due > MAX_LAG:
                 self._node.get_logger().warning(
                     f'{before - due:.3f} s behind the rate of {1.0 / self._period:g} Hz',
                     throttle_duration_sec=LOG_PERIOD)
                 if own_time:
                     start += before - due
+            self._watch_commands(passed, stamp_ns)
             measured = self._advance()
 
     def _take_efforts_until(self, deadline: float) -> None:
@@ -260,10 +200,33 @@ class WallTimeLoop(_Loop):
             if self._wait_for_effort(max(remaining, 0.0)):
                 taken = self._topics.take_effort()
                 if taken is not None:
-                    with self._lock:
-                        self._plant.take_effort(taken[0])
+                    self._give(taken[0])
             if remaining <= 0.0:
                 return
+
+    def _give(self, effort: FloatArray) -> None:
+        with self._lock:
+            had_timed_out = self._plant.timed_out
+            self._plant.take_effort(effort)
+        if had_timed_out:
+            self._node.get_logger().info(
+                'Efforts arrive again: the arm goes on from where it is.',
+                throttle_duration_sec=LOG_PERIOD)
+
+    def _watch_commands(self, passed: float, stamp_ns: int) -> None:
+        """Hold the arm where efforts have failed to come, and say so; all that came are taken."""
+        plant = self._plant
+        with self._lock:
+            if not plant.watch_commands(passed, self._period):
+                return
+            silence, steps = plant.commands.silence, plant.commands.silent_steps
+        since = (stamp_ns - steps * self._period_ns) / NANOSECONDS_PER_SECOND
+        done = 'the brakes hold the arm where it is' if plant.has_brakes else (
+            'no effort acts on the arm, which has no brakes')
+        self._node.get_logger().warning(
+            f'No valid effort for {silence:.3f} s (command_timeout), since the joint state of '
+            f'{since:.3f} s: {done}, until the next effort arrives.',
+            throttle_duration_sec=LOG_PERIOD)
 
 
 class LockStepLoop(_Loop):

@@ -1,0 +1,77 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The URDF that Pinocchio reads: that of a robot that was checked, and nothing else of it.
+
+Continuous joints become unlimited revolute ones, with one coordinate each instead of cosine and
+sine; geometry, limits and mimic relations are left out.
+"""
+
+import xml.etree.ElementTree as ElementTree
+
+INERTIA_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+"""The attributes of <inertia>."""
+
+# Stands for "no limit" where the parser behind Pinocchio wants a number.
+_UNLIMITED = '1e30'
+_NUMBERS_OF = {
+    'origin': ('xyz', 'rpy'), 'mass': ('value',), 'inertia': INERTIA_ENTRIES, 'axis': ('xyz',)}
+
+
+def engine_xml(root: ElementTree.Element) -> str:
+    """Return the text for Pinocchio of a <robot> that was checked (see `urdf.parse_urdf`)."""
+    tree = ElementTree.Element('robot', {'name': root.get('name') or 'arm'})
+    for link in root.findall('link'):
+        copy = ElementTree.SubElement(tree, 'link', {'name': link.get('name') or ''})
+        inertial = link.find('inertial')
+        if inertial is not None:
+            _copy_first(
+                ElementTree.SubElement(copy, 'inertial'), inertial, 'origin', 'mass', 'inertia')
+    for joint in root.findall('joint'):
+        kind = joint.get('type') or ''
+        copy = ElementTree.SubElement(tree, 'joint', {
+            'name': joint.get('name') or '',
+            'type': 'revolute' if kind == 'continuous' else kind})
+        _copy_first(copy, joint, 'origin', 'parent', 'child')
+        if kind != 'fixed':
+            _copy_first(copy, joint, 'axis')
+            ElementTree.SubElement(copy, 'limit', {
+                'lower': f'-{_UNLIMITED}', 'upper': _UNLIMITED,
+                'effort': _UNLIMITED, 'velocity': _UNLIMITED})
+    return ElementTree.tostring(tree, encoding='unicode')
+
+
+def _copy_first(target: ElementTree.Element, source: ElementTree.Element, *tags: str) -> None:
+    """
+    Append the first child of each tag, which is the one that was checked.
+
+    Its numbers are written anew: where the parser behind Pinocchio cannot read one (after it a
+    space, between two a tab) it drops the whole inertia of a link, and goes on. What else the
+    child carries was not checked, and is left out.
+    """
+    for tag in tags:
+        element = source.find(tag)
+        if element is None:
+            continue
+        copy = ElementTree.SubElement(target, tag)
+        if tag in ('parent', 'child'):
+            copy.set('link', element.get('link', ''))
+        for attribute in _NUMBERS_OF.get(tag, ()):
+            if attribute in element.attrib:
+                copy.set(attribute, _rewritten(element.attrib[attribute]))
+
+
+def _rewritten(numbers: str) -> str:
+    return ' '.join(repr(float(word)) for word in numbers.split())

@@ -1,0 +1,101 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parameters of `dynamics`, and what they make of its control law."""
+
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.control import (
+    DEFAULT_DAMPING_RATIO,
+    DEFAULT_NATURAL_FREQUENCY,
+    make_gains,
+)
+from robot_dynamics.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
+from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.ros.model_check_log import IGNORE_CHECKS_SPEC
+from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.robot_description import (
+    ACTUATOR_SPECS,
+    check_order_is_given,
+    DESCRIPTION_SPECS,
+    FRICTION_SPECS,
+    semantics_from_parameters,
+)
+from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
+
+SPECS = (
+    *DESCRIPTION_SPECS,
+    *FRICTION_SPECS,
+    *ACTUATOR_SPECS,
+    IGNORE_CHECKS_SPEC,
+    ParameterSpec(
+        'command', Type.STRING, 'computed_torque',
+        'What effort_command carries; computed_torque falls back to gravity_compensation '
+        'without a reference.', choices=COMMAND_MODES),
+    ParameterSpec(
+        'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
+        'Natural frequency of the tracking error [rad/s], one for all joints or one a joint: '
+        'K_p is its square.', minimum=0.0, maximum=1e4),
+    ParameterSpec(
+        'gains.damping_ratio', Type.DOUBLE_ARRAY, [DEFAULT_DAMPING_RATIO],
+        'Damping ratio of the tracking error, one for all joints or one a joint: K_d is twice '
+        'this times the natural frequency.', minimum=0.0, maximum=1e4),
+    ParameterSpec(
+        'gains.kp', Type.DOUBLE_ARRAY, [],
+        'K_p [1/s^2] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+    ParameterSpec(
+        'gains.kd', Type.DOUBLE_ARRAY, [],
+        'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+    ParameterSpec(
+        'friction_compensation', Type.STRING, 'reference',
+        'The velocity at which computed torque compensates friction: reference (that of the '
+        'reference, corrected by the error: robust), measured (exact linearisation, for strong '
+        'gears read without delay), or none.', choices=FRICTION_MODES),
+    ParameterSpec(
+        'effort_scale', Type.DOUBLE, 1.0,
+        'Share of the URDF effort limits to which effort_command is clamped.',
+        minimum=0.0, maximum=1.0),
+    ParameterSpec(
+        'measured_effort', Type.STRING, 'joint_torque',
+        'What effort in joint_states is: joint_torque, joint_torque_without_gravity, '
+        'motor_torque [N m] or motor_current [A] (both need actuators), or none.',
+        read_only=True, choices=MEASURED_EFFORTS),
+    ParameterSpec(
+        'robot_compensates', Type.STRING_ARRAY, [],
+        'What the robot adds by itself to the effort that it is commanded, and effort_command '
+        'so leaves out: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
+    ParameterSpec(
+        'effort_check', Type.BOOL, True,
+        'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
+        'is compensated twice, or not as declared.', read_only=True),
+    *SAFETY_SPECS,
+    ParameterSpec(
+        'autostart', Type.BOOL, True,
+        'Configure and activate at the start; without, wait for ~/change_state.',
+        read_only=True),
+    ParameterSpec(
+        'state_thread', Type.BOOL, True,
+        'Take joint states in a thread of their own (little delay) instead of in the executor.',
+        read_only=True),
+)
+GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
+
+
+def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
+    """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
+    for name in GAINS:
+        check_order_is_given(values, name, arm)
+    gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
+    return ControllerOptions(
+        gains, values['command'], values['effort_scale'], values['friction_compensation'],
+        semantics_from_parameters(values))

@@ -1,0 +1,67 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Serialized messages with damage: cut short, with counts that are lies, bits of noise."""
+
+from collections.abc import Iterator
+import random
+import struct
+
+from rclpy.serialization import deserialize_message
+
+HEAD = 4
+"""Bytes of encapsulation, before the data."""
+LIES = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0x20000000, 100_000_000, 1_000_000)
+"""Counts that no message of the tests has."""
+
+
+def is_readable(data: bytes, message_type: type) -> bool:
+    """Tell whether rclpy takes these bytes for a message."""
+    try:
+        deserialize_message(data, message_type)
+    except Exception:  # of rclpy, which has a type of its own for it
+        return False
+    return True
+
+
+def cut_short(data: bytes, message_type: type) -> Iterator[bytes]:
+    """Give the message with its end missing, at every length that is too short."""
+    for length in range(HEAD, len(data)):
+        if is_readable(data[:length], message_type):
+            return
+        yield data[:length]
+
+
+def with_lies(data: bytes) -> Iterator[bytes]:
+    """Give the message with each word of four bytes replaced, as those that count what follows."""
+    for at in range(HEAD, len(data) - 3, 4):
+        for lie in LIES:
+            yield data[:at] + struct.pack('<I', lie) + data[at + 4:]
+
+
+def with_noise(data: bytes, count: int, seed: int = 1) -> Iterator[bytes]:
+    """Give the message with one to eight bytes replaced by random ones."""
+    rng = random.Random(seed)
+    for _ in range(count):
+        noisy = bytearray(data)
+        for _ in range(rng.randint(1, 8)):
+            noisy[rng.randrange(HEAD, len(data))] = rng.randrange(256)
+        yield bytes(noisy)
+
+
+def noise(count: int, seed: int = 2) -> Iterator[bytes]:
+    """Give up to 200 random bytes, every other time behind the head of a message."""
+    rng = random.Random(seed)
+    for i in range(count):
+        yield (b'', b'\x00\x01\x00\x00')[i % 2] + rng.randbytes(rng.randrange(HEAD, 200))

@@ -1,0 +1,65 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A `dynamics` node with callbacks that fail, as no input of the real one makes them do.
+
+It is the node itself, in its own process, with services, a subscription and a callback of
+parameters beside those that it has, and a transition that fails once.
+"""
+
+import sys
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from robot_dynamics.ros.dynamics_node import DynamicsNode
+from robot_dynamics.ros.running import run_node
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+WORDS = 'as this test wants it'
+
+
+class FailingNode(DynamicsNode):
+    """Fails in every kind of callback that a node can have."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._fails_cleanup = True
+        self.create_service(Trigger, '~/raises', self._fail)
+        self.create_service(SetBool, '~/answers_nothing', lambda *_: None)
+        self.create_service(Trigger, '~/answers_another_type', lambda *_: SetBool.Response())
+        self.create_subscription(String, '~/raises', self._fail, 10)
+        self.add_on_set_parameters_callback(self._judge)
+
+    def _fail(self, *_: Any) -> Any:
+        raise ZeroDivisionError(WORDS)
+
+    def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
+        if any(parameter.name == 'hold_time' for parameter in parameters):
+            self._fail()
+        return SetParametersResult(successful=True)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Fail the first time."""
+        if self._fails_cleanup:
+            self._fails_cleanup = False
+            self._fail()
+        return super().on_cleanup(state)
+
+
+if __name__ == '__main__':
+    sys.exit(run_node(FailingNode))

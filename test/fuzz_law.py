@@ -1,0 +1,69 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The law that every input of the fuzz tests obeys, and how messages reach those who take them.
+
+Who takes an input either comes to an end with numbers that are finite, or refuses it: raises a
+`RobotDynamicsError` whose words are to be read by people.
+"""
+
+from array import array
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from robot_dynamics.exceptions import RobotDynamicsError
+
+LONGEST_MESSAGE = 2000
+"""Characters that a person reads to learn what is wrong."""
+
+
+class RefusalError(Exception):
+    """What a service, topic or parameter refused, with the very words that it gave for it."""
+
+
+def over_the_wire(message: Any) -> Any:
+    """Return the message as who receives it has it."""
+    return deserialize_message(serialize_message(message), type(message))
+
+
+def accepts(take: Callable[..., None], *inputs: Any) -> bool:
+    """Return whether an input is accepted; fail where it is refused in words that say nothing."""
+    try:
+        take(*inputs)
+    except (RobotDynamicsError, RefusalError) as error:
+        check_words(str(error))
+        return False
+    return True
+
+
+def check_words(words: str) -> None:
+    """Fail where a person would not know what is wrong."""
+    assert words.strip(), 'no words at all'
+    assert len(words) <= LONGEST_MESSAGE, f'{len(words)} characters: {words[:300]}…'
+    assert 'internal error' not in words, words
+
+
+def check_finite(value: Any, path: str = '') -> None:
+    """Fail where a message has a number that is not finite, anywhere in it."""
+    if hasattr(value, 'get_fields_and_field_types'):
+        for field in value.get_fields_and_field_types():
+            check_finite(getattr(value, field), f'{path}.{field}')
+    elif isinstance(value, (float, array, np.ndarray)):
+        assert np.isfinite(value).all(), f'{path} is {value}'
+    elif isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+        for i, entry in enumerate(value):
+            check_finite(entry, f'{path}[{i}]')

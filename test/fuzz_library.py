@@ -1,0 +1,214 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What takes messages in the library and beside the nodes, as targets of the fuzz tests.
+
+Each function hands one input to the very functions that a node hands it to, and raises what they
+raise.
+"""
+
+from typing import Any, NamedTuple
+
+from fuzz_arms import ARMS, CROWD
+from fuzz_law import check_finite, check_words, over_the_wire
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions
+from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.joint_order import JointOrder
+from robot_dynamics.robot_side import RobotSide
+from robot_dynamics.ros.conversions import (
+    floats_to_ros,
+    payload_from_ros,
+    payload_to_ros,
+    stamp_from_ros,
+    terms_to_ros,
+    trajectory_from_ros,
+    trajectory_to_ros,
+    wrenches_from_ros,
+)
+from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.simulation_loop import Plant
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.trajectory import TrajectoryFollower
+
+_LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}
+
+
+def _read(reader: JointStateReader, message: Any) -> list[bytes | str | None]:
+    """Return what the reader makes of each field: numbers, the words of a refusal, or nothing."""
+    def position_and_velocity(message: Any) -> np.ndarray:
+        q, v = reader.read(message)
+        return q if v is None else np.concatenate((q, v))
+
+    outcomes: list[bytes | str | None] = []
+    for read in (position_and_velocity, reader.effort, reader.finite_effort):
+        try:
+            numbers = read(message)
+        except InvalidInputError as error:
+            check_words(str(error))
+            outcomes.append(str(error))
+        else:
+            if read != reader.effort:
+                check_finite(numbers)
+            outcomes.append(None if numbers is None else numbers.tobytes())
+    return outcomes
+
+
+def take_joint_state(arm: ArmModel, message: Any) -> None:
+    """Read a state; a reader that saw others before reads the same."""
+    message = over_the_wire(message)
+    fresh = _read(JointStateReader(arm.joint_names), message)
+    assert fresh == _read(_LONG_LIVED_READERS[arm.name], message)
+    JointStateReader(arm.joint_names).read(message)
+
+
+def take_joint_order(arm: ArmModel, motion: dict[str, Any], rows: int) -> None:
+    order = JointOrder(arm, motion['joint_names'])
+    q = order.positions(motion['position'])
+    v = order.rates(motion['velocity'], len(q), 'velocity')
+    a = order.rates(motion['acceleration'], len(q), 'acceleration')
+    assert q.shape == v.shape == a.shape
+    check_finite([q, v, a])
+    if len(q) == rows == 1:
+        assert order.position(motion['position']).tolist() == q[0].tolist()
+        assert order.rate(motion['velocity'], 'velocity').tolist() == v[0].tolist()
+        check_finite(order.effort(motion['position']))
+    assert order.answer(q).shape == (len(q), len(order.names))
+
+
+def take_wrenches(arm: ArmModel, messages: list[Any]) -> None:
+    for wrench in wrenches_from_ros(arm, [over_the_wire(message) for message in messages]):
+        check_finite([wrench.force, wrench.torque])
+
+
+def take_payload(arm: ArmModel, message: Any) -> None:
+    payload = payload_from_ros(arm, over_the_wire(message))
+    if payload is None:
+        return
+    back = payload_from_ros(arm, over_the_wire(payload_to_ros(payload)))
+    assert back is not None
+    assert back.inertia.tolist() == payload.inertia.tolist()
+    loaded = arm.with_payloads([payload])
+    assert loaded.payloads == (payload,)
+
+
+class FollowedTrajectory(NamedTuple):
+    """A trajectory with the state and time at its arrival, and spans of time to look at [ns]."""
+
+    message: Any
+    now_ns: int
+    position: list[float]
+    velocity: list[float]
+    spans: list[int]
+
+
+def take_trajectories(arm: ArmModel, cases: list[FollowedTrajectory]) -> None:
+    """Follow one trajectory after the other; a refusal of one leaves the others alone."""
+    kinds = zip(arm.joint_names, arm.joint_kinds)
+    follower = TrajectoryFollower(
+        arm.joint_names, [name for name, kind in kinds if kind == 'continuous'])
+    refusals = []
+    for case in cases:
+        before = follower.active
+        message = over_the_wire(case.message)
+        try:
+            trajectory = trajectory_from_ros(message, arm.joint_names)
+            follower.start(
+                trajectory, case.now_ns, case.position, case.velocity,
+                stamp_from_ros(message.header.stamp))
+        except InvalidInputError as error:
+            check_words(str(error))
+            assert follower.active is before
+            refusals.append(error)
+        else:
+            over_the_wire(trajectory_to_ros(trajectory))
+        for span in (0, 1, *case.spans):
+            reference = follower.sample(case.now_ns + span)
+            check_finite(list(reference or ()))
+    if len(refusals) == len(cases):
+        raise refusals[0]
+
+
+# ---------------------------------------------------------------------------------- nodes' insides
+
+def take_states(arm: ArmModel, events: list[Any]) -> None:
+    """Let a controller answer states, trajectories and payloads, as the control path does."""
+    controller = Controller(arm, ControllerOptions(make_gains(arm.joint_names)))
+    reader = JointStateReader(arm.joint_names)
+    payloads_done: list[Any] = []
+    refusals = []
+    for event in map(over_the_wire, events):
+        try:
+            if hasattr(event, 'points'):
+                controller.follow(
+                    trajectory_from_ros(event, arm.joint_names),
+                    stamp_from_ros(event.header.stamp))
+            elif hasattr(event, 'inertia'):
+                controller.set_payload(
+                    payload_from_ros(arm, event), 0.5, payloads_done.append)
+            else:
+                output = controller.update(
+                    stamp_from_ros(event.header.stamp), *reader.read(event), with_terms=True)
+                check_finite(floats_to_ros(output.gravity_compensation), 'gravity')
+                if output.computed_torque is not None:
+                    check_finite(floats_to_ros(output.computed_torque), 'computed_torque')
+                assert output.command is not None
+                check_finite(output.command, 'command')
+                if output.terms is not None:  # none where an energy is beyond all numbers
+                    check_finite(over_the_wire(terms_to_ros(
+                        output.terms, arm.joint_names, event.header.stamp)))
+        except RobotDynamicsError as error:
+            check_words(str(error))
+            refusals.append(error)
+    if len(refusals) > len(events) // 2:
+        raise refusals[0]
+
+
+def take_plant(arm: ArmModel, events: list[Any]) -> None:
+    """Let efforts, wrenches and payloads act on a simulated arm, as its loop does."""
+    plant = Plant(
+        ArmSimulation(arm), RobotSide(arm, EffortSemantics()), True,
+        np.random.default_rng(0))
+    reader = JointStateReader(arm.joint_names)
+    refusals: list[RobotDynamicsError] = []
+
+    def act(event: Any) -> None:
+        if hasattr(event, 'wrench'):
+            wrench, = wrenches_from_ros(arm, [event])
+            plant.wrenches[wrench.link] = wrench
+        elif hasattr(event, 'inertia'):
+            plant.simulation.set_payload(payload_from_ros(arm, event))
+        else:
+            plant.take_effort(reader.finite_effort(event))
+
+    for event in map(over_the_wire, events):
+        try:
+            act(event)
+        except RobotDynamicsError as error:
+            check_words(str(error))
+            refusals.append(error)
+        try:
+            plant.step(0.002)
+        except RobotDynamicsError as error:
+            check_words(str(error))
+            refusals.append(error)
+            plant.reset()
+        measured = plant.measure()
+        check_finite([*measured[:3], *measured.motors])
+    if len(refusals) > len(events) // 2:
+        raise refusals[0]

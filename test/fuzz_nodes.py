@@ -1,0 +1,250 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The doors of the real nodes, as targets of the fuzz tests: services, topics, parameters, URDFs.
+
+The nodes run in this process, and the callbacks that rclpy would call are called directly, with
+messages that went over the wire: so a hundred thousand of them pass in minutes.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fuzz_arms import ARMS
+from fuzz_law import check_finite, check_words, over_the_wire, RefusalError
+import numpy as np
+from rcl_interfaces.srv import SetParameters
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.serialization import serialize_message
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.controller import Controller
+from robot_dynamics.ros.dynamics_node import DynamicsNode, options_from, SPECS
+from robot_dynamics.ros.dynamics_services import DynamicsServices
+from robot_dynamics.ros.model_check_log import check_or_refuse
+from robot_dynamics.ros.parameters import DeclaredParameters, Values
+from robot_dynamics.ros.robot_description import arm_from_parameters
+from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation
+
+PLANAR_JOINTS = ('joint1', 'joint2')
+# Apart, and in lock-step, the simulated arm waits for an effort, and disturbs nobody.
+ARGUMENTS = (
+    '-p', f'joints:=[{", ".join(PLANAR_JOINTS)}]', '-p', 'lock_step:=true',
+    '-r', 'simulated_arm:__ns:=/apart', '-r', '__ns:=/fuzz')
+DEFAULTS: Values = {
+    spec.name: tuple(spec.default) if isinstance(spec.default, list) else spec.default
+    for spec in SPECS}
+SPEC = {spec.name: spec for spec in SPECS}
+
+
+class RunningNodes:
+    """Both nodes, and nodes with the services for one arm each; for a `with` statement."""
+
+    def __enter__(self) -> 'RunningNodes':
+        rclpy.init(args=['--ros-args', *ARGUMENTS])
+        self.dynamics, self.simulated_arm = DynamicsNode(), SimulatedArmNode()
+        assert self.simulated_arm.get_parameter('lock_step').value
+        assert self.simulated_arm.get_namespace() == '/apart'
+        self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
+        for arm in ARMS:
+            self._services_of(arm.name).use(Controller(arm, options_from(DEFAULTS, arm)))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for node in (self.dynamics, self.simulated_arm, *(n for n, _ in self._servers.values())):
+            node.destroy_node()
+        rclpy.shutdown()
+
+    def _services_of(self, name: str) -> DynamicsServices:
+        if name not in self._servers:
+            node = Node(f'services_of_{name}')
+            self._servers[name] = node, DynamicsServices(node, lambda _: None)
+        return self._servers[name][1]
+
+    # ------------------------------------------------------------------ services
+
+    def ask(self, service: str, arm: ArmModel, request: Any) -> None:
+        """Ask a service for one of `ARMS`; raise RefusalError with its words."""
+        self._ask(arm.name, service, arm, request)
+
+    def ask_simulated_arm(self, request: Any) -> None:
+        """Ask `simulated_arm` to take a payload."""
+        answer_of(self.simulated_arm, 'set_payload', request)
+
+    def _ask(self, server: str, service: str, arm: ArmModel, request: Any) -> None:
+        response = answer_of(self._servers[server][0], service, request)
+        if service in CHECKS:
+            CHECKS[service](request, response, arm)
+
+    # ------------------------------------------------------------------ topics
+
+    def hear(self, topic: str, message: Any) -> None:
+        """Let `dynamics` hear a message; raise RefusalError with what it says of it afterwards."""
+        node = self.dynamics
+        counters = node._path.counters
+        answered, node._refusal, counters.last_drop = counters.states, '', ''
+        failures = counters.dropped['internal error']
+        callback_of(node, topic)(serialize_message(message))
+        assert counters.dropped['internal error'] == failures, counters.last_drop
+        words = node._refusal if topic == 'joint_trajectory' else counters.last_drop
+        if words:
+            raise RefusalError(words)
+        if topic == 'joint_states' and counters.states == answered:
+            raise RefusalError('the state was passed over: it is of other joints')
+
+    # ------------------------------------------------------------------ parameters and URDFs
+
+    def set_parameters(self, node_name: str, parameters: list[Any]) -> None:
+        """Set parameters one by one; raise RefusalError where none of them was taken."""
+        node = self.dynamics if node_name == 'dynamics' else self.simulated_arm
+        request = over_the_wire(SetParameters.Request(parameters=parameters))
+        response = over_the_wire(service_of(node, 'set_parameters').callback(
+            request, SetParameters.Response()))
+        assert len(response.results) == len(parameters)
+        for parameter, result in zip(request.parameters, response.results):
+            if not result.successful:
+                check_words(result.reason)
+                continue
+            if parameter.name in SPEC:
+                value = plain(node, parameter.name)
+                check_finite(value, parameter.name)
+                if node is self.dynamics:
+                    assert node._settings.values[parameter.name] == value
+        if parameters and not any(result.successful for result in response.results):
+            raise RefusalError(response.results[0].reason)
+
+    def declare(self, parameters: list[Any]) -> None:
+        """Start a node with these parameters, as from a file."""
+        given = [(message.name, parameter_value_to_python(over_the_wire(message).value))
+                 for message in parameters]
+        node = Node(
+            'declaring', start_parameter_services=False, enable_rosout=False,
+            parameter_overrides=[  # an empty list of a file counts as unset
+                Parameter(name, value=None if value == [] else value) for name, value in given])
+        try:
+            values = DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values
+            for name, value in values.items():
+                check_finite(value, name)
+        finally:
+            node.destroy_node()
+
+    def start(self, xml: str, given: Mapping[str, Any]) -> None:
+        """Do what nodes do with a URDF and their parameters, and ask for one of everything."""
+        values = {**DEFAULTS, **{
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in given.items()}}
+        for name in given:
+            SPEC[name].check(values[name])
+        arm = arm_from_parameters(xml, values)
+        check_or_refuse(xml, arm, values, self.dynamics.get_logger())
+        self._services_of('any').use(Controller(arm, options_from(values, arm)))
+        n = arm.joint_count
+        motion = {'position': [0.3] * n, 'velocity': [0.1] * n}
+        for service, request in (
+                ('inverse_dynamics', InverseDynamics.Request(**motion, acceleration=[1.0] * n)),
+                ('forward_dynamics', ForwardDynamics.Request(**motion, effort=[1.0] * n)),
+                ('manipulator_equation', ManipulatorEquation.Request(**motion))):
+            self._ask('any', service, arm, request)
+        simulation = ArmSimulation(arm)
+        simulation.check_inertia()
+        simulation.release()
+        check_finite(list(simulation.step(np.ones(n), 0.002)))
+
+
+def plain(node: Node, name: str) -> Any:
+    """Return the value of a parameter, an array as a tuple."""
+    value = node.get_parameter(name).value
+    return value if isinstance(value, (bool, int, float, str)) else tuple(value)
+
+
+def service_of(node: Node, name: str) -> Any:
+    return next(service for service in node.services if service.srv_name.endswith(f'/{name}'))
+
+
+def callback_of(node: Node, topic: str) -> Callable[[Any], None]:
+    callback: Callable[[Any], None] = next(
+        subscription.callback for subscription in node.subscriptions
+        if subscription.topic_name.endswith(f'/{topic}'))
+    return callback
+
+
+def answer_of(node: Node, name: str, request: Any) -> Any:
+    """Return the answer of a service as its client has it; raise RefusalError with its words."""
+    service = service_of(node, name)
+    response = over_the_wire(
+        service.callback(over_the_wire(request), service.srv_type.Response()))
+    if not response.success:
+        refusal = service.srv_type.Response(message=response.message)
+        assert response == refusal, 'a refusal that is half filled in'
+        raise RefusalError(response.message)
+    check_finite(response, name)
+    return response
+
+
+# ---------------------------------------------------------------------------------- answers
+
+def _check_motors(response: Any, arm: ArmModel) -> None:
+    n = 0 if arm.actuators is None else arm.joint_count
+    for field in ('motor_current', 'motor_voltage', 'current_ratio', 'voltage_ratio'):
+        assert len(getattr(response, field)) == n, field
+
+
+def _check_inverse_dynamics(request: Any, response: Any, arm: ArmModel) -> None:
+    assert sorted(response.joint_names) == sorted(arm.joint_names)
+    assert len(response.effort) == arm.joint_count
+    terms = response.terms
+    assert terms.joint_names == response.joint_names
+    assert terms.effort == response.effort
+    for field in ('inertial', 'coriolis', 'gravity', 'friction', 'external'):
+        assert len(getattr(terms, field)) == arm.joint_count, field
+    _check_motors(response, arm)
+
+
+def _check_batch(request: Any, response: Any, arm: ArmModel) -> None:
+    assert sorted(response.joint_names) == sorted(arm.joint_names)
+    width = len(request.joint_names) or arm.joint_count
+    assert len(response.effort) * width == len(request.position) * arm.joint_count
+
+
+def _check_trajectory(request: Any, response: Any, arm: ArmModel) -> None:
+    assert len(response.trajectory.points) == len(request.trajectory.points)
+    assert response.worst_joint in arm.joint_names
+    for point in response.trajectory.points:
+        assert len(point.effort) == arm.joint_count
+
+
+def _check_forward_dynamics(request: Any, response: Any, arm: ArmModel) -> None:
+    assert sorted(response.joint_names) == sorted(arm.joint_names)
+    assert len(response.acceleration) == arm.joint_count
+    _check_motors(response, arm)
+
+
+def _check_equation(request: Any, response: Any, arm: ArmModel) -> None:
+    n = arm.joint_count
+    assert len(response.mass_matrix) == len(response.coriolis_matrix) == n**2
+    assert len(response.gravity) == len(response.nonlinear) == len(response.friction) == n
+    assert len(response.christoffel) == (n**3 if request.include_christoffel else 0)
+
+
+CHECKS: Mapping[str, Callable[[Any, Any, ArmModel], None]] = {
+    'inverse_dynamics': _check_inverse_dynamics,
+    'inverse_dynamics_batch': _check_batch,
+    'inverse_dynamics_trajectory': _check_trajectory,
+    'forward_dynamics': _check_forward_dynamics,
+    'manipulator_equation': _check_equation,
+}

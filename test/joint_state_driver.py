@@ -1,0 +1,116 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A driver of an arm at rest, in a process of its own: it can be stopped, continued and killed.
+
+It streams joint states with stamps of now, and sends none twice for those that it missed while it
+stood still. `DriverProcess` runs it for a test.
+"""
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import re
+import signal
+import time
+
+from fault_bench import NAMES, Q, V
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from ros_harness import NO_SHARED_MEMORY, NodeProcess, RosClient
+from sensor_msgs.msg import JointState
+
+
+class DriverProcess:
+    """A driver for a `FaultBench`; as long as one lives, it is the only one."""
+
+    def __init__(
+        self, _: RosClient, topic: str, names: Sequence[str] = NAMES,
+        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0,
+        prefix: Sequence[str] = (),
+    ) -> None:
+        """Start nothing yet; `prefix` is a command that runs a command."""
+        self.names, self.q = list(names), list(q)
+        self._parameters = {
+            'names': self.names, 'position': list(map(float, q)),
+            'velocity': list(map(float, v)), 'rate': rate}
+        self._topic, self._prefix = topic, prefix
+        self._process: NodeProcess | None = None
+        self._stands = False
+
+    def start(self) -> 'DriverProcess':
+        """Start the process; do not wait for it."""
+        self._process = NodeProcess(
+            Path(__file__).stem, self._parameters, remaps={'joint_states': self._topic},
+            environment={**NO_SHARED_MEMORY, 'PYTHONPATH': os.pathsep.join(
+                [str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])},
+            ready=re.compile('Streaming'), prefix=self._prefix).launch()
+        return self
+
+    def be_quiet(self) -> None:
+        """Let the process stand still."""
+        self._send(signal.SIGSTOP)
+        self._stands = True
+
+    def go_on(self) -> None:
+        """Send states again, from a new process where the old one is dead."""
+        if self._process is None:
+            self.start()
+        elif self._stands:
+            self._send(signal.SIGCONT)
+            self._stands = False
+
+    def kill(self) -> None:
+        """End the process by SIGKILL."""
+        if self._process is not None:
+            self._process.kill()
+            self._process, self._stands = None, False
+
+    def close(self) -> None:
+        """End the process."""
+        self.kill()
+
+    def _send(self, a_signal: signal.Signals) -> None:
+        assert self._process is not None
+        os.kill(self._process.pid, a_signal)
+
+
+def main() -> None:
+    """Stream until told to stop."""
+    rclpy.init()
+    node = rclpy.create_node('driver', automatically_declare_parameters_from_overrides=True)
+
+    def parameter(name: str) -> object:
+        return node.get_parameter(name).value
+
+    publisher = node.create_publisher(JointState, 'joint_states', 1)
+    message = JointState(
+        name=parameter('names'), position=parameter('position'), velocity=parameter('velocity'))
+    period = 1.0 / float(str(parameter('rate')))
+    node.get_logger().info('Streaming')
+    due = time.monotonic()
+    try:
+        while rclpy.ok():
+            stamp = time.time_ns()
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            publisher.publish(message)
+            due = max(due + period, time.monotonic())
+            time.sleep(max(due - time.monotonic(), 0.0))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+
+
+if __name__ == '__main__':
+    main()

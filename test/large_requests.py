@@ -1,0 +1,162 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Large requests to the services of `dynamics`, from a process of its own.
+
+Making them keeps a process busy, which is not to hold up the driver of a test. Each case checks
+the numbers of its answer itself, where there should be any.
+"""
+
+from collections.abc import Callable, Mapping
+import sys
+import time
+from typing import Any, NamedTuple
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from request_bench import answer_lines, ClientProcess
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics_interfaces.srv import (
+    ForwardDynamics,
+    InverseDynamics,
+    InverseDynamicsBatch,
+    InverseDynamicsTrajectory,
+    SetPayload,
+)
+from ros_harness import RosClient, TIMEOUT
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+SAMPLES, POINTS, WRENCHES = 100_000, 5000, 2000
+DYNAMICS = ArmDynamics(load_arm(default_arm_urdf()))
+STILL = [0.0, 0.0]
+
+Check = Callable[[Any], bool]
+
+
+class Large(NamedTuple):
+    """A large request: its service, type, itself, and whether an answer has the right numbers."""
+
+    service: str
+    kind: Any
+    request: Any
+    is_right: Check = lambda response: not response.success
+
+
+class Answer(NamedTuple):
+    """What came of a large request."""
+
+    success: bool
+    message: str
+    is_right: bool
+    seconds: float
+
+
+def batch() -> Large:
+    q, v, a = np.random.default_rng(1).uniform(-3.0, 3.0, (3, SAMPLES, 2))
+    return Large(
+        'inverse_dynamics_batch', InverseDynamicsBatch, InverseDynamicsBatch.Request(
+            position=floats_to_ros(q), velocity=floats_to_ros(v), acceleration=floats_to_ros(a)),
+        lambda response: np.allclose(
+            np.reshape(response.effort, (-1, 2)), DYNAMICS.inverse_dynamics_batch(q, v, a)))
+
+
+def names() -> Large:
+    return Large('inverse_dynamics', InverseDynamics, InverseDynamics.Request(
+        joint_names=[f'joint{i}' for i in range(1, 200_001)], position=[0.0] * 200_000))
+
+
+def one_name() -> Large:
+    return Large('forward_dynamics', ForwardDynamics, ForwardDynamics.Request(
+        joint_names=['x' * 10_000_000]))
+
+
+def link_name() -> Large:
+    request = SetPayload.Request()
+    request.payload.header.frame_id = 'x' * 10_000_000
+    request.payload.inertia.m = 1.0
+    return Large('set_payload', SetPayload, request)
+
+
+def points() -> Large:
+    path = JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(
+            positions=[1.0, 0.5], velocities=STILL, accelerations=STILL,
+            time_from_start=Duration(sec=i)) for i in range(POINTS)])
+    gravity = DYNAMICS.rigid_body.gravity(np.array([1.0, 0.5]))
+    return Large(
+        'inverse_dynamics_trajectory', InverseDynamicsTrajectory,
+        InverseDynamicsTrajectory.Request(trajectory=path),
+        lambda response: np.allclose(
+            [point.effort for point in response.trajectory.points], gravity))
+
+
+def wrenches() -> Large:
+    one = WrenchStamped()
+    one.header.frame_id = 'tool0'
+    return Large(
+        'inverse_dynamics', InverseDynamics,
+        InverseDynamics.Request(position=STILL, external_wrenches=[one] * WRENCHES),
+        lambda response: np.allclose(response.effort, STILL))
+
+
+class LargeRequests(ClientProcess):
+    """The process that makes these requests."""
+
+    def __init__(
+        self, namespace: str, environment: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__('large_requests', namespace, environment=environment)
+
+    def call(self, case: str) -> Answer:
+        """Make the request of a case; return what came of it."""
+        return Answer(*self.ask((case, True)))
+
+    def send(self, case: str) -> None:
+        """Send the request of a case, and do not wait."""
+        self.ask((case, False))
+
+
+CASES = {case.__name__: case for case in (batch, names, one_name, link_name, points, wrenches)}
+
+
+def main() -> None:
+    """Make the requests whose cases stand on the standard input, or only send them."""
+    namespace, = sys.argv[1:]
+    with RosClient('large_client') as client:
+
+        def answer(question: tuple[str, bool]) -> list[Any]:
+            case, waits = question
+            large = CASES[case]()
+            name = f'{namespace}/dynamics/{large.service}'
+            if not waits:
+                service = client.node.create_client(large.kind, name)
+                assert service.wait_for_service(TIMEOUT)
+                service.call_async(large.request)
+                return []
+            begun = time.monotonic()
+            response = client.call(large.kind, name, large.request, 3 * TIMEOUT)
+            seconds = time.monotonic() - begun
+            return [response.success, response.message, bool(large.is_right(response)), seconds]
+
+        answer_lines(answer)
+
+
+if __name__ == '__main__':
+    main()

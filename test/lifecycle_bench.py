@@ -1,0 +1,94 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the tests of models and of the lifecycle share: transitions, states, and what went out.
+
+Silence is told from the topic of g(q), which goes on while no efforts go out: where so many of
+its messages came without an effort, there is none.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from fault_bench import FaultBench
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from ros_harness import Collector, DYNAMICS, KEEP_MANY, NodeProcess, RosClient
+from sensor_msgs.msg import JointState
+
+CONFIGURE = Transition.TRANSITION_CONFIGURE
+CLEANUP = Transition.TRANSITION_CLEANUP
+ACTIVATE = Transition.TRANSITION_ACTIVATE
+DEACTIVATE = Transition.TRANSITION_DEACTIVATE
+SHUTDOWN = Transition.TRANSITION_ACTIVE_SHUTDOWN
+STATES_OF_SILENCE = 50
+"""Joint states that are answered without an effort."""
+
+
+class LifecycleBench(FaultBench):
+    """A bench whose node starts as the test wants it."""
+
+    def __init__(self, *args: Any, **driver: Any) -> None:
+        super().__init__(*args, **driver)
+        self.gravity: Collector = self.client.collect(
+            JointState, self.name('gravity_compensation'), KEEP_MANY)
+        self.gravity.wait_matched()
+
+    def change(self, transition: int = 0, label: str = '') -> bool:
+        """Ask for a transition; return whether it was made."""
+        return bool(self.client.call(ChangeState, self.name('change_state'), ChangeState.Request(
+            transition=Transition(id=transition, label=label))).success)
+
+    def state(self) -> str:
+        """Return the name of the state that the node is in."""
+        return str(self.client.call(GetState, self.name('get_state')).current_state.label)
+
+    def ask(self, service: str, kind: Any, **fields: Any) -> Any:
+        """Return the response of a service below `~`."""
+        return self.client.call(kind, self.name(service), kind.Request(**fields))
+
+    def check_silent(self) -> None:
+        """Check that states are answered with g(q), and with no effort."""
+        self.gravity.clear()
+        self.gravity.wait_for()  # whatever was on its way has arrived
+        self.efforts.clear()
+        self.gravity.clear()
+        self.gravity.wait_count(STATES_OF_SILENCE)
+        assert self.efforts.messages == []
+
+    def close(self) -> None:
+        """Stop the driver and forget the topics."""
+        super().close()
+        self.gravity.close()
+
+
+@contextmanager
+def lifecycle_bench(
+    client: RosClient, namespace: str, parameters: Mapping[str, Any], hold: Sequence[float] = (),
+) -> Iterator[LifecycleBench]:
+    """Run a node and a driver; other nodes may run beside it, and are not heard."""
+    diagnostics = f'{namespace}/diagnostics'
+    with NodeProcess(
+            DYNAMICS, parameters, namespace=namespace, remaps={'/diagnostics': diagnostics},
+            patient=False, ready=None) as node:
+        bench = LifecycleBench(client, node, namespace, diagnostics=diagnostics)
+        bench.hold = hold or bench.hold
+        try:
+            bench.driver.start()
+            yield bench
+        finally:
+            bench.close()
+            client.forget(namespace)

@@ -1,0 +1,126 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A network partition, for real: driver and node in two network namespaces, with a link that breaks.
+
+Run it in a network of its own, as `own_network` says how. It prints the times that it saw, as one
+line of JSON.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+import json
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import time
+
+from fault_bench import fault_bench, FaultBench
+from joint_state_driver import DriverProcess
+from ros_harness import RosClient, wait_until
+
+OWN_NETWORK = (['unshare', '--net'], ['unshare', '--user', '--map-root-user', '--net'])
+"""Commands that run a command in a new network namespace: as root, and as anybody."""
+NEW_LINK = ['ip', 'link', 'add', 'near', 'type', 'veth', 'peer', 'name', 'far']
+SHORT_LEASE = Path(__file__).with_name('short_lease.xml')
+"""Processes that do not hear of each other forget each other after 2 s instead of 20 s."""
+
+
+def own_network() -> tuple[list[str], str]:
+    """Return the command that puts a command in a network of its own, or why there is none."""
+    missing = [name for name in ('unshare', 'nsenter', 'ip') if shutil.which(name) is None]
+    if missing:
+        return [], f'there is no command {missing[0]!r}'
+    for command in OWN_NETWORK:
+        tried = subprocess.run(
+            [*command, *NEW_LINK], capture_output=True, text=True, check=False)
+        if tried.returncode == 0:
+            return command, ''
+    return [], f'network namespaces are not permitted: {tried.stderr.splitlines()[0]}'
+
+
+def run(*command: str) -> None:
+    """Run a command that must succeed."""
+    subprocess.run(command, check=True)
+
+
+def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
+    """
+    Return whether the kernel takes the link for up, which follows a little after both its ends.
+
+    A process that starts before leaves the device alone for ever: Fast DDS looks for devices that
+    are running once, when it starts.
+    """
+    shown = subprocess.run(
+        [*prefix, 'ip', '-json', 'link', 'show', device], check=True, capture_output=True)
+    return str(json.loads(shown.stdout)[0]['operstate']) == 'UP'
+
+
+@contextmanager
+def linked_network() -> Iterator[list[str]]:
+    """Link this network with another; yield the command that runs a command over there."""
+    holder = subprocess.Popen(['unshare', '--net', 'sleep', 'infinity'])
+    over_there = ['nsenter', '--target', str(holder.pid), '--net']
+    here = os.readlink('/proc/self/ns/net')
+    try:
+        wait_until(
+            lambda: os.readlink(f'/proc/{holder.pid}/ns/net') != here, 'the other network')
+        run(*NEW_LINK, 'netns', str(holder.pid))
+        for prefix, device, address in (([], 'near', '10.0.0.1/24'),
+                                        (over_there, 'far', '10.0.0.2/24')):
+            run(*prefix, 'ip', 'addr', 'add', address, 'dev', device)
+            run(*prefix, 'ip', 'link', 'set', 'lo', 'up')
+            run(*prefix, 'ip', 'link', 'set', device, 'up')
+        wait_until(lambda: is_running('near') and is_running('far', over_there), 'the link')
+        yield over_there
+    finally:
+        holder.kill()
+        holder.wait()
+
+
+def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]:
+    """Break the link until efforts have ended, or longer; return the times [s] that were seen."""
+    bench.check_alive()
+    broken = time.monotonic()
+    run('ip', 'link', 'set', 'near', 'down')
+    bench.wait_fault('state_timeout')
+    told = time.monotonic()
+    bench.wait_silent()
+    topic = f'{bench.namespace}/joint_states'
+    if until_forgotten:
+        wait_until(lambda: not bench.client.node.count_publishers(topic), 'the end of the lease')
+    healed = time.monotonic()
+    run('ip', 'link', 'set', 'near', 'up')
+    bench.wait_running()
+    back = time.monotonic()
+    bench.check_alive()
+    return {'told': told - broken, 'broken': healed - broken, 'back': back - healed}
+
+
+def main() -> None:
+    """Run the scenario."""
+    os.environ.update(
+        ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET', FASTRTPS_DEFAULT_PROFILES_FILE=str(SHORT_LEASE))
+    with linked_network() as over_there, RosClient() as client:
+        driver = partial(DriverProcess, prefix=over_there)
+        with fault_bench(client, '/faults_partition', driver_type=driver) as bench:
+            seen = [break_and_heal(bench, until_forgotten) for until_forgotten in (False, True)]
+    print(json.dumps(seen))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,83 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A process that publishes bytes as they are, whatever message they are or are not.
+
+Each line on its standard input is a type, a topic and bytes in hexadecimal, as
+`sensor_msgs.msg.JointState /joint_states 00010000…`; it answers each with a line.
+"""
+
+import importlib
+from pathlib import Path
+import subprocess
+import sys
+import threading
+from typing import Any
+
+from rclpy.serialization import serialize_message
+from ros_harness import LATCHED, RosClient
+
+PERIOD = 0.003
+"""[s] between two messages, so that a subscriber that keeps the newest alone gets most of them."""
+
+
+class RawPublisher:
+    """Runs that process, for use in a `with` statement."""
+
+    def __init__(self) -> None:
+        self.sent = 0
+
+    def publish(self, topic: str, message_type: type, data: bytes) -> None:
+        """Publish bytes as a message of this type, to at least one subscriber; wait for that."""
+        name = f'{message_type.__module__.split("._")[0]}.{message_type.__name__}'
+        self._process.stdin.write(f'{name} {topic} {data.hex()}\n')
+        self._process.stdin.flush()
+        assert self._process.stdout.readline(), f'the publisher ended with {data.hex()}'
+        self.sent += 1
+
+    def __enter__(self) -> 'RawPublisher':
+        self._process: Any = subprocess.Popen(
+            [sys.executable, str(Path(__file__))], text=True, stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.stdin.close()
+        assert self._process.wait(20.0) == 0
+        self._process.stdout.close()
+
+
+def bytes_of(message: Any) -> bytes:
+    """Return a message as it goes over the wire."""
+    return bytes(serialize_message(message))
+
+
+def main() -> None:
+    with RosClient('raw_publisher') as client:
+        publishers: dict[str, Any] = {}
+        pause = threading.Event()
+        for line in sys.stdin:
+            type_name, topic, data = line.rstrip('\n').split(' ')
+            if topic not in publishers:
+                module, name = type_name.rsplit('.', 1)
+                message_type = getattr(importlib.import_module(module), name)
+                publishers[topic] = client.publisher(message_type, topic, LATCHED)
+            publishers[topic].publish(bytes.fromhex(data))
+            pause.wait(PERIOD)
+            print('published', flush=True)
+
+
+if __name__ == '__main__':
+    main()

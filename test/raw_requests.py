@@ -1,0 +1,125 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Requests of bytes that are no request, from a real client over DDS.
+
+rclpy sends no raw requests, and no topic of a node can have the name of a service's. So in this
+process the request type of a service is written by the functions that write a UUID, as 16 bytes
+that are its own; type name, client and all the rest stay what they are.
+"""
+
+from collections.abc import Sequence
+import ctypes
+from importlib import import_module
+import sys
+from typing import Any
+
+from lifecycle_msgs.srv import GetState
+from rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
+from request_bench import answer_lines, ClientProcess
+from ros_harness import RosClient, TIMEOUT
+from unique_identifier_msgs.msg import UUID
+
+LENGTH = 16
+"""Bytes of a raw request."""
+
+
+class RawRequests(ClientProcess):
+    """The process that sends such requests to a node `dynamics`."""
+
+    def __init__(self, namespace: str) -> None:
+        super().__init__('raw_requests', namespace)
+
+    def send(self, requests: Sequence[tuple[str, Any, bytes]]) -> None:
+        """
+        Send requests, each when the last is past.
+
+        Each is the name of a service below `~`, its type, and `LENGTH` bytes.
+        """
+        self.ask([
+            (name, kind.__module__.rpartition('.')[0], kind.__name__, data.hex())
+            for name, kind, data in requests])
+
+
+class _TypeSupport(ctypes.Structure):
+    """The beginning of rosidl_message_type_support_t, and of that of services."""
+
+    _fields_ = [
+        ('identifier', ctypes.c_char_p), ('data', ctypes.c_void_p), ('find', ctypes.c_void_p)]
+
+
+class _ServiceMembers(ctypes.Structure):
+    """service_type_support_callbacks_t of rosidl_typesupport_fastrtps_cpp."""
+
+    _fields_ = [
+        ('namespace', ctypes.c_char_p), ('name', ctypes.c_char_p),
+        ('request', ctypes.c_void_p), ('response', ctypes.c_void_p)]
+
+
+class _MessageMembers(ctypes.Structure):
+    """message_type_support_callbacks_t of rosidl_typesupport_fastrtps_cpp."""
+
+    _fields_ = [
+        ('namespace', ctypes.c_char_p), ('name', ctypes.c_char_p),
+        *((name, ctypes.c_void_p) for name in (
+            'serialize', 'deserialize', 'size', 'largest_size', 'key'))]
+
+
+def _for_fast_dds(capsule: Any) -> _TypeSupport:
+    """Return the type support of Fast DDS behind the one that a Python type carries."""
+    api = ctypes.pythonapi
+    api.PyCapsule_GetName.restype = ctypes.c_char_p
+    api.PyCapsule_GetName.argtypes = [ctypes.py_object]
+    api.PyCapsule_GetPointer.restype = ctypes.c_void_p
+    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    address = api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule))
+    find = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)(
+        _TypeSupport.from_address(address).find)
+    return _TypeSupport.from_address(find(address, b'rosidl_typesupport_fastrtps_c'))
+
+
+def raw_type(service_type: Any) -> Any:
+    """Return the service type with a UUID for a request, under the name of the right one."""
+    check_is_valid_srv_type(service_type)
+    check_is_valid_msg_type(UUID)
+    members = _ServiceMembers.from_address(_for_fast_dds(service_type._TYPE_SUPPORT).data)
+    request = _MessageMembers.from_address(_TypeSupport.from_address(members.request).data)
+    raw = _MessageMembers.from_address(_for_fast_dds(UUID._TYPE_SUPPORT).data)
+    for name in ('serialize', 'deserialize', 'size', 'largest_size', 'key'):
+        setattr(request, name, getattr(raw, name))
+    return type(service_type)('Raw', (), {
+        'Request': UUID, 'Response': service_type.Response, 'Event': service_type.Event})
+
+
+def main() -> None:
+    """Send what stands on the standard input."""
+    node = f'{sys.argv[1]}/dynamics'
+    with RosClient('raw_client') as client:
+        services: dict[str, Any] = {}
+
+        def answer(requests: Sequence[tuple[str, str, str, str]]) -> None:
+            for name, package, kind, data in requests:
+                if name not in services:
+                    services[name] = client.node.create_client(
+                        raw_type(getattr(import_module(package), kind)), f'{node}/{name}')
+                    assert services[name].wait_for_service(TIMEOUT)
+                services[name].call_async(UUID(uuid=list(bytes.fromhex(data))))
+                client.call(GetState, f'{node}/get_state')  # answered after that request
+
+        answer_lines(answer)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,123 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the tests of requests share: clients in processes of their own, and whether control goes on.
+
+No fault may begin while a request is answered. The timeout of states is long enough for a driver
+that shares a busy computer with the tests; how long efforts paused is told, not judged.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+import itertools
+import json
+import os
+from pathlib import Path
+import select
+import subprocess
+import sys
+from types import TracebackType
+from typing import Any
+
+from fault_bench import FaultBench
+from ros_harness import TIMEOUT
+
+PATIENT = {'state_timeout': 2.0}
+"""Parameters of a node whose driver may be slow."""
+
+
+class ControlGoesOn:
+    """Checks of a node that it commands as ever, whatever it is asked."""
+
+    def __init__(self, bench: FaultBench) -> None:
+        self.bench = bench
+        self.longest_pause = 0.0
+        """[s] between two efforts that arrived during the last check."""
+        self._faults_known = 0
+
+    def ask(self, service: str, kind: Any, **fields: Any) -> Any:
+        """Return the response of a service below `~`."""
+        return self.bench.client.call(kind, self.bench.name(service), kind.Request(**fields))
+
+    @contextmanager
+    def checked(self, with_faults: bool = False) -> Iterator[None]:
+        """Check that efforts go out before, meanwhile and after; `with_faults` after faults."""
+        self.bench.check_alive()
+        before = len(self.bench.efforts.messages)
+        yield
+        self.bench.efforts.wait_count(before + 1)
+        times = [t for t, _ in self.bench.efforts.published()]
+        self.longest_pause = max(b - a for a, b in itertools.pairwise(times))
+        self.bench.check_alive()
+        faults = self._count_faults()
+        assert with_faults or faults == self._faults_known, self.bench.node.log
+        self._faults_known = faults
+
+    def _count_faults(self) -> int:
+        report = self.bench.next_status('command')
+        return sum(
+            int(value.value) for value in report.values if value.key.startswith('faults: '))
+
+
+class ClientProcess:
+    """
+    A module of this directory as a process that answers each line of JSON with one.
+
+    For use in a `with` statement, at whose end it must leave by itself.
+    """
+
+    def __init__(
+        self, module: str, *arguments: str, environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name(f'{module}.py')), *arguments],
+            text=True, env={**os.environ, **(environment or {})},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def ask(self, question: Any, timeout: float = 4 * TIMEOUT) -> Any:
+        """Return the answer to a question."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(f'{json.dumps(question)}\n')
+        self._process.stdin.flush()
+        ready, _, _ = select.select([self._process.stdout], [], [], timeout)
+        assert ready, f'no answer in {timeout:g} s'
+        line = self._process.stdout.readline()
+        assert line, f'ended with status {self._process.wait()}'
+        return json.loads(line)
+
+    def kill(self) -> None:
+        """End it, whatever it does."""
+        self._process.kill()
+        self._process.communicate()
+
+    def __enter__(self) -> 'ClientProcess':
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is not None:
+            self.kill()
+            return
+        self._process.communicate(timeout=TIMEOUT)
+        assert self._process.returncode == 0
+
+
+def answer_lines(answer: Any) -> None:
+    """Answer the questions of a `ClientProcess` until there are no more."""
+    for line in sys.stdin:
+        print(json.dumps(answer(json.loads(line))), flush=True)

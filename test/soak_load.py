@@ -1,0 +1,196 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A load for a `dynamics` node: every service it has, with requests good and bad, all the time."""
+
+from collections.abc import Callable, Sequence
+import threading
+from typing import Any, NamedTuple
+
+from fault_bench import NAMES, Q
+from geometry_msgs.msg import InertiaStamped
+from lifecycle_msgs.srv import ChangeState, GetState
+import numpy as np
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter
+from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics_interfaces.srv import (
+    ForwardDynamics,
+    InverseDynamics,
+    InverseDynamicsBatch,
+    InverseDynamicsTrajectory,
+    ManipulatorEquation,
+    SetPayload,
+)
+from ros_harness import RosClient, TIMEOUT
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+SAMPLES, POINTS = 3000, 100
+"""Of a batch, and of a trajectory."""
+NAN = float('nan')
+
+
+class Call(NamedTuple):
+    """A service, a request for it, and whether an answer is what it should be."""
+
+    service_type: Any
+    name: str
+    request: Any
+    is_right: Callable[[Any], bool]
+
+
+def succeeds(response: Any) -> bool:
+    """Tell whether a service says that it did what was asked."""
+    return bool(response.success)
+
+
+def refuses(response: Any) -> bool:
+    """Tell whether a service says what is wrong with a request."""
+    return not response.success and bool(response.message)
+
+
+def trajectory(times: Sequence[float]) -> JointTrajectory:
+    """Return a trajectory about the pose of the driver, at rest at the last of these times [s]."""
+    message = JointTrajectory(joint_names=NAMES)
+    for time in times:
+        point = JointTrajectoryPoint(
+            positions=[q + 0.01 * np.sin(time) for q in Q], velocities=[0.01 * np.cos(time)] * 2)
+        point.time_from_start.sec = int(time)
+        point.time_from_start.nanosec = int(time % 1.0 * 1e9)
+        message.points.append(point)
+    message.points[-1].velocities = [0.0, 0.0]
+    return message
+
+
+def payload(mass: float, link: str = 'tool0', transition_time: float = 0.3) -> Any:
+    """Return a request for a load."""
+    load = InertiaStamped()
+    load.header.frame_id, load.inertia.m = link, mass
+    return SetPayload.Request(payload=load, transition_time=transition_time)
+
+
+def setting(name: str, value: Any) -> Any:
+    """Return a request to set a parameter."""
+    return SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+
+
+def set_is(successful: bool) -> Callable[[Any], bool]:
+    """Return what tells whether a parameter was set, or refused with a reason."""
+    return lambda response: response.results[0].successful is successful and (
+        successful or bool(response.results[0].reason))
+
+
+def calls() -> list[Call]:
+    """Return one of each kind."""
+    many = floats_to_ros(np.tile(Q, SAMPLES))
+    times = np.linspace(0.1, 3.0, POINTS)
+    request = InverseDynamicsTrajectory.Request
+    parameters = ['effort_scale', 'gains.natural_frequency', 'robot_description']
+    return [
+        Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(position=Q), succeeds),
+        Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
+            position=Q, velocity=[0.0, NAN]), refuses),
+        Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
+            joint_names=['elbow'], position=[0.0]), refuses),
+        Call(InverseDynamicsBatch, 'inverse_dynamics_batch', InverseDynamicsBatch.Request(
+            position=many, velocity=many, acceleration=many), succeeds),
+        Call(InverseDynamicsBatch, 'inverse_dynamics_batch', InverseDynamicsBatch.Request(
+            position=many, velocity=many[:-1]), refuses),
+        Call(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory',
+             request(trajectory=trajectory(times)), succeeds),
+        Call(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory',
+             request(trajectory=trajectory(times[::-1])), refuses),
+        Call(ForwardDynamics, 'forward_dynamics', ForwardDynamics.Request(
+            position=Q, effort=[1.0, 1.0]), succeeds),
+        Call(ForwardDynamics, 'forward_dynamics', ForwardDynamics.Request(), refuses),
+        Call(ManipulatorEquation, 'manipulator_equation', ManipulatorEquation.Request(
+            position=Q, velocity=[1.0, -1.0], include_christoffel=True), succeeds),
+        Call(SetPayload, 'set_payload', payload(0.5), succeeds),
+        Call(SetPayload, 'set_payload', payload(0.5, 'no_link'), refuses),
+        Call(SetPayload, 'set_payload', payload(0.0, transition_time=0.0), succeeds),
+        Call(SetPayload, 'set_payload', payload(-1.0), refuses),
+        Call(SetParameters, 'set_parameters', setting('effort_scale', 0.9), set_is(True)),
+        Call(SetParameters, 'set_parameters', setting('effort_scale', NAN), set_is(False)),
+        Call(SetParameters, 'set_parameters', setting('gains.kp', [1.0] * 7), set_is(False)),
+        Call(SetParameters, 'set_parameters', setting('no_such', 1), set_is(False)),
+        Call(GetParameters, 'get_parameters', GetParameters.Request(names=parameters),
+             lambda response: len(response.values) == len(parameters)),
+        Call(DescribeParameters, 'describe_parameters', DescribeParameters.Request(
+            names=parameters), lambda response: len(response.descriptors) == len(parameters)),
+        Call(ListParameters, 'list_parameters', ListParameters.Request(),
+             lambda response: set(parameters) <= set(response.result.names)),
+        Call(Trigger, 'reset_fault', Trigger.Request(), lambda response: bool(response.message)),
+        Call(GetState, 'get_state', GetState.Request(),
+             lambda response: response.current_state.label == 'active'),
+        Call(ChangeState, 'change_state', ChangeState.Request(),
+             lambda response: not response.success)]
+
+
+class ServiceLoad:
+    """Calls all services over and over, all of them at once, and sends references beside it."""
+
+    def __init__(self, client: RosClient, node: str) -> None:
+        """`node` is the full name of the node."""
+        self.answered = 0
+        self.wrong: list[str] = []
+        """Answers that are not what they should be, or missing, in words."""
+        self._references = client.publisher(JointTrajectory, f'{node}/joint_trajectory')
+        self._calls = calls()
+        self._clients = {}
+        for call in self._calls:
+            if call.name not in self._clients:
+                service = client.node.create_client(call.service_type, f'{node}/{call.name}')
+                assert service.wait_for_service(TIMEOUT), call.name
+                self._clients[call.name] = service
+        self._node = client.node
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, when what was asked has been answered."""
+        self._ends.set()
+        self._thread.join(TIMEOUT)
+        for service in self._clients.values():
+            self._node.destroy_client(service)
+        self._node.destroy_publisher(self._references)
+
+    def _run(self) -> None:
+        references = [trajectory([0.0]), trajectory(np.linspace(0.1, 3.0, POINTS)),
+                      trajectory([0.2, 0.1]), JointTrajectory(joint_names=['elbow'])]
+        i = 0
+        while not self._ends.is_set() and not self.wrong:
+            self._references.publish(references[i % len(references)])
+            self._round()
+            i += 1
+
+    def _round(self) -> None:
+        left = threading.Semaphore(0)
+        asked = []
+        for call in self._calls:
+            future = self._clients[call.name].call_async(call.request)
+            future.add_done_callback(lambda _: left.release())
+            asked.append((call, future))
+        for _ in asked:
+            if not left.acquire(timeout=TIMEOUT):
+                break
+        for call, future in asked:
+            if future.done() and call.is_right(future.result()):
+                self.answered += 1
+            else:
+                self.wrong.append(f'{str(call.request)[:500]} was answered {future.result()}')

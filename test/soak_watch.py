@@ -1,0 +1,120 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Two processes that watch a long run from outside: what is published, and how late the computer is.
+
+`record` keeps when each effort of a `dynamics` node was published, and for which state, and counts
+the messages of all its topics with numbers that are not finite. `wake` sleeps for a millisecond
+over and over and keeps when it woke up late: nobody can expect to be in time then. Both write what
+they have to a file when they are interrupted.
+"""
+
+from array import array
+from collections.abc import Callable, Iterable
+import math
+import signal
+import sys
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+NANOSECONDS = 1_000_000_000
+EVERY_ONE = QoSProfile(depth=10000)
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+NAP, LATE = 0.001, 0.0005
+"""[s] of sleep, and of waking up late that is worth noting."""
+INTERRUPTED = threading.Event()
+
+
+class EffortRecorder:
+    """Listens to all that a `dynamics` node publishes at the rate of the joint states."""
+
+    def __init__(self, node: Any, namespace: str) -> None:
+        self.efforts = array('q')
+        """Of each effort: its number, when it was published, the stamp of its state [ns]."""
+        self.heard = self.not_finite = 0
+        node.create_subscription(
+            JointState, f'{namespace}/effort_command', self._on_effort, EVERY_ONE)
+        for message_type, name, numbers in (
+                (JointState, 'gravity_compensation', lambda message: message.effort),
+                (JointState, 'computed_torque', lambda message: message.effort),
+                (Float64MultiArray, 'commands', lambda message: message.data),
+                (DynamicsTerms, 'terms', numbers_of)):
+            node.create_subscription(
+                message_type, f'{namespace}/dynamics/{name}', self._checker(numbers), NEWEST)
+
+    def _on_effort(self, message: JointState, info: dict[str, int]) -> None:
+        self._check(message.effort)
+        stamp = message.header.stamp
+        self.efforts.extend((
+            info['publication_sequence_number'], info['source_timestamp'],
+            stamp.sec * NANOSECONDS + stamp.nanosec))
+
+    def _checker(self, numbers: Callable[[Any], Iterable[float]]) -> Callable[[Any], None]:
+        def check(message: Any) -> None:
+            self._check(numbers(message))
+
+        return check
+
+    def _check(self, numbers: Iterable[float]) -> None:
+        self.heard += 1
+        self.not_finite += not all(map(math.isfinite, numbers))
+
+
+def numbers_of(message: DynamicsTerms) -> list[float]:
+    """Return all numbers of a message."""
+    return [
+        message.kinetic_energy, message.potential_energy, *message.inertial, *message.coriolis,
+        *message.gravity, *message.friction, *message.external, *message.effort]
+
+
+def record(file: str, namespace: str) -> None:
+    """Record until interrupted."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('recorder')
+    recorder = EffortRecorder(node, namespace)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not INTERRUPTED.is_set():
+        executor.spin_once(timeout_sec=0.1)
+    np.savez(
+        file, efforts=np.array(recorder.efforts).reshape(-1, 3), heard=recorder.heard,
+        not_finite=recorder.not_finite)
+
+
+def wake(file: str) -> None:
+    """Nap until interrupted."""
+    late: list[tuple[float, float]] = []
+    while not INTERRUPTED.is_set():
+        due = time.time() + NAP
+        time.sleep(NAP)
+        passed = time.time() - due
+        if passed > LATE:
+            late.append((due, passed))
+    np.savez(file, late=np.array(late).reshape(-1, 2))
+
+
+if __name__ == '__main__':
+    signal.signal(signal.SIGINT, lambda *_: INTERRUPTED.set())
+    {'record': record, 'wake': wake}[sys.argv[1]](*sys.argv[2:])

@@ -1,0 +1,49 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A process that floods a topic with joint states: TOPIC RATE SECONDS, each with the stamp of now.
+
+At the end it says how many there were, and the stamp of the last one [ns].
+"""
+
+import struct
+import sys
+import time
+
+from fault_bench import NAMES, NANOSECONDS, Q, V
+from rclpy.serialization import serialize_message
+from ros_harness import BEST_EFFORT, RosClient
+from sensor_msgs.msg import JointState
+
+STAMP_AT = 4
+"""Where the bytes of a message have its stamp."""
+
+
+def main(topic: str, rate: float, seconds: float) -> None:
+    data = bytearray(serialize_message(JointState(name=NAMES, position=Q, velocity=V)))
+    with RosClient('flood') as client:
+        publisher = client.publisher(JointState, topic, BEST_EFFORT)
+        begin, sent, stamp = time.monotonic(), 0, 0
+        while (passed := time.monotonic() - begin) < seconds:
+            while sent < rate * passed:
+                stamp = time.time_ns()
+                struct.pack_into('<iI', data, STAMP_AT, *divmod(stamp, NANOSECONDS))
+                publisher.publish(bytes(data))
+                sent += 1
+    print(sent, stamp)
+
+
+if __name__ == '__main__':
+    main(sys.argv[1], float(sys.argv[2]), float(sys.argv[3]))

@@ -1,0 +1,77 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A supervisor of two joints for its tests, with the states and the clock that it is told."""
+
+from collections.abc import Sequence
+from itertools import count
+from typing import Any
+
+import numpy as np
+from robot_dynamics.command_supervisor import CommandSupervisor, Fault, SafetyOptions
+from robot_dynamics.effort_guard import GuardLimits
+
+NAMES = ('shoulder', 'elbow')
+HOLD, OTHER_HOLD = np.array([-50.0, 11.0]), np.array([-40.0, -6.0])
+PUSH = HOLD + [150.0, -80.0]
+RATE = 1000.0
+HOLD_TIME, RAMP_TIME = 1.0, 0.5
+PERIOD = 0.002
+START = 100.0
+
+SILENT = [None, None]
+TROUBLE = Fault('trouble', 'something went wrong')
+LATCHED = Fault('broken', 'something is wrong', latched=True)
+
+
+def limits(rate: float = RATE, reach: float = np.inf) -> GuardLimits:
+    return GuardLimits(np.full(2, -reach), np.full(2, reach), np.full(2, np.inf), 0.01, rate)
+
+
+def make(reach: float = np.inf, rate: float = RATE, **options: Any) -> CommandSupervisor:
+    return CommandSupervisor(NAMES, limits(rate, reach), SafetyOptions(**options))
+
+
+def answer(
+    one: CommandSupervisor, now: float, command: np.ndarray = HOLD, hold: np.ndarray = HOLD,
+    q: Sequence[float] = (0.0, 0.0), dt: float | None = None,
+) -> list[float] | None:
+    """Tell of a good state at rest; return the effort as a list, None for none."""
+    effort = one.answer(now, np.array(q), np.zeros(2), command, hold, dt)
+    return None if effort is None else list(effort)
+
+
+def running(command: np.ndarray = HOLD, **options: Any) -> CommandSupervisor:
+    """Return one that has let `command` out at the time START."""
+    one = make(**options)
+    one.activate()
+    for k in range(1001):
+        effort = answer(one, START + (k - 1000) * PERIOD, command)
+    assert effort == command.tolist()
+    return one
+
+
+def course(
+    one: CommandSupervisor, begin: float = START, longest: float = 10.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tick until nothing goes out; return the times since `begin` (k,) and the efforts (k, n)."""
+    times, efforts = [], []
+    for k in count():
+        assert k * PERIOD < longest, 'it goes on and on'
+        effort = one.tick(begin + k * PERIOD)
+        if effort is None:
+            break
+        times.append(k * PERIOD)
+        efforts.append(effort)
+    return np.array(times), np.array(efforts).reshape(-1, len(NAMES))

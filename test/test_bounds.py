@@ -1,0 +1,222 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Numbers that no arm has are refused where they come in, by name, before anything overflows.
+
+A warning of numpy is a failure here: it is a number that nobody checked.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.control import ErrorFeedback, make_gains
+from robot_dynamics.exceptions import (
+    InvalidInputError,
+    LONGEST_MESSAGE,
+    ModelError,
+    RobotDynamicsError,
+    TrajectoryError,
+)
+from robot_dynamics.friction import make_friction
+from robot_dynamics.joint_order import JointOrder
+from robot_dynamics.model_check import check_model
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.validation import check_samples, check_vector, LARGEST_VALUE, SMALLEST_DIVISOR
+
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+BEYOND = 1.0001 * LARGEST_VALUE
+
+
+# --- numbers of a motion -------------------------------------------------------------------------
+
+def test_the_largest_value_passes_and_what_is_beyond_is_refused_by_name():
+    assert check_vector('position', [LARGEST_VALUE, -LARGEST_VALUE], 2, NAMES, LARGEST_VALUE).all()
+    with pytest.raises(InvalidInputError) as caught:
+        check_vector('position', [0.0, -2e9], 2, NAMES, LARGEST_VALUE)
+    assert str(caught.value) == (
+        'position[1] (joint2) is -2e+09, expected a number in [-1e+09, 1e+09]')
+    with pytest.raises(InvalidInputError, match=r'position\[1\]\[0\] \(joint1\) is 1e\+300, exp'):
+        check_samples('position', [0.0, 0.0, 1e300, 0.0], 2, NAMES, LARGEST_VALUE)
+
+
+@pytest.mark.parametrize('ask', [
+    lambda order, value: order.position(value),
+    lambda order, value: order.positions(value),
+    lambda order, value: order.rate(value, 'position'),
+    lambda order, value: order.rates(value, 1, 'position'),
+    lambda order, value: order.effort(value, 'position'),
+])
+def test_every_number_of_a_request_is_bounded(ask):
+    order = JointOrder(ARM)
+    assert np.ravel(ask(order, [LARGEST_VALUE, 0.0])).tolist() == [LARGEST_VALUE, 0.0]
+    with pytest.raises(InvalidInputError, match=r'position.*\(joint1\) is 1.0001e\+09, expected'):
+        ask(order, [BEYOND, 0.0])
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    ({'mass': 1e154}, r'payload\.inertia\.m is 1e\+154, expected a number in \[0, 1e\+09\]'),
+    ({'mass': 1.0, 'com': (0.0, -1e10, 0.0)}, r'payload\.inertia\.com\[1\] \(y\) is -1e\+10, exp'),
+    ({'mass': 1.0, 'inertia': 1e308 * np.eye(3)}, r'payload\.inertia\[0\]\[0\] is 1e\+308, exp'),
+])
+def test_a_load_that_no_arm_bears_is_refused(arguments, words):
+    with pytest.raises(InvalidInputError, match=words):
+        make_payload('tool0', **arguments)
+
+
+@pytest.mark.parametrize('rounded', [-1e-310, -1e-12, -0.9e-6])
+def test_a_moment_that_rounding_left_below_zero_is_a_load_all_the_same(rounded):
+    flat = np.diag([rounded, 1.0, 1.0])
+    loaded = ARM.with_payloads([make_payload('tool0', 1.0, inertia=flat)])
+    plain = ARM.with_payloads([make_payload('tool0', 1.0, inertia=np.diag([0.0, 1.0, 1.0]))])
+    for ours, theirs in zip(loaded.engine.inertias, plain.engine.inertias):
+        assert ours.inertia.tolist() == theirs.inertia.tolist()
+
+
+# --- parameters ----------------------------------------------------------------------------------
+
+def test_gains_whose_ratio_overflows_are_refused():
+    with pytest.raises(InvalidInputError, match=(
+            r"gains\.kd of 'joint1' is 4.94066e-324 beside a gains\.kp of 400, expected 0, or")):
+        make_gains(NAMES, kd=[5e-324, 1.0])
+    ErrorFeedback(make_gains(NAMES, kd=[0.0]), ARM.joint_kinds)
+    with pytest.raises(InvalidInputError, match=r'gains\.natural_frequency\[0\] is 1e\+200, exp'):
+        make_gains(NAMES, natural_frequency=[1e200])
+
+
+@pytest.mark.parametrize('field', [
+    'torque_constant', 'gear_ratio', 'efficiency', 'current_limit', 'current_time_constant'])
+def test_what_divides_is_not_almost_zero(field):
+    motor = {'torque_constant': [0.1], 'gear_ratio': [100.0]}
+    make_actuators(NAMES, **{**motor, field: [SMALLEST_DIVISOR]})
+    with pytest.raises(InvalidInputError, match=rf"actuator\.{field} of 'joint1' is 1e-300, exp"):
+        make_actuators(NAMES, **{**motor, field: [1e-300]})
+    with pytest.raises(InvalidInputError, match=rf'actuator\.{field}\[0\] is 1e\+300, expected'):
+        make_actuators(NAMES, **{**motor, field: [1e300]})
+
+
+def test_friction_is_bounded_on_both_ends():
+    with pytest.raises(InvalidInputError, match=r'friction\.viscous\[0\] is 1e\+300, expected'):
+        make_friction(NAMES, viscous=[1e300])
+    with pytest.raises(InvalidInputError, match=r"stribeck_velocity of 'joint1' is 1e-300, exp"):
+        make_friction(NAMES, coulomb=[1.0], stribeck_velocity=[1e-300])
+
+
+# --- descriptions --------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('old', 'new', 'words'), [
+    ('<mass value="5.0"', '<mass value="1e200"', "link 'link1': inertial: mass=1e+200, expected"),
+    ('ixx="0.1', 'ixx="1e308', "link 'link1': inertial: ixx=1e+308, expected at most 1e+09 in"),
+    ('<axis xyz="0 1 0"', '<axis xyz="0 1e-200 0"', "joint 'joint1': axis is zero, expected a"),
+    ('<axis xyz="0 1 0"', '<axis xyz="0 1e200 0"', "joint 'joint1': xyz=1e+200, expected at most"),
+    ('damping="0.0"', 'damping="1e300"', "joint 'joint1': damping=1e+300, expected at most"),
+])
+def test_numbers_of_a_description_are_bounded(old, new, words):
+    urdf = default_arm_urdf()
+    assert old in urdf
+    with pytest.raises(ModelError, match=re.escape(words)):
+        load_arm(urdf.replace(old, new, 1))
+
+
+def slide(limit: str, more: str = '') -> str:
+    return (
+        '<robot name="r"><link name="base"/><link name="load"><inertial><mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+        f'{more}</link><joint name="slide" type="prismatic"><parent link="base"/>'
+        f'<child link="load"/><axis xyz="0 0 1"/><limit {limit}/></joint></robot>')
+
+
+def limits_of(limit: str) -> list[float]:
+    arm: ArmModel = load_arm(slide(limit))
+    return [float(values[0]) for values in (
+        arm.limits.lower, arm.limits.upper, arm.limits.velocity, arm.limits.effort)]
+
+
+def test_a_limit_beyond_any_arm_is_none():
+    unlimited = [-np.inf, np.inf, np.inf, np.inf]
+    assert limits_of('lower="-1e308" upper="1e10" velocity="1e30" effort="1e10"') == unlimited
+    assert limits_of('lower="-inf" upper="inf" velocity="1e-320" effort="0"') == unlimited
+    assert limits_of('lower="-1e9" upper="1e9" velocity="1e9" effort="1e9"') == [
+        -1e9, 1e9, 1e9, 1e9]
+    with pytest.raises(ModelError, match=r'lower=1e\+10, upper=1e\+11, expected a range that'):
+        load_arm(slide('lower="1e10" upper="1e11"'))
+
+
+@pytest.mark.parametrize('limit', ['lower="-1" upper="1e308"', 'lower="-1e308" upper="1e308"'])
+def test_the_model_check_looks_no_further_than_an_arm_can_reach(limit):
+    findings = check_model(slide(f'{limit} velocity="1" effort="100"'))
+    assert [finding.check for finding in findings] == ['limits']
+
+
+@pytest.mark.parametrize('size', ['inf 1 1', '1e200 1 1', '1 1', 'nan 1 1'])
+def test_geometry_of_no_size_is_passed_over(size):
+    box = f'<collision><geometry><box size="{size}"/></geometry></collision>'
+    limit = 'lower="-1" upper="1" velocity="1" effort="100"'
+    assert check_model(slide(limit, box)) == []
+
+
+def test_a_chain_of_mimic_joints_multiplies_up_to_a_number():
+    links = ''.join(f'<link name="l{i}"/>' for i in range(9))
+    joints = ''.join(
+        f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        + (f'<mimic joint="j{i - 1}" multiplier="1e6"/>' if i else '') + '</joint>'
+        for i in range(8))
+    with pytest.raises(ModelError, match=r"joint 'j2': mimic chain: multiplier=1e\+12, expected"):
+        load_arm(f'<robot name="r">{links}{joints}</robot>')
+
+
+def test_attributes_that_nobody_reads_are_not_read():
+    arm = load_arm(default_arm_urdf().replace('<mass value', '<mass xyz="0x10" ixx="?" value'))
+    assert arm.joint_names == NAMES
+
+
+# --- the simulated arm ---------------------------------------------------------------------------
+
+@pytest.mark.parametrize('effort', [1e8, LARGEST_VALUE])
+def test_an_arm_with_stribeck_friction_that_is_flung_away_comes_to_an_end(effort):
+    arm = ARM.with_friction(make_friction(NAMES, coulomb=[1.0], static=[2.0]))
+    simulation = ArmSimulation(arm)
+    simulation.release()
+    with pytest.raises(InvalidInputError, match='no finite solution'):
+        simulation.step(np.full(2, effort), 0.002)
+    assert simulation.q.tolist() == [0.0, 0.0]
+
+
+# --- messages ------------------------------------------------------------------------------------
+
+def test_a_message_that_nobody_would_read_keeps_its_ends():
+    with pytest.raises(TrajectoryError) as caught:
+        raise TrajectoryError(f'joint_names has {"x" * 10**6!r}, expected only joints of this arm')
+    message = str(caught.value)
+    assert len(message) <= LONGEST_MESSAGE
+    assert message.startswith("joint_names has 'xxx")
+    assert message.endswith("xxx', expected only joints of this arm")
+    left_out = re.search(r'… \((\d+) characters left out\) …', message)
+    assert left_out is not None
+    original = f'joint_names has {"x" * 10**6!r}, expected only joints of this arm'
+    assert int(left_out[1]) == len(original) - (len(message) - len(left_out[0]) - 2)
+
+
+def test_a_message_of_the_usual_length_stays_as_it_is():
+    for length in (0, 1, LONGEST_MESSAGE):
+        assert str(RobotDynamicsError('x' * length)) == 'x' * length
+    assert str(RobotDynamicsError()) == ''

@@ -1,0 +1,141 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Brakes that close on a moving arm: it stands, and its motion is heat."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.friction import make_friction
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.simulation import ArmSimulation
+
+START = (0.8, 0.5)
+REFLECTED_INERTIA = 0.2
+"""Of each motor on its joint [kg·m²]."""
+
+
+def bare() -> ArmModel:
+    return load_arm(default_arm_urdf())
+
+
+def rubbing() -> ArmModel:
+    arm = bare()
+    return arm.with_friction(make_friction(
+        arm.joint_names, viscous=[1.0, 0.4], coulomb=[2.0, 0.8], static=[3.0, 1.2],
+        stribeck_velocity=[0.05]))
+
+
+def driven(**changes: list[float]) -> ArmModel:
+    """Return an arm whose motors have an inductance, so that they have a current of their own."""
+    arm = rubbing()
+    return arm.with_actuators(make_actuators(arm.joint_names, **{
+        'torque_constant': [0.05], 'gear_ratio': [100.0], 'resistance': [0.8],
+        'inductance': [4e-4], 'rotor_inertia': [REFLECTED_INERTIA / 1e4], **changes}))
+
+
+def with_play() -> ArmModel:
+    return driven(backlash=[0.3], restitution=[0.5])
+
+
+ARMS = pytest.mark.parametrize('make_arm', [bare, rubbing, driven, with_play])
+
+
+def moving(arm: ArmModel) -> ArmSimulation:
+    """Return an arm on the way down, that fell and was pushed."""
+    simulation = ArmSimulation(arm, START)
+    simulation.release()
+    simulation.step(np.array([20.0, -8.0]), 0.1)
+    assert np.abs(simulation.v).min() > 0.1
+    return simulation
+
+
+@ARMS
+def test_everything_stands_where_it_is(make_arm: Callable[[], ArmModel]) -> None:
+    simulation = moving(make_arm())
+    q, theta = simulation.state.position, simulation.motor_state.position
+    simulation.brake()
+    for _ in range(3):
+        assert simulation.braked
+        for state, position in ((simulation.state, q), (simulation.motor_state, theta)):
+            assert state.position.tolist() == position.tolist()
+            assert state.velocity.tolist() == [0.0, 0.0]
+        assert simulation.effort.tolist() == [0.0, 0.0]
+        simulation.step(np.array([100.0, 50.0]), 0.1)
+
+
+@ARMS
+def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmModel]) -> None:
+    simulation = moving(make_arm())
+    v, omega = simulation.v, simulation.motor_state.velocity
+    rotors = REFLECTED_INERTIA if simulation.arm.actuators is not None else 0.0
+    links = ArmDynamics(bare()).rigid_body.mass_matrix(simulation.q)
+    expected = 0.5 * float(v @ links @ v + rotors * omega @ omega)
+    (kinetic, potential), heat, work = simulation.energy(), simulation.heat, simulation.work
+    simulation.brake()
+    assert simulation.heat - heat == pytest.approx(expected, rel=1e-12)
+    assert expected == pytest.approx(kinetic, rel=1e-12)
+    assert simulation.energy() == (0.0, potential)
+    assert simulation.work == work
+
+
+def test_a_motor_within_its_gap_has_a_motion_of_its_own() -> None:
+    """The case above in which motors do not move as their joints do."""
+    simulation = moving(with_play())
+    assert np.abs(simulation.motor_state.velocity - simulation.v).max() > 0.1
+
+
+@ARMS
+def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmModel]) -> None:
+    simulation = ArmSimulation(make_arm(), START)
+    at_start, turned_over = sum(simulation.energy()), 0.0
+    for k in range(12):
+        simulation.release()
+        simulation.step(np.array([-50.0, -11.0]) + 30.0 * np.sin(k + np.arange(2)), 0.08)
+        turned_over += simulation.energy()[0]
+        if k % 2:
+            simulation.brake()
+    assert turned_over > 10.0
+    error = sum(simulation.energy()) - at_start - simulation.work + simulation.heat
+    assert abs(error) < 1e-6 * turned_over
+
+
+@pytest.mark.parametrize('make_arm', [bare, rubbing, driven])
+def test_it_goes_on_as_one_that_starts_there(make_arm: Callable[[], ArmModel]) -> None:
+    """At rest, its motors without current and without a past."""
+    simulation = moving(make_arm())
+    simulation.brake()
+    twin = ArmSimulation(make_arm(), simulation.q)
+    for arm in (simulation, twin):
+        arm.release()
+        arm.step(np.array([5.0, -2.0]), 0.05)
+    assert simulation.q.tolist() == twin.q.tolist()
+    assert simulation.v.tolist() == twin.v.tolist()
+    assert simulation.effort.tolist() == twin.effort.tolist()
+
+
+def test_brakes_that_are_closed_already_change_nothing() -> None:
+    simulation = ArmSimulation(bare(), START, (0.3, -0.2))  # to be let go in motion
+    simulation.brake()
+    assert simulation.heat == 0.0
+    assert simulation.v.tolist() == [0.3, -0.2]
+    simulation.release()
+    simulation.brake()
+    heat = simulation.heat
+    simulation.brake()
+    assert simulation.heat == heat > 0.0

@@ -1,0 +1,313 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When efforts go out and how they end: the supervisor of the command, event by event."""
+
+import numpy as np
+import pytest
+from robot_dynamics.command_supervisor import Fault, Mode, SafetyOptions
+from supervised import (
+    answer,
+    course,
+    HOLD,
+    HOLD_TIME,
+    LATCHED,
+    limits,
+    make,
+    OTHER_HOLD,
+    PERIOD,
+    PUSH,
+    RAMP_TIME,
+    RATE,
+    running,
+    SILENT,
+    START,
+    TROUBLE,
+)
+
+# --- the first effort ----------------------------------------------------------------------------
+
+def test_nothing_goes_out_before_the_first_good_state() -> None:
+    one = make()
+    assert [answer(one, START), one.tick(START)] == SILENT
+    one.activate()
+    assert one.mode is Mode.WAITING
+    assert not one.is_commanding
+    assert [one.tick(START + after) for after in (0.0, 10.0, 1e6)] == [None] * 3
+    assert one.repeat() is None
+    assert one.fault_count == 0  # nobody is late for what has not begun
+
+
+def test_the_first_effort_is_what_holds_the_arm() -> None:
+    one = make()
+    one.activate()
+    assert answer(one, START, PUSH) == HOLD.tolist()
+    assert one.mode is Mode.RUNNING
+    assert one.is_commanding
+    assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + [2.0, -2.0])
+    assert one.guarded is not None
+    assert one.guarded.by_rate.tolist() == [True, True]
+
+
+def test_a_state_that_comes_again_repeats_its_effort() -> None:
+    one = running(PUSH)
+    repeated = one.repeat()
+    assert repeated is not None
+    assert repeated.tolist() == PUSH.tolist()
+    one.fail(START, TROUBLE)
+    assert one.repeat() is None
+
+
+# --- silence -------------------------------------------------------------------------------------
+
+def test_silence_is_a_fault_after_the_timeout_and_not_before() -> None:
+    timeout = 0.0625  # exact in binary, as START is
+    one = running(state_timeout=timeout)
+    assert one.deadline == START + timeout
+    assert one.tick(START + timeout) is None
+    assert one.mode is Mode.RUNNING
+    assert one.tick(np.nextafter(START + timeout, np.inf)) is not None
+    assert one.mode is Mode.FAULT
+    assert one.fault is not None
+    assert (one.fault.name, one.fault_count) == ('state_timeout', 1)
+    assert '0.0625 s (state_timeout)' in one.fault.words
+
+
+def test_a_good_state_puts_the_timeout_off_and_one_that_comes_again_does_not() -> None:
+    one = running()
+    answer(one, START + 0.04)
+    assert one.tick(START + 0.09) is None
+    one.repeat()
+    one.tick(START + 0.0901)
+    assert one.mode is Mode.FAULT
+
+
+# --- what follows a fault ------------------------------------------------------------------------
+
+@pytest.mark.parametrize('recovery', [1, 5, 100])
+def test_a_fault_is_over_after_so_many_good_states(recovery: int) -> None:
+    one = running()
+    one.fail(START, Fault('trouble', 'words', recovery=recovery))
+    for k in range(1, recovery):
+        answer(one, START + k * PERIOD)
+        assert one.mode is Mode.FAULT
+    answer(one, START + recovery * PERIOD)
+    assert one.mode is Mode.RUNNING
+    assert one.fault_count == 1
+
+
+def test_publishers_that_contradict_each_other_for_ever_are_one_fault() -> None:
+    """A good state of one and a refused one of the other, in turn: the good ones do not add up."""
+    one, fault = running(), Fault('several_publishers', 'words', recovery=100)
+    for k in range(500):
+        one.fail(START + k * PERIOD, fault)
+        answer(one, START + (k + 0.5) * PERIOD)
+        assert one.mode is Mode.FAULT
+    assert one.fault_count == 1
+
+
+def test_a_fault_in_force_gives_way_to_one_that_is_harder_to_leave() -> None:
+    one = running()
+    easy, hard = Fault('easy', 'words'), Fault('hard', 'words', recovery=5)
+    for n, (fault, in_force) in enumerate([
+            (easy, easy), (hard, hard), (easy, hard), (LATCHED, LATCHED), (hard, LATCHED)]):
+        one.fail(START + 0.1 * n, fault)
+        assert one.fault == in_force, n
+    assert one.fault_count == 3
+    t, _ = course(one, START + 0.4)  # the action began with the first
+    assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME - 0.4, abs=1.5 * PERIOD)
+
+
+@pytest.mark.parametrize('moment', [0.02, 0.3, 1.2, 1.49])
+@pytest.mark.parametrize('dt', [None, 0.002, 30.0])
+def test_efforts_come_back_without_a_jump(moment: float, dt: float | None) -> None:
+    """Whatever the stamps say of the time since the last state: efforts went out since."""
+    one = running(PUSH)
+    one.fail(START, TROUBLE)
+    last = PUSH
+    for k in range(round(moment / PERIOD)):
+        effort = one.tick(START + k * PERIOD)
+        assert effort is not None
+        last = effort
+    back = answer(one, START + moment, PUSH, dt=dt)
+    assert one.mode is Mode.RUNNING
+    assert np.abs(back - last).max() <= RATE * PERIOD + 1e-9
+    assert np.abs(answer(one, START + moment + PERIOD, PUSH, dt=PERIOD) - np.array(back)).max() > 0
+
+
+# --- latched -------------------------------------------------------------------------------------
+
+def test_a_latched_fault_waits_for_a_reset() -> None:
+    one = running()
+    one.fail(START, LATCHED)
+    for k in range(1, 2000):
+        answer(one, START + k * PERIOD)
+        assert one.mode is Mode.FAULT
+        assert one.is_latched
+    assert answer(one, START + 5.0) is None
+    assert one.reset() == 'reset broken: something is wrong'
+    assert one.mode is Mode.FAULT
+    assert answer(one, START + 5.1, PUSH) == HOLD.tolist()
+    assert one.mode is Mode.RUNNING
+
+
+@pytest.mark.parametrize('reset_while_inactive', [False, True])
+def test_a_latched_fault_outlives_deactivation(reset_while_inactive: bool) -> None:
+    one = running()
+    one.fail(START, LATCHED)
+    course(one)
+    one.deactivate(START + 2.0)
+    assert one.mode is Mode.INACTIVE
+    if reset_while_inactive:
+        one.reset()
+        assert one.mode is Mode.INACTIVE
+    one.activate()
+    if not reset_while_inactive:
+        assert one.mode is Mode.FAULT
+        assert answer(one, START + 2.1) is None
+        one.reset()
+    assert answer(one, START + 2.2, PUSH) == HOLD.tolist()
+
+
+def test_after_a_reset_as_many_good_states_as_ever_are_wanted() -> None:
+    one = running()
+    one.fail(START, Fault('broken', 'words', latched=True, recovery=3))
+    for k in range(10):
+        answer(one, START + k * PERIOD)
+    one.reset()
+    modes = []
+    for k in range(10, 13):
+        answer(one, START + k * PERIOD)
+        modes.append(one.mode)
+    assert modes == [Mode.FAULT, Mode.FAULT, Mode.RUNNING]
+
+
+def test_a_reset_says_where_there_is_nothing_to_reset() -> None:
+    assert make().reset() == 'there is no fault'
+    one = running()
+    assert one.reset() == 'there is no fault'
+    one.fail(START, TROUBLE)
+    answer(one, START + 0.01)
+    assert one.reset() == 'there is no fault'  # it is over
+
+
+# --- the end -------------------------------------------------------------------------------------
+
+def test_deactivation_ramps_to_zero_and_then_is_silent() -> None:
+    one = running()
+    one.deactivate(START + 0.04)  # time counts from here, not from the last effort
+    assert one.mode is Mode.STOPPING
+    one.deactivate(START + 0.2)  # asked twice, it does not begin again
+    t, efforts = course(one, START + 0.04)
+    assert efforts[:-1] == pytest.approx(np.outer(1.0 - t[:-1] / RAMP_TIME, HOLD))
+    assert efforts[-1].tolist() == [0.0, 0.0]
+    assert t[-1] == pytest.approx(one.options.ramp_time, abs=1.5 * PERIOD)
+    assert one.mode is Mode.INACTIVE
+    assert [answer(one, START + 1.0, PUSH), one.tick(START + 1.1)] == SILENT
+
+
+def test_deactivation_does_not_heed_what_comes() -> None:
+    one = running()
+    one.deactivate(START)
+    one.fail(START + 0.1, LATCHED)
+    answer(one, START + 0.1, PUSH, q=(1e3, 0.0))
+    one.activate()
+    assert one.mode is Mode.STOPPING
+    assert one.fault is None
+    course(one, START + 0.1)
+    assert one.mode is Mode.INACTIVE
+
+
+@pytest.mark.parametrize(('rate', 'ramp_time', 'expected'), [
+    (RATE, 0.5, 0.5), (RATE, 0.0, 0.05), (10.0, 0.5, 5.0)])
+def test_the_time_to_stop_is_told(rate: float, ramp_time: float, expected: float) -> None:
+    one = running(rate=rate, ramp_time=ramp_time)
+    assert one.time_to_stop == expected
+    one.deactivate(START)
+    t, _ = course(one)
+    assert t[-1] == pytest.approx(expected, abs=2 * PERIOD)
+    assert one.time_to_stop == ramp_time  # nothing is left to ramp
+
+
+def test_without_an_effort_deactivation_is_at_once() -> None:
+    one = make()
+    one.activate()
+    one.deactivate(START)
+    assert one.mode is Mode.INACTIVE
+    one = running()
+    one.fail(START, TROUBLE)
+    course(one)
+    one.deactivate(START + 10.0)
+    assert one.mode is Mode.INACTIVE
+
+
+def test_deactivation_takes_over_from_a_fault_action() -> None:
+    one = running()
+    one.fail(START, TROUBLE)
+    one.tick(START + 0.5)
+    one.deactivate(START + 0.5)
+    t, efforts = course(one, START + 0.5)
+    assert efforts[0] == pytest.approx(HOLD)
+    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
+
+
+# --- position limits -----------------------------------------------------------------------------
+
+def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states() -> None:
+    one = running(reach=1.0)
+    answer(one, START + 0.01, q=(1.0087, -1.0087))
+    assert one.mode is Mode.RUNNING
+    answer(one, START + 0.02, q=(0.0, -1.00871))
+    assert one.mode is Mode.FAULT
+    assert one.fault is not None
+    assert one.fault.name == 'position_limit'
+    assert "'elbow' is -1.00871, 0.00871 past its limit" in one.fault.words
+    for k in range(4):
+        answer(one, START + 0.03 + k * PERIOD)
+    answer(one, START + 0.05, q=(1.1, 0.0))
+    for k in range(4):
+        answer(one, START + 0.06 + k * PERIOD)
+        assert one.mode is Mode.FAULT
+    answer(one, START + 0.07)
+    assert one.mode is Mode.RUNNING
+    assert one.fault_count == 1
+
+
+def test_no_effort_begins_past_a_limit() -> None:
+    one = make(reach=1.0)
+    one.activate()
+    for k in range(100):
+        assert answer(one, START + k * PERIOD, q=(0.0, 2.0)) is None
+    assert [answer(one, START + 1.0) for _ in range(5)] == [None] * 4 + [HOLD.tolist()]
+
+
+# --- another model, other options ----------------------------------------------------------------
+
+def test_another_model_of_the_same_joints_goes_on_without_a_jump() -> None:
+    one = running(PUSH)
+    one.set_options(limits(), SafetyOptions())
+    effort = answer(one, START + PERIOD, OTHER_HOLD, OTHER_HOLD, dt=PERIOD)
+    assert np.abs(effort - PUSH).max() <= RATE * PERIOD + 1e-9
+
+
+def test_options_that_change_act_at_once() -> None:
+    one = running()
+    one.set_options(limits(), SafetyOptions(state_timeout=0.2))
+    assert one.tick(START + 0.15) is None
+    assert one.mode is Mode.RUNNING
+    one.fail(START + 0.15, TROUBLE)
+    assert one.tick(START + 0.2) is not None
+    one.set_options(limits(), SafetyOptions(fault_action='stop_publishing'))
+    assert one.tick(START + 0.21) is None
+    assert not one.acts_alone

@@ -1,0 +1,213 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Commands that fail to come: how silence is counted, and what the simulated robot does then."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.command_timeout import CommandTimeout, FEWEST_STEPS
+from robot_dynamics.effort_semantics import make_effort_semantics
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.plant import Plant
+from robot_dynamics.robot_side import RobotSide
+from robot_dynamics.simulation import ArmSimulation
+
+PERIOD = 0.01
+TIMEOUT = 0.2
+ENOUGH = 20
+"""Steps of silence that make the timeout."""
+
+
+def heard_once(timeout: float = TIMEOUT) -> CommandTimeout:
+    commands = CommandTimeout(timeout)
+    commands.hear()
+    assert not commands.end_step(PERIOD, PERIOD)
+    return commands
+
+
+def steps_until_over(commands: CommandTimeout, passed: float, period: float = PERIOD) -> int:
+    """Return how many silent steps of `passed` [s] it takes; 0 where a thousand do not do."""
+    for k in range(1, 1001):
+        if commands.end_step(passed, period):
+            return k
+    return 0
+
+
+# --- silence -------------------------------------------------------------------------------------
+
+def test_it_is_over_after_the_timeout_and_only_once() -> None:
+    commands = heard_once()
+    assert steps_until_over(commands, PERIOD) == pytest.approx(ENOUGH, abs=1)
+    assert commands.silence == pytest.approx(TIMEOUT, abs=PERIOD)
+    assert commands.silent_steps == pytest.approx(ENOUGH, abs=1)
+    assert steps_until_over(commands, PERIOD) == 0
+
+
+def test_nothing_is_missed_before_the_first_command() -> None:
+    assert steps_until_over(CommandTimeout(TIMEOUT), PERIOD) == 0
+
+
+def test_with_a_timeout_of_0_nothing_is_ever_missed() -> None:
+    assert steps_until_over(heard_once(0.0), PERIOD) == 0
+
+
+def test_each_command_begins_anew() -> None:
+    commands = heard_once()
+    for _ in range(50):
+        for _ in range(ENOUGH - 2):
+            assert not commands.end_step(PERIOD, PERIOD)
+        commands.hear()
+        assert not commands.end_step(PERIOD, PERIOD)
+        assert commands.silence == 0.0
+    assert steps_until_over(commands, PERIOD) > 0
+    commands.hear()
+    assert steps_until_over(commands, PERIOD) > 0  # it is missed again after it came again
+
+
+def test_a_reset_waits_for_a_first_command() -> None:
+    commands = heard_once()
+    commands.end_step(PERIOD, PERIOD)
+    commands.reset()
+    assert commands.silence == 0.0
+    assert steps_until_over(commands, PERIOD) == 0
+    commands.hear()
+    commands.reset()  # in the step in which it came
+    assert steps_until_over(commands, PERIOD) == 0
+
+
+@pytest.mark.parametrize('stall', [0.25, 10.0, float('inf')])
+def test_a_loop_that_was_held_up_could_not_hear(stall: float) -> None:
+    """A stall longer than the timeout counts as the one step that it was."""
+    commands = heard_once()
+    assert not commands.end_step(stall, PERIOD)
+    assert commands.silence == PERIOD
+    assert steps_until_over(commands, PERIOD) >= ENOUGH - 2
+
+
+def test_a_loop_that_catches_up_counts_the_time_that_passes() -> None:
+    assert steps_until_over(heard_once(), 0.8 * PERIOD) == pytest.approx(ENOUGH / 0.8, abs=1)
+
+
+@pytest.mark.parametrize('period', [0.1, 1.0])
+def test_a_single_command_may_be_late_where_steps_are_long(period: float) -> None:
+    assert steps_until_over(heard_once(), period, period) == FEWEST_STEPS > 1
+
+
+# --- the robot -----------------------------------------------------------------------------------
+
+START = [0.8, 0.5]
+EFFORT = np.array([-30.0, -12.0])
+
+
+def robot(brakes: bool = True, robot_compensates: Sequence[str] = ()) -> Plant:
+    arm = load_arm(default_arm_urdf())
+    plant = Plant(
+        ArmSimulation(arm, START),
+        RobotSide(arm, make_effort_semantics('joint_torque', robot_compensates, False)), brakes,
+        np.random.default_rng(0))
+    plant.commands.timeout = TIMEOUT
+    return plant
+
+
+def times_out(plant: Plant) -> bool:
+    """Tell whether it happens that efforts fail to come for too long; let that time pass."""
+    for _ in range(2 * ENOUGH):
+        if plant.watch_commands(PERIOD, PERIOD):
+            return True
+        plant.step(PERIOD)
+    return False
+
+
+def command(plant: Plant, steps: int) -> None:
+    for _ in range(steps):
+        plant.take_effort(EFFORT)
+        assert not plant.watch_commands(PERIOD, PERIOD)
+        plant.step(PERIOD)
+
+
+def test_the_brakes_hold_an_arm_that_gets_no_effort_any_more() -> None:
+    plant = robot()
+    command(plant, 10)
+    assert times_out(plant)
+    assert plant.timed_out
+    held = plant.measure()
+    assert np.abs(held.position - START).max() > 0.01
+    for _ in range(3):
+        plant.step(PERIOD)
+        assert not plant.watch_commands(PERIOD, PERIOD)
+        now = plant.measure()
+        assert now.position.tolist() == held.position.tolist()
+        assert now.velocity.tolist() == now.effort.tolist() == [0.0, 0.0]
+
+
+def test_the_next_effort_moves_it_on_from_where_it_stands() -> None:
+    plant = robot()
+    command(plant, 10)
+    assert times_out(plant)
+    twin = ArmSimulation(load_arm(default_arm_urdf()), plant.measure().position)
+    twin.release()
+    command(plant, 1)
+    assert not plant.timed_out
+    twin.step(EFFORT, PERIOD)
+    assert plant.measure().position.tolist() == twin.q.tolist()
+    assert plant.measure().velocity.tolist() == twin.v.tolist()
+
+
+def test_motion_that_the_brakes_end_is_heat() -> None:
+    plant = robot()
+    simulation = plant.simulation
+    at_start = sum(simulation.energy())
+    for _ in range(3):
+        command(plant, 20)
+        assert times_out(plant)
+    assert simulation.energy()[0] == 0.0
+    assert simulation.heat > 1.0  # this arm has no friction
+    assert sum(simulation.energy()) == pytest.approx(
+        at_start + simulation.work - simulation.heat, abs=1e-6 * simulation.heat)
+
+
+def test_an_arm_without_brakes_falls() -> None:
+    plant = robot(brakes=False)
+    command(plant, 10)
+    assert times_out(plant)
+    twin = ArmSimulation(load_arm(default_arm_urdf()), *plant.simulation.state)
+    twin.release()
+    plant.step(0.1)
+    twin.step(np.zeros(2), 0.1)
+    assert plant.timed_out
+    assert plant.simulation.q.tolist() == twin.q.tolist()
+
+
+def test_what_a_robot_adds_by_itself_it_goes_on_adding() -> None:
+    plant = robot(brakes=False, robot_compensates=['gravity'])
+    plant.take_effort(np.zeros(2))
+    assert times_out(plant)
+    plant.step(0.1)
+    assert plant.simulation.q == pytest.approx(START, abs=1e-9)
+
+
+def test_an_arm_that_was_reset_waits_for_its_first_effort() -> None:
+    plant = robot()
+    command(plant, 10)
+    assert times_out(plant)
+    plant.reset()
+    assert not plant.timed_out
+    assert plant.measure().position.tolist() == START
+    assert not times_out(plant)
+    command(plant, 10)
+    plant.reset()  # while silence is counted
+    assert not times_out(plant)

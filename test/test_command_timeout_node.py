@@ -1,0 +1,278 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Efforts that fail to come: the running simulated arm stands on its brakes until they return."""
+
+from collections.abc import Iterator
+import os
+import signal
+import threading
+from typing import Any
+
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.friction import make_friction
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_to_ros
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.trajectory import quintic_point_to_point
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    NO_SHARED_MEMORY,
+    NodeProcess,
+    RosClient,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+NAMES = ['joint1', 'joint2']
+START = [0.8, 0.5]
+RATE = 100.0
+PERIOD_NS = 10_000_000
+VISCOUS = 10.0
+EFFORT = [10.0, -5.0]
+ARM = {'rate': RATE, 'initial_position': START, 'joints': NAMES, 'gravity': [0.0, 0.0, 0.0],
+       'friction.viscous': [VISCOUS]}
+"""Friction alone resists, so that a constant effort moves it on and on."""
+TIMED_OUT = r'\[WARN\].*No valid effort for ([\d.]+) s'
+LONG = 60.0
+"""[s] for things that take many messages on a busy machine."""
+
+
+class Controller:
+    """Answers each state of the arm with one and the same effort, or with nothing for None."""
+
+    def __init__(self, client: RosClient, namespace: str) -> None:
+        self.effort: JointState | None = None
+        self.sent = 0
+        self._node = client.node
+        self._publisher = client.publisher(JointState, f'{namespace}/effort_command', 1)
+        self._subscription = client.node.create_subscription(
+            JointState, f'{namespace}/joint_states', self._answer, 1)
+
+    def _answer(self, _: JointState) -> None:
+        effort = self.effort
+        if effort is not None:
+            self._publisher.publish(effort)
+            self.sent += 1
+
+    def close(self) -> None:
+        self._node.destroy_subscription(self._subscription)
+        self._node.destroy_publisher(self._publisher)
+
+
+class Driven:
+    """A running arm with a controller, and with its states."""
+
+    def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
+        self.node = node
+        self.states = client.collect(JointState, f'{namespace}/joint_states')
+        self._controller = Controller(client, namespace)
+
+    def command(self, effort: Any, names: list[str] = NAMES) -> None:
+        """Answer with this effort from now on, None for none at all."""
+        self._controller.effort = None if effort is None else JointState(
+            name=names, effort=effort)
+
+    def wait_for_answers(self, count: int) -> None:
+        """Wait until so many more efforts have been sent."""
+        enough = self._controller.sent + count
+        wait_until(lambda: self._controller.sent >= enough, f'{count} answers')
+
+    def move(self) -> JointState:
+        """Command the effort until the arm moves."""
+        self.states.clear()
+        self.command(EFFORT)
+        return self.states.wait_for(is_moving, LONG)
+
+    def close(self) -> None:
+        self.states.close()
+        self._controller.close()
+
+
+@pytest.fixture(scope='module')
+def arm(client: RosClient) -> Iterator[Driven]:
+    with NodeProcess(SIMULATED_ARM, ARM, namespace='/silence') as node:
+        driven = Driven(client, node, '/silence')
+        yield driven
+        driven.close()
+
+
+def is_moving(state: JointState) -> bool:
+    return bool(np.abs(state.velocity).max() > 0.1)
+
+
+def wait_standing(states: Collector, count: int = 50) -> JointState:
+    """Wait until so many states in a row are at rest and at the same place; return the last."""
+    states.clear()
+
+    def stands() -> bool:
+        last = states.messages[-count:]
+        return len(last) == count and not any(any(m.velocity) for m in last) and (
+            len({tuple(m.position) for m in last}) == 1)
+
+    wait_until(stands, f'{count} states at rest', LONG)
+    return states.messages[-1]
+
+
+def model() -> ArmModel:
+    arm = load_arm(default_arm_urdf(), NAMES, ARM['gravity'])
+    return arm.with_friction(make_friction(NAMES, viscous=[VISCOUS]))
+
+
+# --- a stream that ends --------------------------------------------------------------------------
+
+def test_the_arm_stands_when_efforts_end_and_says_so(arm: Driven) -> None:
+    arm.move()
+    arm.command(None)
+    standing = wait_standing(arm.states)
+    assert list(standing.position) != START
+    assert list(standing.effort) == [0.0, 0.0]
+    line = arm.node.wait_for_log(
+        TIMED_OUT + r' \(command_timeout\), since the joint state of [\d.]+ s: the brakes hold '
+        'the arm where it is, until the next effort arrives')
+    silence, since = (float(word) for word in line.split() if word.replace('.', '').isdigit())
+    assert 0.2 <= silence < 0.2 + 2.0 / RATE
+    stood = 1e-9 * stamp_from_ros(standing.header.stamp) - (since + silence)
+    assert 0.0 <= stood < LONG
+
+
+def test_the_next_effort_moves_it_on_from_where_it_stands(arm: Driven) -> None:
+    """From rest, and in the same time: as one does that starts there."""
+    arm.move()
+    arm.command(None)
+    standing = wait_standing(arm.states)
+    arm.states.clear()
+    arm.command(EFFORT)
+    first = arm.states.wait_for(lambda m: any(m.velocity), LONG)
+    passed = stamp_from_ros(first.header.stamp) - stamp_from_ros(standing.header.stamp)
+    assert passed % PERIOD_NS == 0
+    twin = ArmSimulation(model(), standing.position)
+    twin.release()
+    for _ in range(passed // PERIOD_NS):  # it began at one of the states in between
+        twin.step(np.array(EFFORT), 1.0 / RATE)
+        if twin.v == pytest.approx(first.velocity, abs=1e-12):
+            break
+    assert twin.v == pytest.approx(first.velocity, abs=1e-12)
+    assert twin.q == pytest.approx(first.position, abs=1e-12)
+    arm.node.wait_for_log('Efforts arrive again: the arm goes on from where it is')
+
+
+@pytest.mark.parametrize(('effort', 'names'), [
+    ([float('nan'), 1.0], NAMES), ([float('inf'), 1.0], NAMES), ([1.0], NAMES), ([], NAMES),
+    ([1.0, 1.0], ['wheel1', 'wheel2']),
+])
+def test_efforts_that_are_refused_do_not_count(
+    arm: Driven, effort: list[float], names: list[str],
+) -> None:
+    arm.move()
+    arm.command(effort, names)
+    wait_standing(arm.states)
+    arm.wait_for_answers(10)
+    arm.node.wait_for_log('Refused an effort')
+    wait_standing(arm.states)
+
+
+def test_a_reset_waits_for_a_first_effort_again(arm: Driven, client: RosClient) -> None:
+    arm.move()
+    arm.command(None)
+    wait_standing(arm.states)
+    assert client.call(Trigger, '/silence/simulated_arm/reset').success
+    arm.states.wait_for(lambda m: list(m.position) == START)
+    assert list(wait_standing(arm.states).position) == START
+    arm.move()
+
+
+# --- how long is too long ------------------------------------------------------------------------
+
+def test_with_0_the_last_effort_acts_for_ever(client: RosClient) -> None:
+    with NodeProcess(SIMULATED_ARM, {**ARM, 'command_timeout': 0.0}, namespace='/ever') as node:
+        arm = Driven(client, node, '/ever')
+        arm.move()
+        arm.command(None)
+        arm.states.clear()
+        for state in arm.states.wait_count(100):
+            assert any(state.velocity)
+            assert list(state.effort) == EFFORT
+        assert 'No valid effort' not in node.log
+        result, = client.set_parameters('/ever/simulated_arm', {'command_timeout': 0.1})
+        assert result.successful
+        wait_standing(arm.states)
+        node.wait_for_log(TIMED_OUT)
+        arm.close()
+
+
+def test_a_process_that_was_suspended_could_not_hear(client: RosClient) -> None:
+    """It was for longer than the timeout, and yet goes on under the effort that it had."""
+    parameters = {**ARM, 'command_timeout': 2.0, 'publish_clock': True}
+    with NodeProcess(SIMULATED_ARM, parameters, namespace='/suspended') as node:
+        arm = Driven(client, node, '/suspended')
+        arm.move()
+        arm.command(None)
+        arm.states.clear()
+        arm.states.wait_count(10)  # so that no effort is left to hear afterwards
+        os.kill(node.pid, signal.SIGSTOP)
+        try:
+            threading.Event().wait(2.2)  # how long it is suspended is what is tested
+            arm.states.clear()
+        finally:
+            os.kill(node.pid, signal.SIGCONT)
+        for state in arm.states.wait_count(20)[:20]:
+            assert any(state.velocity)
+            assert list(state.effort) == EFFORT
+        wait_standing(arm.states)  # silence goes on, and becomes too long
+        arm.close()
+
+
+# --- the closed loop -----------------------------------------------------------------------------
+
+@fault('Processes that fall silent, stall and are killed',
+       'SIGKILL of `dynamics` while it moves `simulated_arm`',
+       'after `command_timeout` the arm stands on its brakes, its velocity exactly 0, and says '
+       'so; another `dynamics` holds it where it stands and moves it on')
+def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
+    client: RosClient,
+) -> None:
+    parameters = {'rate': 200.0, 'initial_position': START}
+    path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 3.0)
+    back = quintic_point_to_point(NAMES, START, START, 1.0)
+    topic = '/killed/dynamics/joint_trajectory'
+    with client.collect(JointState, '/killed/joint_states') as states, \
+            NodeProcess(SIMULATED_ARM, parameters, namespace='/killed') as node:
+        dynamics = NodeProcess(
+            DYNAMICS, namespace='/killed', environment=NO_SHARED_MEMORY).start()
+        try:
+            states.wait_for(lambda m: any(m.effort), LONG)
+            publisher = client.publisher(JointTrajectory, topic)
+            client.ask(publisher, trajectory_to_ros(path), states, is_moving)
+        finally:
+            dynamics.kill()
+        standing = wait_standing(states)
+        node.wait_for_log(TIMED_OUT)
+        assert np.abs(np.array(standing.position) - START).max() > 0.01
+
+        states.clear()
+        with NodeProcess(DYNAMICS, namespace='/killed'):
+            states.wait_for(lambda m: any(m.effort), LONG)
+            held = states.wait_count(len(states.messages) + 200, LONG)
+            assert np.abs([m.position for m in held] - np.array(standing.position)).max() < 1e-3
+            client.ask(publisher, trajectory_to_ros(back), states, is_moving)
+            states.wait_for(lambda m: m.position == pytest.approx(START, abs=1e-3), LONG)
+        client.node.destroy_publisher(publisher)

@@ -1,0 +1,168 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What holds the arm, references that are forgotten, and efforts that are no numbers."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions, NonFiniteEffortError
+from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point
+
+NAMES = ('joint1', 'joint2')
+LIMIT = np.array([150.0, 60.0])
+SECOND = 1_000_000_000
+NOW = 1_790_000_000 * SECOND
+Q, ZERO = np.array([0.8, 0.5]), np.zeros(2)
+ARM = load_arm(default_arm_urdf())
+LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
+COMPENSATES_GRAVITY = EffortSemantics(robot_compensates=('gravity',))
+
+laws = settings(deadline=None, derandomize=True)
+angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array)
+speeds = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
+
+
+def controller(**options: Any) -> Controller:
+    return Controller(ARM, ControllerOptions(make_gains(NAMES), **options))
+
+
+def set_point(q: np.ndarray) -> JointTrajectory:
+    return make_trajectory(NAMES, [0.0], [q.tolist()], (), (), NAMES)
+
+
+# --- what holds the arm --------------------------------------------------------------------------
+
+@laws
+@given(angles, speeds, angles)
+def test_what_holds_is_gravity_whatever_is_followed(
+    q: np.ndarray, v: np.ndarray, goal: np.ndarray,
+) -> None:
+    one, gravity = controller(), ArmDynamics(ARM).rigid_body.gravity(q)
+    assert one.update(NOW, q, v).hold == pytest.approx(gravity)
+    one.follow(set_point(goal), 0)
+    output = one.update(NOW, q, v)
+    assert output.computed_torque is not None
+    assert output.hold == pytest.approx(gravity)
+
+
+@laws
+@given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
+       st.sampled_from([EffortSemantics(), COMPENSATES_GRAVITY]))
+def test_without_a_reference_the_command_is_what_holds(
+    q: np.ndarray, scale: float, mode: str, semantics: EffortSemantics,
+) -> None:
+    one = controller(command=mode, effort_scale=scale, semantics=semantics)
+    output = one.update(NOW, q, ZERO)
+    assert output.command is not None
+    assert output.command.tolist() == output.hold.tolist()
+
+
+@laws
+@given(angles, angles, st.floats(0.0, 1.0), st.sampled_from([None, LOAD]), st.booleans())
+def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
+    q: np.ndarray, goal: np.ndarray, scale: float, load: Any, robot_holds: bool,
+) -> None:
+    one = controller(
+        effort_scale=scale,
+        semantics=COMPENSATES_GRAVITY if robot_holds else EffortSemantics())
+    one.set_payload(load, 0.0, lambda _: None)
+    one.update(NOW, q, ZERO)
+    one.follow(set_point(goal), 0)
+    output = one.update(NOW, q, ZERO)
+    for effort in (output.command, output.hold):
+        assert effort is not None
+        assert (np.abs(effort) <= scale * LIMIT).all()
+        if robot_holds:
+            assert (np.abs(effort + output.robot_gravity) <= np.maximum(
+                LIMIT, np.abs(output.robot_gravity)) + 1e-9).all()
+
+
+def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
+    one = controller(semantics=COMPENSATES_GRAVITY)
+    assert one.update(NOW, Q, ZERO).hold.tolist() == [0.0, 0.0]
+    one.set_payload(LOAD, 0.0, lambda _: None)
+    weight = ArmDynamics(ARM.with_payloads([LOAD])).rigid_body.gravity(Q) - (
+        ArmDynamics(ARM).rigid_body.gravity(Q))
+    assert np.abs(weight).max() > 10.0
+    assert one.update(NOW, Q, ZERO).hold == pytest.approx(weight)
+
+
+# --- a reference that is forgotten ---------------------------------------------------------------
+
+def test_a_reference_that_is_forgotten_is_followed_no_more() -> None:
+    one = controller()
+    one.update(NOW, Q, ZERO)
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    assert one.update(NOW + SECOND, Q, ZERO).reference is not None
+    one.forget_reference()
+    output = one.update(NOW + SECOND, Q, ZERO)
+    assert output.reference is None
+    assert output.computed_torque is None
+    assert output.command is not None
+    assert output.command.tolist() == output.hold.tolist()
+
+
+def test_the_next_one_begins_where_the_arm_is() -> None:
+    one, away = controller(), Q + [0.5, -0.3]
+    one.update(NOW, Q, ZERO)
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    one.update(NOW + SECOND, away, ZERO)
+    one.forget_reference()
+    one.follow(make_trajectory(NAMES, [1.0], [[0.0, 0.0]], (), (), NAMES), 0)
+    reference = one.update(NOW + SECOND, away, ZERO).reference
+    assert reference is not None
+    assert reference.position == pytest.approx(away)
+
+
+def test_one_that_waits_for_the_first_state_is_forgotten_too() -> None:
+    one = controller()
+    one.follow(set_point(Q + 0.1), 0)
+    one.forget_reference()
+    assert one.update(NOW, Q, ZERO).reference is None
+    assert one.expired == 0
+
+
+# --- numbers that are none -----------------------------------------------------------------------
+
+@pytest.mark.parametrize('size', [1e155, 1e200, 1e300])
+def test_an_effort_that_is_not_finite_is_refused_and_nothing_is_left_of_it(size: float) -> None:
+    one = controller()
+    before = one.update(NOW, Q, ZERO)
+    one.follow(set_point(Q), 0)
+    with np.errstate(all='ignore'), pytest.raises(NonFiniteEffortError) as caught:
+        one.update(NOW, Q, np.full(2, size))
+    assert 'position [0.8, 0.5] are not finite' in str(caught.value)
+    one.forget_reference()
+    after = one.update(NOW, Q, ZERO)
+    assert after.command is not None
+    assert after.command.tolist() == before.hold.tolist()
+
+
+def test_an_energy_that_is_not_finite_is_not_told_and_takes_no_effort_away() -> None:
+    one = controller()
+    with np.errstate(all='ignore'):
+        output = one.update(NOW, Q, np.full(2, 1e200), with_terms=True)
+    assert output.terms is None
+    assert output.command == pytest.approx(ArmDynamics(ARM).rigid_body.gravity(Q))
+    assert one.update(NOW, Q, np.ones(2), with_terms=True).terms is not None

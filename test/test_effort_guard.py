@@ -1,0 +1,204 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an effort may be before it goes out: laws of the limits and of the rate of change."""
+
+from typing import NamedTuple
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.effort_guard import EffortGuard, GuardLimits, LONGEST_STEP
+
+N = 2
+INF = np.full(N, np.inf)
+LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.1, 1000.0
+
+laws = settings(deadline=None, derandomize=True, max_examples=300)
+
+
+def guard(
+    lower: float = LOWER, upper: float = UPPER, velocity: float = SPEED, rate: float = RATE,
+) -> EffortGuard:
+    return EffortGuard(GuardLimits(
+        np.full(N, lower), np.full(N, upper), np.full(N, velocity), MARGIN, rate))
+
+
+def vectors(size: float) -> st.SearchStrategy[np.ndarray]:
+    numbers = st.floats(-size, size) | st.sampled_from([0.0, -0.0, size, -size])
+    return st.lists(numbers, min_size=N, max_size=N).map(np.array)
+
+
+class Step(NamedTuple):
+    """A call of the guard."""
+
+    effort: np.ndarray
+    hold: np.ndarray
+    q: np.ndarray
+    v: np.ndarray | None
+    dt: float
+
+
+STEPS = st.builds(
+    Step, vectors(300.0), vectors(50.0), vectors(3.0), st.none() | vectors(4.0),
+    st.floats(-1.0, 1.0) | st.sampled_from([0.0, 0.001, 0.002, LONGEST_STEP]))
+
+
+def span(dt: float) -> float:
+    """Return what an effort may change by at the rate limit, with room for rounding."""
+    return RATE * min(max(dt, 0.0), LONGEST_STEP) + 1e-12
+
+
+# --- the rate of change --------------------------------------------------------------------------
+
+@laws
+@given(st.lists(STEPS | st.none(), min_size=2, max_size=20))
+def test_efforts_in_a_row_keep_to_the_rate_limit(steps: list[Step | None]) -> None:
+    """Whatever is asked for, and however long ago the last one was; None is a new start."""
+    one = guard()
+    last: np.ndarray | None = None
+    for step in steps:
+        if step is None:
+            one.last = last = None
+            continue
+        effort = one.apply(*step).effort
+        if last is None:
+            assert effort.tolist() == step.hold.tolist()
+        else:
+            assert (np.abs(effort - last) <= span(step.dt)).all()
+        last = effort
+
+
+@laws
+@given(STEPS, STEPS)
+def test_within_the_rate_an_effort_goes_out_as_it_is_and_else_as_near_as_may_be(
+    first: Step, second: Step,
+) -> None:
+    one = guard(-np.inf, np.inf, np.inf)
+    start = one.apply(*first).effort
+    effort, by_position, by_velocity, by_rate = one.apply(*second)
+    reachable = RATE * min(max(second.dt, 0.0), LONGEST_STEP)
+    for j in range(N):
+        wanted, way = second.effort[j], second.effort[j] - start[j]
+        if abs(way) <= reachable - 1e-9:
+            assert effort[j] == wanted
+            assert not by_rate[j]
+        elif abs(way) > reachable + 1e-9:
+            assert effort[j] == pytest.approx(start[j] + np.copysign(reachable, way))
+            assert by_rate[j]
+    assert not by_position.any()
+    assert not by_velocity.any()
+
+
+# --- the limits ----------------------------------------------------------------------------------
+
+def forbidden(step: Step) -> np.ndarray:
+    """Return the sign of the push that each joint must not get; 0 for none, 2 for both."""
+    signs = np.zeros(N)
+    for j in range(N):
+        up = step.q[j] > UPPER - MARGIN
+        down = step.q[j] < LOWER + MARGIN
+        if step.v is not None and abs(step.v[j]) > SPEED:
+            up, down = up or step.v[j] > 0.0, down or step.v[j] < 0.0
+        signs[j] = 2 if up and down else int(up) - int(down)
+    return signs
+
+
+@laws
+@given(st.lists(STEPS, min_size=1, max_size=10))
+def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
+    """It goes at the rate limit, and is none that began past the limit."""
+    one = guard()
+    for step in steps:
+        last = step.hold if one.last is None else one.last
+        effort, signs = one.apply(*step).effort, forbidden(step)
+        push, before = effort - step.hold, last - step.hold
+        for sign in (1.0, -1.0):
+            held = (signs == sign) | (signs == 2)
+            fading = np.maximum(sign * before - span(step.dt), 0.0)
+            assert (sign * push <= fading + 2e-12)[held].all()
+
+
+@laws
+@given(STEPS)
+def test_only_what_pushes_on_is_held_back(step: Step) -> None:
+    """With a rate that allows any step: to exactly what holds, and everything else as it is."""
+    one = guard(rate=1e9)
+    one.last = np.zeros(N)
+    effort, by_position, by_velocity, by_rate = one.apply(*step._replace(dt=LONGEST_STEP))
+    push, signs = step.effort - step.hold, forbidden(step)
+    held = (push != 0.0) & ((signs == 2) | (np.sign(push) == signs))
+    assert effort.tolist() == np.where(held, step.hold, step.effort).tolist()
+    assert (by_position | by_velocity).tolist() == held.tolist()
+    assert not by_rate.any()
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_push_that_stands_at_the_margin_is_gone_after_push_over_rate(sign: float) -> None:
+    """100 N·m beyond what holds: 0.1 s at 1000 N·m/s, and what holds from then on."""
+    one, hold = guard(), np.array([30.0, -20.0])
+    one.last = hold + sign * 100.0
+    wanted, q = hold + sign * 100.0, np.full(N, UPPER if sign > 0 else LOWER)
+    pushes = [sign * (one.apply(wanted, hold, q, np.zeros(N), 0.002).effort - hold)
+              for _ in range(60)]
+    for k, push in enumerate(pushes, start=1):
+        assert push == pytest.approx(max(100.0 - 2.0 * k, 0.0), abs=1e-9)
+    assert pushes[-1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(('q', 'held'), [
+    (UPPER - MARGIN, False), (np.nextafter(UPPER - MARGIN, 9.0), True), (UPPER + 5.0, True),
+    (LOWER + MARGIN, False), (np.nextafter(LOWER + MARGIN, -9.0), True), (0.0, False)])
+def test_the_margin_begins_where_it_says(q: float, held: bool) -> None:
+    one = guard(rate=1e9)
+    one.last = np.zeros(N)
+    push = np.copysign(7.0, q)
+    guarded = one.apply(np.full(N, push), np.zeros(N), np.full(N, q), np.zeros(N), 0.01)
+    assert guarded.by_position.tolist() == [held, held]
+    assert guarded.effort.tolist() == ([0.0, 0.0] if held else [push, push])
+    away = one.apply(np.full(N, -push), np.zeros(N), np.full(N, q), np.zeros(N), 0.01)
+    assert not away.by_position.any()
+    assert away.effort.tolist() == [-push, -push]
+
+
+@pytest.mark.parametrize('v', [SPEED, -SPEED, 1.1 * SPEED, -1.1 * SPEED])
+@pytest.mark.parametrize('push', [7.0, -7.0])
+def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v: float, push: float) -> None:
+    one, hold = guard(rate=1e9), np.array([30.0, -20.0])
+    one.last = hold
+    guarded = one.apply(hold + push, hold, np.zeros(N), np.full(N, v), 0.01)
+    held = abs(v) > SPEED and push * v > 0.0
+    assert guarded.by_velocity.tolist() == [held, held]
+    assert guarded.effort.tolist() == (hold if held else hold + push).tolist()
+
+
+@laws
+@given(STEPS)
+def test_without_limits_nothing_is_held_back(step: Step) -> None:
+    one = guard(-np.inf, np.inf, np.inf, 1e9)
+    one.last = np.zeros(N)
+    effort, *held = one.apply(*step._replace(dt=LONGEST_STEP))
+    assert effort.tolist() == step.effort.tolist()
+    assert not np.any(held)
+
+
+@laws
+@given(st.lists(st.builds(
+    Step, *(vectors(1e300) for _ in range(4)), st.floats(-1e300, 1e300)), max_size=10))
+def test_finite_efforts_stay_finite(steps: list[Step]) -> None:
+    one = guard()
+    with np.errstate(over='ignore'):
+        for step in steps:
+            assert np.isfinite(one.apply(*step).effort).all()

@@ -1,0 +1,101 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rate, jitter and late events, compared with numpy on random times."""
+
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.event_timing import EventTiming, LATE, Timing
+
+WINDOW = 1.0
+START = 1000.0
+
+laws = settings(deadline=None, derandomize=True)
+intervals = st.lists(st.floats(1e-4, 0.5), min_size=1, max_size=60)
+
+
+def heard(times: np.ndarray) -> EventTiming:
+    timing = EventTiming(START, WINDOW)
+    for t in times:
+        timing.happened(float(t))
+    return timing
+
+
+@laws
+@given(intervals)
+def test_a_window_is_what_numpy_says_of_its_intervals(lengths: list[float]) -> None:
+    times = START + np.cumsum(lengths)
+    now = START + max(WINDOW, sum(lengths)) + 0.1
+    timing = heard(times).look(now)
+    between = np.diff(times)
+    if between.size == 0:
+        assert timing == Timing()
+        return
+    assert timing.rate == pytest.approx(between.size / (now - START))
+    assert timing.jitter == pytest.approx(between.std(), abs=1e-6)
+    assert timing.longest == pytest.approx(between.max())
+
+
+@laws
+@given(intervals, intervals)
+def test_windows_do_not_mix(first: list[float], second: list[float]) -> None:
+    """An interval belongs to the window in which it ended."""
+    timing, t = EventTiming(START, WINDOW), START
+    last: list[float] = []
+    for lengths in (first, second):
+        begin, ends = t, t + np.cumsum(lengths)
+        for end in ends:
+            timing.happened(float(end))
+        t = max(float(ends[-1]), begin + WINDOW) + 0.01
+        seen, between = timing.look(t), np.diff([*last, *ends])
+        assert seen.rate == pytest.approx(between.size / (t - begin))
+        assert seen.longest == pytest.approx(between.max(initial=0.0))
+        last = [float(ends[-1])]
+
+
+@laws
+@given(st.lists(st.floats(1e-3, 0.1), min_size=2, max_size=30),
+       st.lists(st.floats(1e-3, 0.3), min_size=1, max_size=30))
+def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(
+    first: list[float], second: list[float],
+) -> None:
+    timing = heard(START + np.cumsum(first))
+    assert timing.late == 0  # nothing is usual yet
+    end = START + sum(first)
+    usual = np.diff(START + np.cumsum(first)).mean()
+    timing.look(START + max(WINDOW, sum(first)))
+    for t in end + np.cumsum(second):
+        timing.happened(float(t))
+    between = np.diff(np.concatenate([[end], end + np.cumsum(second)]))
+    assume((np.abs(between - LATE * usual) > 1e-9).all())
+    assert timing.late == (between > LATE * usual).sum()
+
+
+def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
+    timing = heard(START + np.arange(1, 100) * 0.005)
+    assert timing.look(START + 0.999 * WINDOW) == Timing()
+    seen = timing.look(START + WINDOW)
+    assert seen.rate == pytest.approx(98.0)
+    assert timing.look(START + 1.5 * WINDOW) == seen == timing.timing
+    assert timing.look(START + 2.0 * WINDOW) == Timing()  # nothing came since
+
+
+def test_after_a_silence_nothing_is_late_until_something_is_usual() -> None:
+    timing = heard(START + np.arange(1, 201) * 0.005)
+    timing.look(START + WINDOW)
+    timing.look(START + 2.0 * WINDOW)
+    timing.happened(START + 3.0)
+    assert timing.late == 0

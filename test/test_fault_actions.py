@@ -1,0 +1,134 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The course of efforts that each fault action takes, from its first to its last."""
+
+import numpy as np
+import pytest
+from robot_dynamics.command_supervisor import FAULT_ACTIONS, Mode
+from supervised import (
+    answer,
+    course,
+    HOLD,
+    HOLD_TIME,
+    LATCHED,
+    OTHER_HOLD,
+    PERIOD,
+    PUSH,
+    RAMP_TIME,
+    RATE,
+    running,
+    SILENT,
+    START,
+    TROUBLE,
+)
+
+
+def test_hold_gravity_then_ramp() -> None:
+    """To what holds at the rate limit, that for the hold time, then to zero in a line."""
+    one = running(PUSH)
+    one.fail(START, TROUBLE)
+    t, efforts = course(one)
+    reached = np.abs(PUSH - HOLD) / RATE
+    for j in range(2):
+        way = np.interp(
+            t, [0.0, reached[j], HOLD_TIME, HOLD_TIME + RAMP_TIME], [PUSH[j], HOLD[j], HOLD[j], 0])
+        assert efforts[:, j] == pytest.approx(way, abs=1e-6)
+    assert efforts[-1].tolist() == [0.0, 0.0]
+    assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME, abs=1.5 * PERIOD)
+
+
+def test_what_holds_is_that_of_the_newest_state() -> None:
+    one = running()
+    one.fail(START, LATCHED)
+    assert answer(one, START + 0.1, PUSH, OTHER_HOLD) == (HOLD + [10.0, -17.0]).tolist()
+    for moment in (0.11, 0.9):
+        effort = one.tick(START + moment)
+        assert effort is not None
+        assert effort.tolist() == OTHER_HOLD.tolist()
+    fading = answer(one, START + HOLD_TIME + 0.2 * RAMP_TIME, PUSH, HOLD)
+    assert fading == pytest.approx(0.8 * HOLD)
+
+
+def test_ramp_to_zero() -> None:
+    """In a line from what holds; what is beyond that goes at the rate limit, and nothing grows."""
+    command = HOLD * [1.0, 3.0]
+    one = running(command, fault_action='ramp_to_zero')
+    one.fail(START, TROUBLE)
+    t, efforts = course(one)
+    line = np.outer(1.0 - t / RAMP_TIME, HOLD)
+    line[-1] = 0.0
+    assert efforts[:, 0] == pytest.approx(line[:, 0], abs=1e-6)
+    beyond = command[1] - RATE * t
+    assert efforts[:, 1] == pytest.approx(np.maximum(beyond, line[:, 1]), abs=1e-6)
+    assert efforts[-1].tolist() == [0.0, 0.0]
+    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
+
+
+def test_a_ramp_never_grows_an_effort() -> None:
+    """Not where more would hold the arm, or where it falls and ever more would."""
+    one = running(np.array([-5.0, -20.0]), fault_action='ramp_to_zero')
+    one.fail(START, LATCHED)
+    sizes = []
+    for k in range(300):
+        effort = answer(one, START + k * PERIOD, PUSH, HOLD * (1.0 + k / 50))
+        if effort is not None:
+            sizes.append(np.abs(effort))
+    assert (np.diff(sizes, axis=0) <= 0.0).all()
+    assert sizes[-1].tolist() == [0.0, 0.0]
+    assert sizes[len(sizes) // 2][1] == 0.0  # it pushed against what holds
+
+
+def test_stop_publishing() -> None:
+    one = running(PUSH, fault_action='stop_publishing')
+    one.fail(START, TROUBLE)
+    assert [one.tick(START), one.tick(START + PERIOD)] == SILENT
+    assert not one.is_commanding
+
+
+@pytest.mark.parametrize('action', FAULT_ACTIONS)
+def test_when_it_is_over_the_next_effort_is_what_holds_the_arm(action: str) -> None:
+    one = running(PUSH, fault_action=action)
+    one.fail(START, TROUBLE)
+    course(one)
+    assert not one.acts_alone
+    assert answer(one, START + 10.0, PUSH, OTHER_HOLD, dt=0.002) == OTHER_HOLD.tolist()
+    assert one.mode is Mode.RUNNING
+
+
+@pytest.mark.parametrize('action', FAULT_ACTIONS[:2])
+@pytest.mark.parametrize('hold_time', [0.0, 0.3])
+@pytest.mark.parametrize('ramp_time', [0.0, 0.1, 1.0])
+@pytest.mark.parametrize('rate', [100.0, 1000.0])
+def test_whatever_the_times_it_keeps_to_the_rate_and_ends_in_zeros(
+    action: str, hold_time: float, ramp_time: float, rate: float,
+) -> None:
+    one = running(
+        PUSH, fault_action=action, hold_time=hold_time, ramp_time=ramp_time, rate=rate)
+    one.fail(START, TROUBLE)
+    holds = hold_time if action == 'hold_gravity_then_ramp' else 0.0
+    t, efforts = course(one)
+    steps = np.diff(np.vstack([PUSH, efforts]), axis=0)
+    assert np.abs(steps).max() <= rate * PERIOD + 1e-9
+    assert efforts[-1].tolist() == [0.0, 0.0]
+    assert t[-1] >= holds + ramp_time - 1e-9
+    assert t[-1] <= max(holds + ramp_time, np.abs(PUSH).max() / rate) + 150.0 / rate + 2 * PERIOD
+
+
+def test_a_stall_of_the_clockwork_makes_no_jump() -> None:
+    one = running(PUSH, fault_action='ramp_to_zero')
+    one.fail(START, TROUBLE)
+    effort = one.tick(START + 5.0)
+    assert effort is not None
+    assert effort.tolist() == (PUSH - np.sign(PUSH) * 50.0).tolist()

@@ -1,0 +1,197 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a fault does to the command: each fault action, and how the command comes back."""
+
+from collections.abc import Callable, Iterator
+import time
+from typing import Any
+
+from fault_bench import fault_bench, FaultBench, G, Q, QUICK
+from fault_stimuli import RATE
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics.effort_guard import LONGEST_STEP
+from ros_harness import RosClient, wait_until
+from sensor_msgs.msg import JointState
+
+GROUP = 'Fault actions'
+SILENCE = 'joint states fall silent'
+SLACK = 0.01
+"""[s] by which the clock of stamps may be off that of timeouts, and one effort off the next."""
+SILENT = 0.5
+"""[s] without an effort that are the end of them: 250 times what lies between two."""
+Timed = tuple[float, JointState]
+Seen = Callable[[str], Any]
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    parameters = {'reference_timeout': 0.001}  # no set-points of these tests are a stream
+    with fault_bench(client, '/faults_actions', parameters) as one:
+        yield one
+
+
+def set_action(bench: FaultBench, action: str) -> None:
+    """Choose the fault action."""
+    results = bench.client.set_parameters(
+        f'{bench.namespace}/dynamics', {'fault_action': action})
+    assert all(result.successful for result in results), results
+
+
+def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
+    """
+    Let the driver fall silent until the command has ended.
+
+    Return the effort that answered the last state, and those of the fault action.
+    """
+    bench.efforts.clear()
+    bench.efforts.wait_for()
+    bench.driver.be_quiet()
+    assert 'no valid joint state for 0.3 s' in bench.wait_fault('state_timeout').message
+    wait_until(
+        lambda: time.monotonic() > bench.efforts.times[-1] + SILENT, 'an end of the efforts')
+    efforts = bench.efforts.published()
+    last = efforts[-1][1].header.stamp
+    first = next(i for i, (_, message) in enumerate(efforts) if message.header.stamp == last)
+    return efforts[first], efforts[first + 1:]
+
+
+def shares(efforts: list[Timed]) -> list[float]:
+    """Return each effort as a share of g(q); fail where one is no such share."""
+    found = []
+    for _, message in efforts:
+        share = message.effort[0] / G[0]
+        assert message.effort == pytest.approx(share * np.array(G), abs=1e-6)
+        found.append(share)
+    return found
+
+
+def check_ramp(ramp: list[float]) -> None:
+    """Check that shares fall from one to zero, in steps."""
+    assert ramp == sorted(ramp, reverse=True)
+    assert ramp[-1] == 0.0
+    assert len(set(ramp)) > 3
+
+
+def check_return(bench: FaultBench) -> None:
+    """Check that the command comes back by itself, and first with what holds the arm."""
+    bench.efforts.clear()
+    bench.driver.go_on()
+    assert bench.efforts.wait_for().effort == pytest.approx(G, abs=1e-6)
+    bench.check_alive()
+
+
+@fault(GROUP, f'{SILENCE}; `hold_gravity_then_ramp`',
+       'g(q) for `hold_time`, then in a straight line to zero in `ramp_time`, then nothing; '
+       'the first effort afterwards is g(q)')
+def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
+    bench.check_alive()
+    (answered, _), action = go_silent(bench)
+    found = shares(action)
+    held = next(i for i, share in enumerate(found) if share < 1.0 - 1e-6)
+    assert held > 3
+    times = [t for t, _ in action]
+    assert times[0] - answered > QUICK['state_timeout'] - SLACK
+    assert times[held] - times[0] > QUICK['hold_time'] - SLACK
+    check_ramp(found[held:])
+    seen(f'{times[0] - answered:.3f} s of silence, {times[held] - times[0]:.3f} s of g(q), '
+         f'{times[-1] - times[held]:.3f} s of ramp, with 0.3 s, 0.3 s and 0.1 s set')
+    check_return(bench)
+
+
+@fault(GROUP, f'{SILENCE} while an effort of 150 N m stands; `hold_gravity_then_ramp`',
+       'the effort goes to g(q) no faster than the rate limit, and on as above')
+def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
+    bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
+    (_, answer), action = go_silent(bench)
+    assert answer.effort[0] == 150.0
+    efforts = [150.0, *(message.effort[0] for _, message in action)]
+    assert np.abs(np.diff(efforts)).max() <= RATE * LONGEST_STEP + 1e-6
+    holds = next(i for i, effort in enumerate(efforts) if effort == pytest.approx(G[0]))
+    assert efforts[:holds + 1] == sorted(efforts[:holds + 1], reverse=True)
+    check_ramp([share for share in shares(action[holds:]) if share < 1.0 - 1e-6])
+    check_return(bench)
+
+
+@fault(GROUP, f'{SILENCE}; `ramp_to_zero`',
+       'in a straight line to zero in `ramp_time` at once, then nothing; the first effort '
+       'afterwards is g(q)')
+def test_ramp_to_zero(bench: FaultBench) -> None:
+    set_action(bench, 'ramp_to_zero')
+    bench.check_alive()
+    _, action = go_silent(bench)
+    check_ramp(shares(action))
+    check_return(bench)
+    set_action(bench, 'hold_gravity_then_ramp')
+
+
+@fault(GROUP, f'{SILENCE}; `stop_publishing`',
+       'not one effort more; the first afterwards is g(q)')
+def test_stop_publishing(bench: FaultBench) -> None:
+    set_action(bench, 'stop_publishing')
+    bench.check_alive()
+    (_, answer), action = go_silent(bench)
+    assert action == []
+    assert answer.effort == pytest.approx(G, abs=1e-6)
+    check_return(bench)
+    set_action(bench, 'hold_gravity_then_ramp')
+
+
+@fault(GROUP, 'a set-point 2 rad away that comes during the silence',
+       'nothing until states come again; the first effort is g(q), the rest no faster than the '
+       'rate limit')
+def test_a_reference_during_the_silence(bench: FaultBench) -> None:
+    bench.check_alive()
+    go_silent(bench)
+    bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
+    bench.wait_status('reference', lambda status: True)
+    bench.efforts.clear()
+    bench.driver.go_on()
+    bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
+    assert bench.efforts.messages[0].effort == pytest.approx(G, abs=1e-6)
+    bench.set_point(Q)
+    bench.check_alive()
+
+
+# --- a robot that compensates gravity itself -----------------------------------------------------
+
+@pytest.fixture(scope='module')
+def compensating(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node for a robot that adds g(q) by itself."""
+    with fault_bench(
+            client, '/faults_compensating', {'robot_compensates': ['gravity']},
+            stream=False) as one:
+        one.hold = [0.0, 0.0]
+        yield one
+
+
+@fault(GROUP, '`robot_compensates: [gravity]`: the first state, a set-point, then silence',
+       'the first effort is zero, and zero is what holds the arm in the fault action')
+def test_a_robot_that_compensates_gravity(compensating: FaultBench) -> None:
+    bench = compensating
+    bench.driver.go_on()
+    assert list(bench.efforts.wait_for().effort) == [0.0, 0.0]
+    bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
+    bench.efforts.wait_for(lambda message: message.effort[0] > 100.0)
+    _, action = go_silent(bench)
+    efforts = [message.effort[0] for _, message in action]
+    assert efforts == sorted(efforts, reverse=True)
+    assert efforts.count(0.0) > 3
+    bench.check_alive()
+    assert not any(any(message.effort) for message in bench.efforts.messages)

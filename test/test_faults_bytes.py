@@ -1,0 +1,201 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bytes that are no message, or another one than was meant, on every topic that is listened to."""
+
+from collections.abc import Callable, Iterable, Iterator
+import struct
+import time
+from typing import Any
+
+from damaged_bytes import cut_short, noise, with_lies, with_noise
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, NANOSECONDS, Q, V
+from fault_stimuli import check_rate
+from fault_table import fault
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from raw_publisher import bytes_of, RawPublisher
+from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+GROUP = 'Bytes that are no message'
+STATE = JointState(name=NAMES, position=Q, velocity=V)
+GOAL = [Q[0] + 0.01, Q[1]]
+REFERENCE = JointTrajectory(
+    joint_names=NAMES, points=[JointTrajectoryPoint(positions=GOAL, velocities=V)])
+DESCRIPTION = String(data='<robot name="none"><link name="base"/></robot>')
+EFFORT = JointState(name=NAMES, effort=G)
+WRENCH = WrenchStamped()
+WRENCH.header.frame_id = 'tool0'
+Damage = Callable[[bytes, type], Iterable[bytes]]
+Seen = Callable[[str], Any]
+DAMAGES: dict[str, Damage] = {
+    'cut short at every length': cut_short,
+    'counts that are lies, up to 4 billion': lambda data, _: with_lies(data),
+    'random bytes in a message': lambda data, _: with_noise(data, 150),
+    'random bytes alone': lambda data, _: noise(150),
+}
+
+
+@pytest.fixture(scope='module')
+def raw() -> Iterator[RawPublisher]:
+    """Return a process that publishes whatever bytes."""
+    with RawPublisher() as publisher:
+        yield publisher
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    with fault_bench(client, '/faults_bytes', {'state_timeout': 1.0}) as one:
+        yield one
+
+
+@pytest.fixture(scope='module')
+def arm() -> Iterator[NodeProcess]:
+    """Return a simulated arm."""
+    with NodeProcess(SIMULATED_ARM, namespace='/faults_bytes_arm') as node:
+        yield node
+
+
+def memory(bench: FaultBench) -> int:
+    """Return the most memory that the node has had so far [MB]."""
+    with open(f'/proc/{bench.node.pid}/status', encoding='ascii') as file:
+        return next(int(line.split()[1]) // 1024 for line in file if line.startswith('VmHWM'))
+
+
+def now_stamped(data: bytes) -> bytes:
+    """Return a message with a header of now."""
+    return data[:4] + struct.pack('<iI', *divmod(time.time_ns(), NANOSECONDS)) + data[12:]
+
+
+def damages(topic: str, expected: str) -> Any:
+    """Parametrize over the kinds of damage, a fault each."""
+    return pytest.mark.parametrize('damage', [
+        pytest.param(damage, id=words, marks=fault(GROUP, f'`{topic}`: {words}', expected))
+        for words, damage in DAMAGES.items()])
+
+
+@damages('joint_states', 'dropped and told, or answered with a finite effort; back by itself')
+def test_joint_states(
+    bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
+) -> None:
+    bench.check_alive()
+    before, memory_before = bench.known('joint states', 'dropped: unreadable'), memory(bench)
+    bench.driver.be_quiet()
+    sent = 0
+    for data in damage(bytes_of(STATE), JointState):
+        raw.publish(f'{bench.namespace}/joint_states', JointState, now_stamped(data))
+        sent += 1
+    bench.wait_status('command', lambda status: status.level == DiagnosticStatus.ERROR)
+    bench.wait_dropped('unreadable', before)
+    bench.check_efforts()
+    bench.check_alive()
+    unreadable = bench.known('joint states', 'dropped: unreadable') - before
+    seen(f'{unreadable} of {sent} could not be read')
+    assert memory(bench) < memory_before + 100
+
+
+@fault(GROUP, '`joint_states`: messages cut short, among good ones',
+       'dropped and told; the good ones are answered as ever, without a fault')
+def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublisher) -> None:
+    bench.check_alive()
+    faults = bench.known('command', 'faults: state_timeout')
+    before = bench.known('joint states', 'dropped: unreadable')
+    for data in cut_short(bytes_of(STATE), JointState):
+        raw.publish(f'{bench.namespace}/joint_states', JointState, data)
+    status = bench.wait_dropped('unreadable', before)
+    assert 'cannot be read, expected a serialized JointState' in status.message
+    assert all(message.effort == pytest.approx(G, abs=1e-6) for message in bench.efforts.messages)
+    assert bench.known('command', 'faults: state_timeout') == faults
+    bench.check_alive()
+
+
+@fault(GROUP, '`joint_states`: a joint name that is no UTF-8',
+       'dropped and told, as the joint is missing; back by itself')
+def test_a_name_that_is_no_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
+    bench.check_alive()
+    bench.driver.be_quiet()
+    data = bytes_of(STATE).replace(b'joint1', b'\xff\xfe\xc0\x80t1')
+    raw.publish(f'{bench.namespace}/joint_states', JointState, now_stamped(data))
+    bench.wait_status(
+        'joint states', lambda status: "name leaves out ['joint1']" in status.message)
+    bench.wait_fault('state_timeout')
+    bench.check_alive()
+
+
+@damages('~/joint_trajectory', 'refused and told, or followed within all limits')
+def test_references(
+    bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
+) -> None:
+    bench.check_alive()
+    before, sent = bench.known('reference', 'refused'), 0
+    for data in damage(bytes_of(REFERENCE), JointTrajectory):
+        raw.publish(bench.name('joint_trajectory'), JointTrajectory, data)
+        sent += 1
+    bench.wait_status('reference', lambda status: figure_of(status, 'refused') > before)
+    refused = bench.figure('reference', 'refused') - before
+    seen(f'{refused} of {sent} refused')
+    check_rate(bench.efforts.messages)
+    bench.check_efforts()
+    bench.set_point(Q)
+    bench.check_alive()
+
+
+@damages('robot_description', 'refused and told; the model in use is kept')
+def test_descriptions(bench: FaultBench, raw: RawPublisher, damage: Damage) -> None:
+    bench.check_alive()
+    before = bench.node.log.count('Kept the model in use')
+    for data in damage(bytes_of(DESCRIPTION), String):
+        raw.publish(f'{bench.namespace}/robot_description', String, data)
+    wait_until(
+        lambda: bench.node.log.count('Kept the model in use') > before, 'a description refused')
+    assert bench.status('model').message == 'planar_arm'
+    bench.check_alive()
+
+
+def check_arm(client: RosClient, arm: NodeProcess) -> None:
+    """Check that the simulated arm runs on from its initial pose, with finite numbers."""
+    with client.collect(JointState, '/faults_bytes_arm/joint_states') as states:
+        states.wait_matched()
+        states.wait_for()
+        assert client.call(Trigger, '/faults_bytes_arm/simulated_arm/reset').success
+        states.wait_for(lambda message: list(message.position) == [0.0, 0.0])
+        assert all(
+            np.isfinite([*message.position, *message.velocity, *message.effort]).all()
+            for message in states.messages)
+    assert 'Traceback' not in arm.log
+    assert 'internal error' not in arm.log
+
+
+@pytest.mark.parametrize('damage', [
+    pytest.param(damage, id=words, marks=fault(
+        GROUP, f'`simulated_arm`, its two topics: {words}',
+        'refused and told, or taken as it is; the arm goes on with finite states'))
+    for words, damage in DAMAGES.items()])
+def test_topics_of_the_simulated_arm(
+    client: RosClient, arm: NodeProcess, raw: RawPublisher, damage: Damage,
+) -> None:
+    for message, topic in (
+            (EFFORT, 'effort_command'), (WRENCH, 'simulated_arm/external_wrench')):
+        for data in damage(bytes_of(message), type(message)):
+            raw.publish(f'/faults_bytes_arm/{topic}', type(message), data)
+    arm.wait_for_log('Refused an effort')
+    arm.wait_for_log('(Refused an external wrench|Refused a message of ~/external_wrench)')
+    check_arm(client, arm)

@@ -1,0 +1,284 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Faults of /clock, which a simulator or a recording publishes: it stops, and jumps.
+
+Nothing that protects the arm goes by it. Stamps of joint states may, and are judged as stamps.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+import threading
+import time
+from typing import Any
+
+from fault_bench import Driver, fault_bench, FaultBench, G, stamp_of
+from fault_table import fault
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+import numpy as np
+import pytest
+from robot_dynamics.effort_guard import LONGEST_STEP
+from ros_harness import RosClient, TIMEOUT
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+GROUP = 'Clocks'
+RATE = 200.0
+"""`effort_rate_limit` of the nodes here [N·m/s]: a jump of the command would be far beyond it."""
+JUMP = 50.0
+"""[s] that /clock jumps, ahead or back."""
+ALL_GOES_ON = 'efforts, reference and diagnostics go on as if there were no /clock'
+
+
+class SimulatedClock:
+    """Publishes a time on /clock, a hundred times a second and as fast as the real one."""
+
+    def __init__(self, client: RosClient, origin: float) -> None:
+        """`origin` [s] is the time at the start."""
+        self._node = client.node
+        self._publisher = client.publisher(Clock, '/clock', subscribers=0)
+        self._ahead = origin - time.monotonic()
+        self._stopped: float | None = None
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def now(self) -> float:
+        """Return the time [s]."""
+        return time.monotonic() + self._ahead if self._stopped is None else self._stopped
+
+    def jump(self, seconds: float) -> None:
+        """Go on so much later, or earlier."""
+        self._ahead += seconds
+
+    def stop(self) -> None:
+        """Stand still; nothing is published any more."""
+        self._stopped = self.now
+
+    def go_on(self) -> None:
+        """Go on from where it stands, where it does."""
+        if self._stopped is not None:
+            self._ahead, self._stopped = self._stopped - time.monotonic(), None
+
+    def close(self) -> None:
+        """End the thread and the topic."""
+        self._ends.set()
+        self._thread.join(TIMEOUT)
+        self._node.destroy_publisher(self._publisher)
+
+    def _run(self) -> None:
+        while not self._ends.wait(0.01):
+            if self._stopped is None:
+                self._publisher.publish(Clock(clock=stamp_of(round(1e9 * self.now))))
+
+
+class ClockDriver(Driver):
+    """A driver whose stamps are of /clock."""
+
+    def __init__(self, *args: Any, clock: SimulatedClock, **more: Any) -> None:
+        self._clock = clock
+        super().__init__(*args, **more)
+
+    def message(self) -> JointState:
+        """Return the state as it is now, by /clock."""
+        message = super().message()
+        message.header.stamp = stamp_of(round(1e9 * self._clock.now))
+        return message
+
+
+Bench = tuple[FaultBench, SimulatedClock]
+ORIGINS = {'wall': 1000.0, 'own epoch': 1000.0, 'epoch of today': None}
+"""Time of /clock at the start [s], the time of today for None, by what stamps are of."""
+STAMPS_OF_THE_WALL = pytest.mark.parametrize('bench', ['wall'], indirect=True)
+STAMPS_OF_THE_CLOCK = pytest.mark.parametrize(
+    'bench', ['own epoch', 'epoch of today'], indirect=True)
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Return a node in simulated time, and /clock, which stamps follow unless of the wall."""
+    clock = SimulatedClock(client, ORIGINS[request.param] or time.time())
+    driver = Driver if request.param == 'wall' else partial(ClockDriver, clock=clock)
+    parameters = {'use_sim_time': True, 'effort_rate_limit': RATE}
+    try:
+        with fault_bench(client, '/faults_clock', parameters, driver_type=driver) as one:
+            yield one, clock
+    finally:
+        clock.close()
+
+
+def follow(bench: FaultBench) -> np.ndarray:
+    """Let the node follow a pose not far away; return the steady effort for that."""
+    bench.check_alive()
+    bench.set_point([bench.driver.q[0] + 0.01, bench.driver.q[1]])
+    bench.efforts.wait_for(lambda m: abs(m.effort[0] - G[0]) > 10.0)
+    return steady_effort(bench)
+
+
+def steady_effort(bench: FaultBench) -> np.ndarray:
+    """Return the effort when it has become the same for many states."""
+    bench.efforts.clear()
+    last: list[Any] = []
+
+    def is_steady(message: Any) -> bool:
+        last.append(np.array(message.effort))
+        return len(last) > 20 and bool((np.ptp(last[-20:], axis=0) < 1e-6).all())
+
+    return np.array(bench.efforts.wait_for(is_steady).effort)
+
+
+def check_no_jump(bench: FaultBench) -> None:
+    """Check that the command has changed no faster than it may since it was asked for."""
+    efforts = np.array([m.effort for m in bench.efforts.messages])
+    assert np.abs(np.diff(efforts, axis=0)).max() <= RATE * LONGEST_STEP + 1e-9
+
+
+def report(bench: FaultBench) -> None:
+    """Wait for the next regular report: the diagnostics go on."""
+    bench.figure('command', 'published')
+
+
+def reported(bench: FaultBench, check: str, key: str) -> int:
+    """Return a figure of the last report; 0 where it is not named."""
+    status = bench.status(check)
+    assert status is not None
+    return next((int(value.value) for value in status.values if value.key == key), 0)
+
+
+def disturb(clock: SimulatedClock, event: str) -> None:
+    """Stop the clock, or let it jump."""
+    if event == 'stops':
+        clock.stop()
+    else:
+        clock.jump(JUMP if 'ahead' in event else -JUMP)
+
+
+# --- stamps of the clock of this computer --------------------------------------------------------
+
+@fault(GROUP, '`use_sim_time: true`, and nobody publishes /clock', ALL_GOES_ON)
+def test_without_a_clock(client: RosClient) -> None:
+    with fault_bench(client, '/faults_no_clock', {
+            'use_sim_time': True, 'effort_rate_limit': RATE}) as bench:
+        effort = follow(bench)
+        report(bench)
+        assert steady_effort(bench) == pytest.approx(effort)
+
+
+@STAMPS_OF_THE_WALL
+@pytest.mark.parametrize('event', [
+    pytest.param(event, marks=fault(
+        GROUP, f'/clock {event}, joint states go on with stamps of the real time', ALL_GOES_ON))
+    for event in ('stops', 'jumps 50 s ahead', 'jumps 50 s back')])
+def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
+    one, clock = bench
+    effort = follow(one)
+    one.efforts.clear()
+    disturb(clock, event)
+    try:
+        report(one)
+        one.efforts.wait_count(len(one.efforts.messages) + 100)
+        assert np.array([m.effort for m in one.efforts.messages]) == pytest.approx(
+            np.tile(effort, (len(one.efforts.messages), 1)), abs=1e-6)
+    finally:
+        clock.go_on()
+    one.set_point(one.driver.q)
+    one.check_alive()
+
+
+@STAMPS_OF_THE_WALL
+@fault(GROUP, '/clock stands still while the driver falls silent',
+       'fault action, ramp, diagnostics and recovery take the time that they always take')
+def test_silence_while_the_clock_stands(bench: Bench) -> None:
+    one, clock = bench
+    follow(one)
+    clock.stop()
+    try:
+        one.efforts.clear()
+        one.driver.be_quiet()
+        one.wait_fault('state_timeout')
+        one.wait_silent()
+        check_no_jump(one)
+        report(one)
+        one.check_alive()
+    finally:
+        clock.go_on()
+
+
+@STAMPS_OF_THE_WALL
+@fault(GROUP, '/clock stands still at deactivation', 'efforts ramp to zero as ever')
+def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
+    one, clock = bench
+    one.check_alive()
+    clock.stop()
+    try:
+        for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+            assert one.client.call(ChangeState, one.name('change_state'), ChangeState.Request(
+                transition=Transition(id=transition))).success
+            if transition == Transition.TRANSITION_DEACTIVATE:
+                one.wait_silent()
+                check_no_jump(one)
+        one.check_alive()
+    finally:
+        clock.go_on()
+
+
+# --- stamps of /clock ----------------------------------------------------------------------------
+
+@STAMPS_OF_THE_CLOCK
+@pytest.mark.parametrize(('event', 'reason'), [
+    pytest.param(event, reason, marks=fault(
+        GROUP, f'/clock {event}, and the stamps of joint states with it',
+        'the reference is dropped, and the command goes to g(q) within `effort_rate_limit`'))
+    for event, reason in (('jumps 50 s ahead', 'stamp jumped ahead'),
+                          ('jumps 50 s back', 'stamp went back'))])
+def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
+    one, clock = bench
+    follow(one)
+    report(one)
+    before = reported(one, 'joint states', f'started anew: {reason}')
+    faults = reported(one, 'command', 'faults: state_timeout')
+    one.efforts.clear()
+    disturb(clock, event)
+    one.efforts.wait_for(lambda m: m.effort == pytest.approx(G, abs=1e-6))
+    check_no_jump(one)
+    report(one)
+    assert reported(one, 'joint states', f'started anew: {reason}') == before + 1
+    assert reported(one, 'command', 'faults: state_timeout') == faults
+    status = one.status('reference')
+    assert status is not None
+    assert status.message == 'none'
+    one.check_alive()
+
+
+@STAMPS_OF_THE_CLOCK
+@fault(GROUP, '/clock stops, and the stamps of joint states with it',
+       'the effort stands until `state_timeout`, then the fault action; back by itself when the '
+       'stamps go on')
+def test_stamps_that_freeze(bench: Bench) -> None:
+    one, clock = bench
+    follow(one)
+    one.efforts.clear()
+    clock.stop()
+    try:
+        one.wait_fault('state_timeout')
+        one.wait_silent()
+        check_no_jump(one)
+        report(one)
+        assert reported(one, 'joint states', 'not new (stamp repeated)') > 0
+    finally:
+        clock.go_on()
+    one.check_alive()

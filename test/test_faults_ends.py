@@ -1,0 +1,237 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A node that is told to end, at any moment: its last effort is safe, and it leaves in order."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import threading
+import time
+from typing import Any
+
+from ament_index_python.packages import get_package_prefix, PackageNotFoundError
+from fault_bench import fault_bench, FaultBench, G
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics_interfaces.srv import InverseDynamicsBatch
+from ros_harness import (
+    DYNAMICS,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+
+GROUP = 'A node that is told to end'
+RAMP, RATE = 0.3, 200.0
+"""[s] and [N·m/s] of the nodes here; g(q) over the ramp is 165 N·m/s."""
+IN_ORDER = 'exit status 0, no traceback'
+RAMPED = f'efforts ramp to zero over `ramp_time`, the last is exactly zero; {IN_ORDER}'
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def commanding(client: RosClient, **parameters: Any) -> Iterator[FaultBench]:
+    """Run a node that commands, for it to be told to end."""
+    limits = {'ramp_time': RAMP, 'effort_rate_limit': RATE, **parameters}
+    with fault_bench(client, '/faults_ends', limits) as bench:
+        bench.check_alive()
+        yield bench
+
+
+def check_ended(bench: FaultBench, told: float) -> str:
+    """Check that the node, told to end at a time [s], did so in order; return when, in words."""
+    assert bench.node.wait() == 0, bench.node.log
+    assert 'Traceback' not in bench.node.log, bench.node.log
+    bench.wait_silent()
+    bench.check_efforts()
+    times = np.array([t for t, _ in bench.efforts.published()])
+    efforts = np.array([m.effort for _, m in bench.efforts.published()])
+    assert not efforts[-1].any()
+    assert (np.diff(np.abs(efforts), axis=0) <= 1e-9).all()
+    assert np.abs(np.diff(efforts, axis=0)).max() <= RATE * LONGEST_STEP
+    assert times[-1] - told >= RAMP
+    ramp = times[np.abs(efforts[:, 0]) < abs(G[0]) - 1e-6]
+    return f'{len(ramp)} efforts on the way to zero, over {1e3 * (ramp[-1] - ramp[0]):.0f} ms'
+
+
+def tell(node: NodeProcess, end_signal: signal.Signals) -> float:
+    """Send a signal; return when [s] that was, by the clock of this computer."""
+    told = time.time()
+    os.kill(node.pid, end_signal)
+    return told
+
+
+@pytest.mark.parametrize('end_signal', [
+    pytest.param(one, marks=fault(GROUP, f'{one.name} while it commands', RAMPED))
+    for one in SIGNALS])
+def test_while_it_commands(client: RosClient, end_signal: signal.Signals, seen: Any) -> None:
+    with commanding(client) as bench:
+        seen(check_ended(bench, tell(bench.node, end_signal)))
+
+
+@fault(GROUP, 'SIGINT, and again while efforts ramp to zero', RAMPED)
+def test_twice(client: RosClient) -> None:
+    with commanding(client) as bench:
+        told = tell(bench.node, signal.SIGINT)
+        bench.efforts.wait_for(lambda m: m.effort[0] > 0.9 * G[0])
+        tell(bench.node, signal.SIGINT)
+        check_ended(bench, told)
+
+
+@fault(GROUP, 'SIGINT while it holds the arm after a fault', RAMPED)
+def test_in_a_fault(client: RosClient) -> None:
+    with commanding(client, hold_time=60.0) as bench:
+        bench.driver.be_quiet()
+        bench.wait_fault('state_timeout')
+        check_ended(bench, tell(bench.node, signal.SIGINT))
+
+
+@fault(GROUP, 'SIGINT while it commands and is busy with service calls',
+       f'the ramp does not wait for the service; {RAMPED}')
+def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
+    service = client.node.create_client(
+        InverseDynamicsBatch, '/faults_ends/dynamics/inverse_dynamics_batch')
+    try:
+        with commanding(client) as bench:
+            assert service.wait_for_service(TIMEOUT)
+            request = InverseDynamicsBatch.Request(position=np.zeros(200_000))
+            answered: list[float] = []
+            for _ in range(4):
+                service.call_async(request).add_done_callback(
+                    lambda _: answered.append(time.time()))
+            wait_until(lambda: bool(answered), 'the answer of the first call')
+            told = tell(bench.node, signal.SIGINT)
+            check_ended(bench, told)
+            ramp = next(t for t, m in bench.efforts.published() if m.effort[0] > G[0] + 1e-6)
+            assert len(answered) == 1 or answered[-1] > ramp  # else none was being answered
+            seen(f'first effort of the ramp {1e3 * (ramp - told):.0f} ms after the signal')
+    finally:
+        client.node.destroy_client(service)
+
+
+# --- nothing to ramp -----------------------------------------------------------------------------
+
+@fault(GROUP, 'SIGINT and SIGTERM before the first joint state, or while it waits for a URDF',
+       f'no effort at all; {IN_ORDER}')
+def test_before_it_commands(client: RosClient) -> None:
+    nodes = [NodeProcess(DYNAMICS, parameters, namespace='/idle')
+             for parameters in ({}, {}, {'joints': ['elbow']}, {'joints': ['elbow']})]
+    with client.collect(JointState, '/idle/effort_command') as efforts, running(*nodes):
+        efforts.wait_matched(len(nodes))
+        for node, end_signal in zip(nodes, 2 * SIGNALS):
+            tell(node, end_signal)
+        for node in nodes:
+            assert node.wait() == 0, node.log
+            assert 'Traceback' not in node.log, node.log
+        assert not efforts.messages
+
+
+# --- the simulated arm --------------------------------------------------------------------------
+
+@fault(GROUP, 'SIGINT and SIGTERM of `simulated_arm`, in wall time, and in lock-step without a '
+       'controller', IN_ORDER)
+def test_the_simulated_arm(client: RosClient) -> None:
+    nodes = [NodeProcess(SIMULATED_ARM, parameters, namespace='/arms')
+             for parameters in ({}, {}, {'lock_step': True}, {'lock_step': True})]
+    with client.collect(JointState, '/arms/joint_states') as states, running(*nodes):
+        states.wait_matched(len(nodes))
+        states.wait_for()
+        for node, end_signal in zip(nodes, 2 * SIGNALS):
+            tell(node, end_signal)
+        for node in nodes:
+            assert node.wait() == 0, node.log
+            assert 'Traceback' not in node.log, node.log
+
+
+# --- while it starts -----------------------------------------------------------------------------
+
+class Executable:
+    """An installed executable of this package that has been started."""
+
+    def __init__(self, name: str) -> None:
+        try:
+            prefix = get_package_prefix('robot_dynamics')
+        except PackageNotFoundError:
+            pytest.skip('the package is not installed: scripts/setup does it')
+        self._process = subprocess.Popen(
+            [str(Path(prefix, 'lib', 'robot_dynamics', name))], text=True,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1'},
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+    def wait_for_own_code(self) -> None:
+        """Wait until it listens to SIGTERM, which Python by itself does not."""
+        def catches() -> bool:
+            status = Path(f'/proc/{self._process.pid}/status').read_text(encoding='utf-8')
+            caught = int(status.split('SigCgt:')[1].split()[0], 16)
+            return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+        wait_until(catches, 'a handler of SIGTERM')
+
+    def wait_until_up(self) -> None:
+        """Wait until it says which model it serves."""
+        assert self._process.stdout is not None
+        assert any('Model' in line for line in self._process.stdout)
+
+    def end(self, end_signal: signal.Signals) -> tuple[int, str]:
+        """Send a signal; return the exit status and what was printed."""
+        self._process.send_signal(end_signal)
+        try:
+            output, _ = self._process.communicate(timeout=TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            raise
+        return self._process.returncode, output
+
+
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=fault(
+        GROUP, f'SIGINT at moments of the start of `ros2 run robot_dynamics {name}`, from the '
+        'first line of its own code on until it is up', IN_ORDER))
+    for name in ('dynamics_node', 'simulated_arm')])
+def test_an_interrupt_while_it_starts(name: str) -> None:
+    whole = Executable(name)
+    whole.wait_for_own_code()
+    began = time.monotonic()
+    whole.wait_until_up()
+    duration = time.monotonic() - began
+    assert whole.end(signal.SIGINT)[0] == 0
+    for share in (0.0, 0.25, 0.5, 0.75, 0.9):
+        one = Executable(name)
+        one.wait_for_own_code()
+        threading.Event().wait(share * duration)  # the moment is what is tried
+        status, output = one.end(signal.SIGINT)
+        assert status == 0, output
+        assert 'Traceback' not in output, output
+
+
+@fault(GROUP, 'SIGTERM as soon as the process of `ros2 run robot_dynamics dynamics_node` exists, '
+       'and within its first 0.3 s',
+       'it ends, by the signal itself before its own code runs, else with status 0; no traceback')
+def test_a_sigterm_as_soon_as_it_exists() -> None:
+    for moment in (0.0, 0.02, 0.05, 0.1, 0.2, 0.3):
+        one = Executable('dynamics_node')
+        threading.Event().wait(moment)  # the moment is what is tried
+        status, output = one.end(signal.SIGTERM)
+        assert status in (0, -signal.SIGTERM), output
+        assert 'Traceback' not in output, output

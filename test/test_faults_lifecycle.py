@@ -1,0 +1,287 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults around the lifecycle: efforts go out while the node is active, and at no other time."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import time
+from typing import Any
+
+from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
+from fault_bench import G, NAMES, Q
+from fault_table import fault
+from lifecycle_bench import (
+    ACTIVATE,
+    CLEANUP,
+    CONFIGURE,
+    DEACTIVATE,
+    lifecycle_bench,
+    LifecycleBench,
+    SHUTDOWN,
+)
+from lifecycle_msgs.srv import GetAvailableTransitions
+import pytest
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import LATCHED, RosClient
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+GROUP = 'Lifecycle'
+RAMP_TIME = 0.3
+PARAMETERS = {'state_timeout': 2.0, 'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6}
+NOT_CHANGED = '`success` false at once; nothing changes, efforts go on'
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[LifecycleBench]:
+    """Return a node that is active and commands, as tests leave it."""
+    with lifecycle_bench(client, '/faults_lifecycle', PARAMETERS) as one:
+        yield one
+
+
+def check_answers(bench: LifecycleBench) -> None:
+    """Check that services answer by the model."""
+    response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
+    assert response.effort == pytest.approx(bench.hold, abs=1e-6), response.message
+
+
+def check_no_model(bench: LifecycleBench) -> None:
+    """Check that the node has no model, says so, and answers no state."""
+    before = bench.figure('joint states', 'dropped: no model yet')
+    assert bench.state() == 'unconfigured'
+    response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
+    assert not response.success
+    assert response.message.startswith('no model yet: expected')
+    bench.efforts.clear()
+    bench.gravity.clear()
+    bench.set_point(Q)
+    bench.wait_dropped('no model yet', before + 50)
+    bench.wait_status('reference', lambda status: any(
+        'no model yet' in value.value for value in status.values))
+    assert bench.efforts.messages == bench.gravity.messages == []
+
+
+@fault(GROUP, '`autostart: false`: states and a set-point before configuration',
+       'nothing is published; services and `~/joint_trajectory` say that there is no model')
+def test_unconfigured_until_asked(client: RosClient) -> None:
+    with lifecycle_bench(
+            client, '/faults_unconfigured', {**PARAMETERS, 'autostart': False}) as one:
+        check_no_model(one)
+        assert one.change(CONFIGURE)
+        check_answers(one)
+        one.check_silent()
+        assert one.change(ACTIVATE)
+        first = one.efforts.wait_for()
+        assert first.effort == pytest.approx(G, abs=1e-6)
+        one.check_alive()
+
+
+@fault(GROUP, 'activation while states stream',
+       'the first effort is exactly g(q), in answer to the next state')
+def test_the_first_effort_holds_the_arm(bench: LifecycleBench) -> None:
+    bench.check_alive()
+    assert bench.change(DEACTIVATE)
+    bench.check_silent()
+    bench.set_point([Q[0] + 0.5, Q[1]])  # to which it must not jump
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    gravity = bench.gravity.wait_for()
+    assert bench.change(ACTIVATE)
+    first = bench.efforts.wait_for()
+    assert first.effort == gravity.effort
+    assert first.effort == pytest.approx(G, abs=1e-6)
+    bench.driver.be_quiet()  # which ends the reference
+    bench.wait_fault('state_timeout')
+    bench.check_alive()
+
+
+@fault(GROUP, 'deactivation while efforts go out',
+       'efforts fall to exactly 0 over `ramp_time`, then silence; services answer as ever')
+def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
+    bench.check_alive()
+    assert bench.change(DEACTIVATE)
+    bench.efforts.wait_for(lambda message: not any(message.effort))
+    ramp = [(t, m) for t, m in bench.efforts.published() if m.effort[0] != pytest.approx(G[0])]
+    assert list(ramp[-1][1].effort) == [0.0, 0.0]
+    sizes = [abs(message.effort[0]) for _, message in ramp]
+    assert sizes == sorted(sizes, reverse=True)
+    took = ramp[-1][0] - ramp[0][0]
+    assert took > 0.5 * RAMP_TIME
+    bench.check_silent()
+    check_answers(bench)
+    assert bench.change(ACTIVATE)
+    bench.check_alive()
+    seen(f'{len(ramp)} efforts in {took:.2f} s of ramp')
+
+
+@pytest.mark.parametrize('request_of', [
+    pytest.param(request_of, marks=fault(GROUP, words, NOT_CHANGED))
+    for words, request_of in (
+        ('activation of an active node', {'transition': ACTIVATE}),
+        ('configuration of an active node', {'transition': CONFIGURE}),
+        ('cleanup of an active node', {'transition': CLEANUP}),
+        ('a transition that there is not, by number', {'transition': 200}),
+        ('a transition that there is not, by name', {'label': 'fly'}),
+        ('a transition that is not for users', {'transition': 10}))])
+def test_wrong_transitions(bench: LifecycleBench, request_of: dict[str, Any]) -> None:
+    bench.check_alive()
+    assert not bench.change(**request_of)
+    assert bench.state() == 'active'
+    bench.check_alive()
+
+
+def test_the_transitions_are_those_of_every_lifecycle_node(bench: LifecycleBench) -> None:
+    def available() -> set[str]:
+        return {one.transition.label for one in bench.ask(
+            'get_available_transitions', GetAvailableTransitions).available_transitions}
+
+    assert available() == {'deactivate', 'shutdown'}
+    assert bench.change(label='deactivate')
+    assert available() == {'activate', 'cleanup', 'shutdown'}
+    assert bench.change(label='activate')
+    bench.check_alive()
+
+
+@fault(GROUP, 'a description on its topic while the node is unconfigured',
+       'not loaded; taken at the next configuration')
+def test_no_model_while_unconfigured(client: RosClient, bench: LifecycleBench) -> None:
+    bench.check_alive()
+    assert bench.change(DEACTIVATE)
+    assert bench.change(CLEANUP)
+    heavy = planar_arm_urdf([9.0, 9.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name='heavy')
+    descriptions = client.publisher(
+        String, '/faults_lifecycle/robot_description', LATCHED, subscribers=0)
+    descriptions.publish(String(data=heavy))
+    check_no_model(bench)
+    assert 'heavy' not in bench.node.log
+    assert bench.change(CONFIGURE)
+    bench.node.wait_for_log("Model 'heavy'")
+    client.node.destroy_publisher(descriptions)
+    assert bench.change(CLEANUP)
+    assert bench.change(CONFIGURE)  # and without, the embedded arm again
+    check_answers(bench)
+    assert bench.change(ACTIVATE)
+    bench.check_alive()
+
+
+@fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration',
+       'it stays, and no effort goes out, until `~/reset_fault`')
+def test_a_latched_fault_survives_transitions(bench: LifecycleBench) -> None:
+    latch(bench)
+    for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
+        for transition in transitions:
+            assert bench.change(transition)
+        assert 'waits for ~/reset_fault' in bench.wait_fault('non_finite').message
+        bench.check_silent()
+    response = bench.ask('reset_fault', Trigger)
+    assert response.success
+    assert response.message.startswith('reset non_finite')
+    bench.check_alive()
+
+
+@pytest.mark.parametrize('transitions', [
+    pytest.param(transitions, marks=fault(
+        GROUP, f'`~/reset_fault` after a latched fault while the node is {state}',
+        '`success` true; efforts go out again at the next activation, not before'))
+    for state, transitions in (
+        ('inactive', [DEACTIVATE]), ('unconfigured', [DEACTIVATE, CLEANUP]))])
+def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int]) -> None:
+    latch(bench)
+    for transition in transitions:
+        assert bench.change(transition)
+    response = bench.ask('reset_fault', Trigger)
+    assert response.success
+    assert response.message.startswith('reset non_finite')
+    assert not bench.ask('reset_fault', Trigger).success  # once is enough
+    if CLEANUP in transitions:
+        assert bench.change(CONFIGURE)
+    bench.check_silent()
+    assert bench.change(ACTIVATE)
+    bench.check_alive()
+
+
+def latch(bench: LifecycleBench) -> None:
+    """Bring about a fault that is latched: a state for which the reference has no torque."""
+    bench.check_alive()
+    bench.set_point(Q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+
+    def spin(message: JointState) -> JointState:
+        message.velocity = [1e200, 1e200]
+        return message
+
+    bench.driver.change = spin
+    bench.wait_fault('non_finite')
+    bench.driver.go_on()
+    bench.efforts.wait_for(lambda message: not any(message.effort))
+
+
+# --- configuration that fails --------------------------------------------------------------------
+
+@fault(GROUP, 'configuration with a bad file, which is then mended',
+       '`success` false, the reason in the log, unconfigured; then configured')
+def test_a_bad_file_that_is_mended(client: RosClient, tmp_path: Path) -> None:
+    file = tmp_path / 'arm.urdf'
+    bad = BAD_DESCRIPTIONS['a negative mass']
+    file.write_text(bad.xml, encoding='utf-8')
+    with lifecycle_bench(client, '/faults_mended', {
+            **PARAMETERS, 'autostart': False, 'robot_description_file': str(file)}) as one:
+        for _ in range(2):
+            assert not one.change(CONFIGURE)
+            assert one.state() == 'unconfigured'
+        one.node.wait_for_log(f'Not configured: .*{bad.words}')
+        file.write_text(MASSLESS, encoding='utf-8')
+        assert not one.change(CONFIGURE)
+        one.node.wait_for_log('Not configured: .*model check mass')
+        check_no_model(one)
+        file.write_text(ARM, encoding='utf-8')
+        assert one.change(CONFIGURE)
+        check_answers(one)
+        assert one.change(ACTIVATE)
+        one.check_alive()
+
+
+@fault(GROUP, 'configuration with gains that do not fit the arm, which are then mended',
+       '`success` false, the reason in the log, unconfigured; then configured')
+def test_bad_gains_that_are_mended(client: RosClient) -> None:
+    node = '/faults_gains/dynamics'
+    with lifecycle_bench(client, '/faults_gains', {
+            **PARAMETERS, 'autostart': False, 'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
+        assert not one.change(CONFIGURE)
+        one.node.wait_for_log(r'Not configured: gains\.kp has 3 values, expected 2')
+        assert one.state() == 'unconfigured'
+        result, = client.set_parameters(node, {'gains.kp': [100.0, 100.0]})
+        assert result.successful
+        assert one.change(CONFIGURE)
+        assert one.change(ACTIVATE)
+        one.check_alive()
+
+
+@fault(GROUP, 'shutdown while efforts go out',
+       'efforts fall to exactly 0 over `ramp_time`, then silence; no transition leads back')
+def test_shutdown_ramps_to_zero(client: RosClient) -> None:
+    with lifecycle_bench(client, '/faults_shutdown', PARAMETERS) as one:
+        one.check_alive()
+        begun = time.time()
+        assert one.change(SHUTDOWN)
+        one.efforts.wait_for(lambda message: not any(message.effort))
+        ended, last = one.efforts.published()[-1]
+        assert list(last.effort) == [0.0, 0.0]
+        assert ended - begun > 0.5 * RAMP_TIME
+        one.check_silent()
+        for transition in (CONFIGURE, ACTIVATE, CLEANUP):
+            assert not one.change(transition)
+        assert one.state() == 'finalized'

@@ -1,0 +1,226 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Limits of position, velocity and effort: what the command may not do, and what it still may."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from fault_bench import fault_bench, FaultBench, figure_of, G, Q
+from fault_stimuli import check_rate, PATIENT, RATE, wait_states
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from ros_harness import RosClient
+
+GROUP = 'Limits'
+LOWER, UPPER = -1.0, 1.0
+"""Position limits of both joints [rad]."""
+SPEED = 10.0
+"""Velocity limit of both joints [rad/s]."""
+EFFORT = 150.0, 60.0
+"""Effort limits [N m]."""
+AWAY = 0.5
+"""[rad] of error that asks for more effort than there is."""
+URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
+    '<limit ', f'<limit lower="{LOWER}" upper="{UPPER}" ')
+MARGIN = 0.0087
+"""The default of `position_fault_margin` [rad]."""
+
+
+@pytest.fixture(scope='module')
+def limited_arm(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands an arm with limits, as tests leave it."""
+    parameters = {**PATIENT, 'robot_description': URDF}
+    with fault_bench(client, '/faults_limits', parameters) as one:
+        yield one
+
+
+@pytest.fixture
+def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
+    """Return it with the arm at rest at `Q`, and check afterwards that it holds it there again."""
+    limited_arm.check_alive()
+    yield limited_arm
+    set_parameters(limited_arm, effort_scale=1.0, effort_rate_limit=RATE)
+    limited_arm.hold = G
+    limited_arm.driver.q, limited_arm.driver.v = list(Q), [0.0, 0.0]
+    limited_arm.set_point(Q)
+    limited_arm.check_alive()
+
+
+def set_parameters(bench: FaultBench, **values: float) -> None:
+    """Set parameters of the node."""
+    results = bench.client.set_parameters(f'{bench.namespace}/dynamics', values)
+    assert all(result.successful for result in results), results
+
+
+def gravity(q: Any) -> Any:
+    """Return what holds the arm at q."""
+    return ArmDynamics(load_arm(URDF)).rigid_body.gravity(np.array(q))
+
+
+def be_at(bench: FaultBench, q: Any) -> None:
+    """Let the driver say that the arm is there, where it is to be, and wait until it is held."""
+    bench.driver.q = list(q)
+    bench.set_point(q)
+    bench.hold = gravity(q)
+    bench.efforts.clear()
+    wait_effort(bench, bench.hold)
+
+
+def wait_first(bench: FaultBench, joint: int, value: float) -> None:
+    """Wait until the effort of a joint is this, from now on."""
+    bench.efforts.clear()
+    bench.efforts.wait_for(lambda message: abs(message.effort[joint] - value) < 1e-6)
+
+
+def wait_effort(bench: FaultBench, effort: Any) -> None:
+    """Wait until there has been this effort."""
+    bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
+
+
+# --- position ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('joint', 'limit', 'sign'), [
+    pytest.param(joint, limit, sign, id=words, marks=fault(
+        GROUP, f'a joint 0.005 rad {words}, and a reference further on',
+        'no effort of that joint beyond g(q) that way, counted; away from the limit it is free'))
+    for words, joint, limit, sign in (
+        ('before its upper limit', 0, UPPER - 0.005, 1.0),
+        ('past its upper limit', 0, UPPER + 0.005, 1.0),
+        ('before its lower limit', 1, LOWER + 0.005, -1.0),
+        ('past its lower limit', 1, LOWER - 0.005, -1.0))])
+def test_a_position_limit_ahead(
+    bench: FaultBench, joint: int, limit: float, sign: float,
+) -> None:
+    q = list(Q)
+    q[joint] = limit
+    be_at(bench, q)
+    before = bench.known('command', 'held back by position limit')
+    g, other = bench.hold[joint], 1 - joint
+    goal = list(q)
+    goal[joint] += sign * AWAY
+    goal[other] -= 0.1  # that joint is free to move, so that the reference is seen to be followed
+    bench.efforts.clear()
+    bench.set_point(goal)
+    bench.efforts.wait_for(lambda message: abs(message.effort[other] - bench.hold[other]) > 5.0)
+    bench.wait_status('command', lambda status: (
+        figure_of(status, 'held back by position limit') > before
+        and status.message == 'held back by a limit'))
+    messages = bench.efforts.messages
+    assert all(sign * (message.effort[joint] - g) <= 1e-6 for message in messages)
+    goal[joint] = q[joint] - sign * AWAY
+    bench.set_point(goal)
+    wait_first(bench, joint, -sign * EFFORT[joint])
+
+
+@pytest.mark.parametrize(('joint', 'position', 'told'), [
+    pytest.param(joint, position, told, id=words, marks=fault(
+        GROUP, f'a joint {words}', 'fault `position_limit` that names joint and way: the effort '
+        'holds, ramps to zero and ends; back by itself after five good states'))
+    for words, joint, position, told in (
+        ('0.009 rad past its upper limit', 0, UPPER + 0.009,
+         "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
+        ('0.1 rad past its lower limit', 1, LOWER - 0.1,
+         "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087"))])
+def test_a_position_past_its_limit(
+    bench: FaultBench, joint: int, position: float, told: str,
+) -> None:
+    before = bench.known('command', 'faults: position_limit')
+    bench.driver.q[joint] = position
+    assert told in bench.wait_fault('position_limit').message
+    bench.wait_silent()
+    shown = len(bench.efforts.messages)
+    wait_states(bench, 50)
+    assert len(bench.efforts.messages) == shown
+    g = gravity(bench.driver.q)
+    assert any(np.allclose(message.effort, g, atol=1e-6) for message in bench.efforts.messages)
+    assert bench.known('command', 'faults: position_limit') == before + 1
+
+
+@fault(GROUP, f'a joint {MARGIN} rad past its limit', 'no fault: that much is allowed')
+def test_a_position_within_the_margin(bench: FaultBench) -> None:
+    before = bench.known('command', 'faults: position_limit')
+    be_at(bench, [UPPER + 0.0086, Q[1]])
+    bench.efforts.clear()
+    bench.efforts.wait_count(20)
+    assert bench.figure('command', 'faults: position_limit') == before
+
+
+# --- velocity ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('sign', [
+    pytest.param(sign, id=words, marks=fault(
+        GROUP, f'joint1 at 12 rad/s {words}, faster than its limit of 10 rad/s',
+        'no effort beyond g(q) that way, counted; braking is free'))
+    for words, sign in (('forwards', 1.0), ('backwards', -1.0))])
+def test_overspeed(bench: FaultBench, sign: float) -> None:
+    before = bench.known('command', 'held back by velocity limit')
+    bench.set_point(Q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.driver.v = [sign * 1.2 * SPEED, 0.0]
+    bench.efforts.clear()
+    bench.efforts.wait_for(lambda message: sign * (message.effort[0] - G[0]) < -1.0)  # it brakes
+    bench.set_point([Q[0] + sign * 50.0, Q[1] - 10.0])
+    wait_first(bench, 0, G[0])
+    bench.wait_status('command', lambda status: (
+        figure_of(status, 'held back by velocity limit') > before))
+    assert all(
+        sign * (message.effort[0] - G[0]) <= 1e-6 for message in bench.efforts.messages)
+    bench.set_point([Q[0] - sign * 50.0, Q[1]])
+    wait_first(bench, 0, -sign * EFFORT[0])
+
+
+# --- effort --------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('scale', [
+    pytest.param(scale, marks=fault(
+        GROUP, f'a reference that asks for more effort than there is, effort_scale {scale}',
+        'clamped to the URDF limit × `effort_scale`, counted; no faster than the rate limit'))
+    for scale in (1.0, 0.5)])
+def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
+    set_parameters(bench, effort_scale=scale)
+    limits = scale * np.array(EFFORT)
+    before = bench.known('command', 'held back by effort limit')
+    for sign in (1.0, -1.0):
+        bench.set_point(np.add(Q, 2.0 * sign).tolist())
+        wait_effort(bench, sign * limits)
+    bench.wait_status('command', lambda status: (
+        figure_of(status, 'held back by effort limit') > before))
+    messages = bench.efforts.messages
+    assert all((np.abs(message.effort) <= limits).all() for message in messages)
+    check_rate(messages)
+
+
+@fault(GROUP, 'effort_scale falls while the effort is at its limit',
+       'the effort goes to the new limit no faster than its rate limit')
+def test_a_limit_that_falls(bench: FaultBench) -> None:
+    bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
+    wait_first(bench, 0, EFFORT[0])
+    set_parameters(bench, effort_scale=0.5)
+    wait_effort(bench, [75.0, 30.0])
+    check_rate(bench.efforts.messages)
+
+
+@fault(GROUP, 'an effort_rate_limit of 100 N m/s, and a set-point 2 rad away',
+       'no effort changes faster')
+def test_a_slower_rate(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+    set_parameters(bench, effort_rate_limit=100.0)
+    bench.set_point([Q[0] + 2.0, Q[1]])
+    bench.efforts.wait_for(lambda message: message.effort[0] > 0.0)
+    check_rate(bench.efforts.messages, 100.0)
+    seen(f'{len(bench.efforts.messages)} efforts looked at')

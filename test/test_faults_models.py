@@ -1,0 +1,219 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults in descriptions that arrive while the node commands, and changes of the model."""
+
+from collections.abc import Iterator
+import itertools
+from typing import Any
+
+from bad_descriptions import Bad, BAD_DESCRIPTIONS
+from fault_bench import G, nanoseconds_of, Q
+from fault_table import fault
+from lifecycle_bench import (
+    ACTIVATE,
+    DEACTIVATE,
+    lifecycle_bench,
+    LifecycleBench,
+)
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import LATCHED, RosClient
+from std_msgs.msg import String
+
+GROUP = 'Robot descriptions on their topic'
+KEPT = 'refused with what is wrong; the model in use stays; control goes on'
+PARAMETERS = {'state_timeout': 2.0, 'hold_time': 0.1, 'ramp_time': 0.1, 'effort_rate_limit': 1e6}
+
+
+class Descriptions:
+    """What publishes descriptions of arms with joint1 and joint2 that differ in their mass."""
+
+    def __init__(self, client: RosClient, namespace: str) -> None:
+        self._node = client.node
+        self._publisher = client.publisher(
+            String, f'{namespace}/robot_description', LATCHED, subscribers=0)
+
+    def send(self, xml: str) -> None:
+        """Publish a description."""
+        self._publisher.publish(String(data=xml))
+
+    def close(self) -> None:
+        """Forget the topic."""
+        self._node.destroy_publisher(self._publisher)
+
+
+def arm_of(mass: float) -> str:
+    """Return an arm named for the mass [kg] of its second link."""
+    return planar_arm_urdf(
+        [5.0, mass], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name=f'arm_{mass:g}')
+
+
+def hold_of(xml: str) -> list[float]:
+    """Return the efforts [N m] that hold an arm where the driver says that it is."""
+    return [float(effort) for effort in ArmDynamics(load_arm(xml)).rigid_body.gravity(np.array(Q))]
+
+
+LIGHT, HEAVY = arm_of(2.0), arm_of(4.0)
+
+
+@pytest.fixture(scope='module')
+def descriptions(client: RosClient) -> Iterator[Descriptions]:
+    publisher = Descriptions(client, '/faults_models')
+    yield publisher
+    publisher.close()
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient, descriptions: Descriptions) -> Iterator[LifecycleBench]:
+    """Return a node that commands by the light arm, of its topic, as tests leave it."""
+    descriptions.send(LIGHT)
+    with lifecycle_bench(
+            client, '/faults_models', PARAMETERS, hold_of(LIGHT)) as one:
+        one.node.wait_for_log("Model 'arm_2'")
+        yield one
+
+
+def check_model(bench: LifecycleBench, xml: str) -> None:
+    """Check that services and commands are those of an arm, and no fault came of it."""
+    bench.hold = hold_of(xml)
+    response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
+    assert response.effort == pytest.approx(bench.hold, abs=1e-6)
+    bench.check_alive()
+
+
+def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) -> None:
+    """Wait until the diagnostics tell of this model."""
+    bench.wait_status('model', lambda status: status.message == name and any(
+        value.key == 'a new one waits' and value.value == str(new_one_waits)
+        for value in status.values))
+
+
+@pytest.mark.parametrize('bad', [
+    pytest.param(bad, id=words, marks=fault(GROUP, words, KEPT))
+    for words, bad in BAD_DESCRIPTIONS.items()])
+def test_a_bad_description(
+    bench: LifecycleBench, descriptions: Descriptions, bad: Bad,
+) -> None:
+    bench.check_alive()
+    descriptions.send(bad.xml)
+    bench.node.wait_for_log(f'Kept the model in use: .*({bad.words})')
+    check_model(bench, LIGHT)
+    assert bench.known('command', 'faults: state_timeout') == 0
+
+
+@fault(GROUP, 'another arm while efforts go out, then no joint states for a while',
+       'told that it waits, efforts by the old arm; taken when efforts have ended, and then the '
+       'first effort is exactly its g(q)')
+def test_a_new_model_waits_until_efforts_have_ended(
+    bench: LifecycleBench, descriptions: Descriptions,
+) -> None:
+    bench.check_alive()
+    descriptions.send(HEAVY)
+    bench.node.wait_for_log('Kept the model in use, as efforts go out by it')
+    wait_model(bench, 'arm_2', new_one_waits=True)
+    check_model(bench, LIGHT)
+    bench.driver.be_quiet()
+    wait_model(bench, 'arm_4')
+    bench.wait_silent()
+    assert np.allclose(bench.efforts.messages[-1].effort, 0.0)
+    bench.efforts.clear()
+    bench.driver.go_on()
+    assert bench.efforts.wait_for().effort == pytest.approx(hold_of(HEAVY), abs=1e-6)
+    check_model(bench, HEAVY)
+
+
+@fault(GROUP, 'another arm while efforts go out, then deactivation and activation',
+       'taken in between; the first effort is exactly its g(q)')
+def test_a_new_model_is_taken_while_inactive(
+    bench: LifecycleBench, descriptions: Descriptions,
+) -> None:
+    settle(bench, descriptions, LIGHT, 'arm_2')
+    descriptions.send(HEAVY)
+    wait_model(bench, 'arm_2', new_one_waits=True)
+    assert bench.change(DEACTIVATE)
+    wait_model(bench, 'arm_4')
+    bench.check_silent()
+    assert bench.change(ACTIVATE)
+    assert bench.efforts.wait_for().effort == pytest.approx(hold_of(HEAVY), abs=1e-6)
+    check_model(bench, HEAVY)
+
+
+@pytest.mark.parametrize(('last', 'words'), [
+    pytest.param(last, words, marks=fault(GROUP, injected, expected))
+    for last, words, injected, expected in (
+        (LIGHT, '', 'another arm while efforts go out, then that in use again',
+         'none waits any more; the model in use stays; control goes on'),
+        (BAD_DESCRIPTIONS['a loop'].xml, BAD_DESCRIPTIONS['a loop'].words,
+         'another arm while efforts go out, then a bad one',
+         'refused; none waits any more, as the newest counts; the model in use stays'))])
+def test_the_newest_description_counts(
+    bench: LifecycleBench, descriptions: Descriptions, last: str, words: str,
+) -> None:
+    settle(bench, descriptions, LIGHT, 'arm_2')
+    descriptions.send(HEAVY)
+    wait_model(bench, 'arm_2', new_one_waits=True)
+    descriptions.send(last)
+    wait_model(bench, 'arm_2')
+    if words:
+        bench.node.wait_for_log(f'Kept the model in use: .*{words}')
+    bench.driver.be_quiet()
+    bench.wait_fault('state_timeout')
+    bench.wait_silent()
+    check_model(bench, LIGHT)
+
+
+def settle(
+    bench: LifecycleBench, descriptions: Descriptions, xml: str, name: str,
+) -> None:
+    """Let the node command by this arm."""
+    if bench.change(DEACTIVATE):
+        descriptions.send(xml)
+        wait_model(bench, name)
+        assert bench.change(ACTIVATE)
+    check_model(bench, xml)
+
+
+@fault(GROUP, 'an arm while efforts go out by the embedded one, which stands in for it',
+       'taken at once; efforts go over to its g(q) no faster than `effort_rate_limit`')
+def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> None:
+    rate = 50.0
+    publisher = Descriptions(client, '/faults_embedded')
+    with lifecycle_bench(client, '/faults_embedded', {
+                **PARAMETERS, 'effort_rate_limit': rate, 'state_timeout': 2.0}) as one:
+        one.check_alive()
+        one.efforts.wait_count(len(one.efforts.messages) + 1)
+        publisher.send(HEAVY)
+        one.efforts.wait_for(
+            lambda message: np.allclose(message.effort, hold_of(HEAVY), atol=1e-6))
+        sent = one.efforts.published()
+        assert sent[0][1].effort == pytest.approx(G, abs=1e-6)
+        for (_, before), (_, after) in itertools.pairwise(sent):
+            dt = 1e-9 * (
+                nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
+            change = np.abs(np.subtract(after.effort, before.effort)).max()
+            assert change <= 2.0 * rate * max(dt, LONGEST_STEP)
+        moving = [t for t, m in sent if not np.allclose(m.effort, G, atol=1e-6)]
+        way = np.abs(np.subtract(hold_of(HEAVY), G)).max()
+        assert moving[-1] - moving[0] > 0.8 * way / rate
+        assert 'Kept the model' not in one.node.log
+        check_model(one, HEAVY)
+        assert one.figure('command', 'faults: state_timeout') == 0
+    publisher.close()
+    seen(f'{way:.1f} N·m in {moving[-1] - moving[0]:.2f} s at {rate:g} N·m/s')

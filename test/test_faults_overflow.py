@@ -1,0 +1,69 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Efforts beyond all numbers: never published, and a fault until it is reset."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from fault_bench import fault_bench, FaultBench, figure_of
+from fault_stimuli import PATIENT, wait_states
+from fault_table import fault
+import pytest
+from ros_harness import RosClient
+from std_srvs.srv import Trigger
+
+GROUP = 'Efforts that are not finite'
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands the default arm."""
+    with fault_bench(client, '/faults_overflow', PATIENT) as one:
+        yield one
+
+
+def reset(bench: FaultBench) -> Any:
+    """Ask to reset the fault; return the answer."""
+    return bench.client.call(Trigger, bench.name('reset_fault'))
+
+
+@fault(GROUP, 'a reference, and a velocity of 10²⁰⁰ rad/s, at which the computed torque overflows',
+       'not published; fault `non_finite`, which good states do not end; `~/reset_fault` does')
+def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.set_point(bench.driver.q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.driver.v = [1e200, 1e200]
+    status = bench.wait_fault('non_finite')
+    assert 'are not finite' in status.message
+    assert 'waits for ~/reset_fault' in status.message
+    bench.wait_dropped('no finite effort')
+    bench.driver.v = [0.0, 0.0]
+    wait_states(bench, 100)
+    assert bench.status('command').message.startswith('fault non_finite')
+    assert figure_of(bench.status('command'), 'faults: non_finite') == 1
+    answer = reset(bench)
+    assert answer.success
+    assert answer.message.startswith('reset non_finite: ')
+    bench.check_alive()
+
+
+@fault(GROUP, '`~/reset_fault` where there is no fault', 'success = false, and it says so')
+def test_nothing_to_reset(bench: FaultBench) -> None:
+    bench.check_alive()
+    answer = reset(bench)
+    assert not answer.success
+    assert answer.message == 'there is no fault'
+    bench.check_alive()

@@ -1,0 +1,206 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults in what parameters are set to while the node commands: refused, and nothing changes."""
+
+from collections.abc import Iterator, Sequence
+import math
+from typing import Any
+
+from fault_bench import fault_bench
+from fault_table import fault
+import pytest
+from rcl_interfaces.msg import Parameter as ParameterMsg
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.parameter import Parameter
+from request_bench import ControlGoesOn, PATIENT
+from robot_dynamics.ros.dynamics_parameters import SPECS
+from robot_dynamics.ros.parameters import ParameterSpec, Type
+from ros_harness import RosClient
+
+GROUP = 'Parameters at run time'
+REFUSED = 'refused with name, value and what was expected; the old value stays; control goes on'
+NAN, INF = float('nan'), float('inf')
+CHANGEABLE = [spec for spec in SPECS if not spec.read_only]
+NUMBERS = [spec for spec in CHANGEABLE if spec.kind in (Type.DOUBLE, Type.DOUBLE_ARRAY)]
+ARRAYS = [spec for spec in NUMBERS if spec.kind is Type.DOUBLE_ARRAY]
+CHOICES = [spec for spec in CHANGEABLE if spec.choices]
+
+
+@pytest.fixture(scope='module')
+def control(client: RosClient) -> Iterator[ControlGoesOn]:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    with fault_bench(client, '/faults_parameters', PATIENT) as bench:
+        yield ControlGoesOn(bench)
+
+
+def number(spec: ParameterSpec, value: float) -> Parameter:
+    """Return a number for a parameter, in an array where it is one."""
+    return Parameter(spec.name, spec.kind, [value] if spec.kind is Type.DOUBLE_ARRAY else value)
+
+
+def of_another_type(spec: ParameterSpec) -> Parameter:
+    """Return a value for a parameter of a type that it cannot have."""
+    if spec.kind is Type.STRING:
+        return Parameter(spec.name, Type.DOUBLE, 1.0)
+    return Parameter(spec.name, Type.STRING, 'text')
+
+
+BAD_VALUES = {
+    'NaN, for every number and in every array': [number(spec, NAN) for spec in NUMBERS],
+    'infinity, likewise': [number(spec, INF) for spec in NUMBERS],
+    'below the range, likewise': [
+        number(spec, math.nextafter(float(spec.minimum or 0.0), -INF)) for spec in NUMBERS],
+    'above the range, likewise': [
+        number(spec, math.nextafter(float(spec.maximum or 0.0), INF)) for spec in NUMBERS],
+    'another type, for every parameter': [of_another_type(spec) for spec in CHANGEABLE],
+    'a whole number where a number with a decimal point is expected': [
+        Parameter(spec.name, Type.INTEGER, 1) for spec in NUMBERS if spec.kind is Type.DOUBLE],
+    'three values for two joints': [
+        Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0, 1.0]) for spec in ARRAYS],
+    'two values, where the order of the joints is not given': [
+        Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0]) for spec in ARRAYS],
+    'a choice that there is not': [Parameter(spec.name, Type.STRING, 'fly') for spec in CHOICES],
+    'unset': [Parameter(spec.name, Type.NOT_SET) for spec in CHANGEABLE],
+    'read-only ones': [
+        Parameter(spec.name, spec.kind, spec.default) for spec in SPECS if spec.read_only],
+}
+
+
+def values_of(control: ControlGoesOn, names: Sequence[str]) -> Any:
+    """Return the values of parameters."""
+    return control.ask('get_parameters', GetParameters, names=names).values
+
+
+def check_unchanged(control: ControlGoesOn, before: Any) -> None:
+    """Check that all parameters are what they were."""
+    assert values_of(control, [spec.name for spec in SPECS]) == before
+
+
+@pytest.fixture
+def before(control: ControlGoesOn) -> Any:
+    """Return the values of all parameters before the test."""
+    return values_of(control, [spec.name for spec in SPECS])
+
+
+@pytest.mark.parametrize('parameters', [
+    pytest.param(parameters, id=words, marks=fault(GROUP, words, REFUSED))
+    for words, parameters in BAD_VALUES.items()])
+def test_bad_values(control: ControlGoesOn, parameters: list[Parameter], before: Any) -> None:
+    assert parameters
+    with control.checked():
+        results = control.ask('set_parameters', SetParameters, parameters=[
+            parameter.to_parameter_msg() for parameter in parameters]).results
+    for parameter, result in zip(parameters, results, strict=True):
+        assert not result.successful, parameter
+        assert parameter.name in result.reason
+        assert len(result.reason) > len(parameter.name) + 10
+    check_unchanged(control, before)
+
+
+@fault(GROUP, 'names that no parameter has, one empty, one of a million characters',
+       'refused by name, shortened where it is long; control goes on')
+def test_unknown_names(control: ControlGoesOn, before: Any) -> None:
+    names = ['efort_scale', '', 'gains', 'gains.', 'x' * 1_000_000]
+    with control.checked():
+        results = control.ask('set_parameters', SetParameters, parameters=[
+            Parameter(name, Type.DOUBLE, 1.0).to_parameter_msg() for name in names]).results
+    for name, result in zip(names, results, strict=True):
+        assert not result.successful
+        assert result.reason.startswith(f"there is no parameter '{name[:100]}")
+        assert len(result.reason) < 5000
+    listed = control.ask('list_parameters', ListParameters).result.names
+    assert not set(names) & set(listed)
+    check_unchanged(control, before)
+
+
+@pytest.mark.parametrize('service', [
+    pytest.param(service, marks=fault(
+        GROUP, f'`~/{service}` with the type 77 among good values',
+        'refused with name, type and the types that there are; nothing of the request is set; '
+        'control goes on'))
+    for service in ('set_parameters', 'set_parameters_atomically')])
+def test_a_type_that_there_is_not(control: ControlGoesOn, service: str, before: Any) -> None:
+    good = Parameter('effort_scale', Type.DOUBLE, 0.5).to_parameter_msg()
+    bad = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
+    kind = SetParameters if service == 'set_parameters' else SetParametersAtomically
+    with control.checked():
+        response = control.ask(service, kind, parameters=[good, bad, good])
+    results = response.results if kind is SetParameters else [response.result]
+    assert len(results) == (3 if kind is SetParameters else 1)
+    for result in results:
+        assert not result.successful
+        assert "parameter 'hold_time' has the type 77, expected one of [0, 1, 2" in result.reason
+    check_unchanged(control, before)
+
+
+@fault(GROUP, 'a good and a bad value, to be set together or not at all',
+       'refused with the reason of the bad one; neither is set; control goes on')
+def test_all_or_none(control: ControlGoesOn, before: Any) -> None:
+    with control.checked():
+        result = control.ask(
+            'set_parameters_atomically', SetParametersAtomically, parameters=[
+                Parameter('effort_scale', Type.DOUBLE, 0.5).to_parameter_msg(),
+                Parameter('gains.kp', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()]).result
+    assert not result.successful
+    assert 'gains.kp[0] is nan' in result.reason
+    check_unchanged(control, before)
+
+
+@fault(GROUP, 'questions about parameters that there are not',
+       'answered with nothing, as rclpy does; control goes on')
+def test_questions_about_unknown_parameters(control: ControlGoesOn) -> None:
+    names = ['efort_scale', '', 'x' * 1_000_000]
+    with control.checked():
+        for name in names:
+            for service, kind, field in (
+                    ('get_parameters', GetParameters, 'values'),
+                    ('get_parameter_types', GetParameterTypes, 'types'),
+                    ('describe_parameters', DescribeParameters, 'descriptors')):
+                assert len(getattr(control.ask(service, kind, names=[name]), field)) == 0
+            listed = control.ask('list_parameters', ListParameters, prefixes=[name or '.'])
+            assert listed.result.names == []
+
+
+@fault(GROUP, '`use_sim_time` set to true and back, while nobody publishes /clock',
+       'taken; control goes on, as no watchdog goes by that time')
+def test_use_sim_time(control: ControlGoesOn) -> None:
+    node = control.bench.name('').rstrip('/')
+    for value in (True, False):
+        with control.checked():
+            result, = control.bench.client.set_parameters(node, {'use_sim_time': value})
+            assert result.successful
+    assert control.bench.client.get_parameter(node, 'use_sim_time') is False
+
+
+@fault(GROUP, '`use_sim_time` of another type, or unset', REFUSED)
+def test_use_sim_time_of_another_type(control: ControlGoesOn) -> None:
+    node = control.bench.name('').rstrip('/')
+    with control.checked():
+        for value in (
+                Parameter('use_sim_time', Type.INTEGER, 1),
+                Parameter('use_sim_time', Type.STRING, 'true'),
+                Parameter('use_sim_time', Type.NOT_SET)):
+            result, = control.bench.client.set_parameters(node, {'use_sim_time': value})
+            assert not result.successful
+            assert 'use_sim_time' in result.reason
+    assert control.bench.client.get_parameter(node, 'use_sim_time') is False

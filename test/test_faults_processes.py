@@ -1,0 +1,175 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults of processes that stream or command: they fall silent, stall, and are killed."""
+
+from collections.abc import Iterator
+import os
+import signal
+import threading
+import time
+from typing import Any
+
+from fault_bench import fault_bench, FaultBench, G, nanoseconds_of
+from fault_table import fault
+from joint_state_driver import DriverProcess
+import numpy as np
+import pytest
+from robot_dynamics.effort_guard import LONGEST_STEP
+from ros_harness import RosClient, wait_until
+
+GROUP = 'Processes that fall silent, stall and are killed'
+SOON = 'the fault action begins after `state_timeout`, and is told'
+BACK = 'it is over by itself with the next state'
+TIMEOUT, HOLD, RAMP = 0.3, 0.3, 0.1
+"""[s] of the node: `fault_bench.QUICK`."""
+STALL = 0.2
+"""[s], which is the stimulus here."""
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation, and a driver in its own process."""
+    with fault_bench(client, '/faults_processes', driver_type=DriverProcess) as one:
+        yield one
+
+
+def configure(bench: FaultBench, **parameters: Any) -> None:
+    """Set parameters of the node."""
+    for result in bench.client.set_parameters(f'{bench.namespace}/dynamics', parameters):
+        assert result.successful, result.reason
+
+
+def pause() -> None:
+    """Let the time of a stall pass."""
+    threading.Event().wait(STALL)
+
+
+# --- silence -------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('action', [
+    pytest.param(action, marks=fault(
+        GROUP, f'the driver falls silent, `fault_action: {action}`', f'{SOON}: {words}; {BACK}'))
+    for action, words in (
+        ('hold_gravity_then_ramp', 'g(q) for `hold_time`, then to zero over `ramp_time`'),
+        ('ramp_to_zero', 'to zero over `ramp_time`'),
+        ('stop_publishing', 'no effort any more'))])
+def test_the_driver_falls_silent(bench: FaultBench, seen: Any, action: str) -> None:
+    configure(bench, fault_action=action)
+    try:
+        bench.check_alive()
+        bench.driver.be_quiet()
+        status = bench.wait_fault('state_timeout')
+        assert 'no valid joint state for 0.3 s (state_timeout)' in status.message
+        if action != 'stop_publishing':
+            bench.wait_silent()
+        words = check_course(action, bench.efforts.published())
+        if words:
+            seen(words)
+        bench.check_alive()
+        bench.node.wait_for_log('Joint states are good again')
+    finally:
+        configure(bench, fault_action='hold_gravity_then_ramp')
+
+
+def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
+    """Check the efforts of a fault action that is over; return how soon it began, in words."""
+    stamp = efforts[-1][1].header.stamp  # that of the last state
+    _, *efforts = [(t, m) for t, m in efforts if m.header.stamp == stamp]  # its answer, and then
+    if action == 'stop_publishing':
+        assert not efforts
+        return ''
+    times = np.array([t for t, _ in efforts]) - 1e-9 * nanoseconds_of(stamp)
+    shares = np.array([m.effort for _, m in efforts]) / G  # 1 holds the arm
+    assert np.ptp(shares, axis=1) == pytest.approx(0.0, abs=1e-6)
+    assert (np.diff(shares[:, 0]) <= 0.0).all()
+    assert not any(efforts[-1][1].effort)
+    held = shares[:, 0] > 1.0 - 1e-6
+    hold = HOLD if action == 'hold_gravity_then_ramp' else 0.0
+    assert held.sum() > 10 if hold else held.sum() <= 1
+    assert times[0] >= TIMEOUT
+    assert times[~held][0] >= TIMEOUT + hold
+    assert times[-1] >= TIMEOUT + hold + RAMP
+    return (f'first effort of it {1e3 * (times[0] - TIMEOUT):.1f} ms after `state_timeout`, '
+            'counted from the stamp of the last state')
+
+
+# --- the driver ----------------------------------------------------------------------------------
+
+@fault(GROUP, 'SIGKILL of the driver', f'{SOON}; {BACK}, of another driver')
+def test_the_driver_is_killed(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.driver.kill()
+    bench.wait_fault('state_timeout')
+    bench.wait_silent()
+    bench.check_alive()
+
+
+@fault(GROUP, 'SIGSTOP of the driver, SIGCONT when efforts have ended', f'{SOON}; {BACK}')
+def test_the_driver_is_stopped_and_continued(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.driver.be_quiet()
+    bench.wait_fault('state_timeout')
+    bench.wait_silent()
+    bench.check_alive()
+
+
+@fault(GROUP, 'the driver stalls for 200 ms, `state_timeout` 0.1 s', f'{SOON}; {BACK}')
+def test_the_driver_stalls(bench: FaultBench) -> None:
+    configure(bench, state_timeout=0.1)
+    try:
+        bench.check_alive()
+        before = bench.figure('command', 'faults: state_timeout')
+        bench.driver.be_quiet()
+        pause()
+        bench.driver.go_on()
+        wait_until(lambda: bench.figure('command', 'faults: state_timeout') > before, 'the fault')
+        bench.check_alive()
+    finally:
+        configure(bench, state_timeout=TIMEOUT)
+
+
+# --- the node ------------------------------------------------------------------------------------
+
+@fault(GROUP, 'the node stalls for 200 ms, `state_timeout` 0.1 s, while its effort changes at '
+       '`effort_rate_limit`',
+       'it answers the next state, or tells of the time without any; the effort goes on from the '
+       f'last one, within `effort_rate_limit` times {LONGEST_STEP:g} s')
+def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
+    rate = 100.0
+    configure(bench, state_timeout=0.1, effort_rate_limit=rate)
+    try:
+        bench.check_alive()
+        before = bench.figure('command', 'faults: state_timeout')
+        bench.set_point([1.3, 0.0])  # far away: so is its effort
+        bench.efforts.wait_for(lambda m: abs(m.effort[0] - G[0]) > 1.0)
+        os.kill(bench.node.pid, signal.SIGSTOP)
+        pause()
+        continued = time.time()
+        os.kill(bench.node.pid, signal.SIGCONT)
+        wait_until(lambda: bench.efforts.published()[-1][0] > continued, 'an effort')
+        bench.set_point(bench.driver.q)
+        bench.efforts.wait_for(lambda m: m.effort == pytest.approx(G, abs=1e-6))
+        times, efforts = zip(*bench.efforts.published())
+        steps = np.abs(np.diff([m.effort for m in efforts], axis=0)).max(axis=1)
+        assert steps.max() <= rate * LONGEST_STEP + 1e-9
+        after = int(np.searchsorted(times, continued))
+        assert times[after] - times[after - 1] >= STALL
+        faults = bench.figure('command', 'faults: state_timeout') - before
+        seen(f'{1e3 * (times[after] - continued):.1f} ms later '
+             f'{"the fault is told" if faults else "a state is answered"}; '
+             f'the effort is {steps[after - 1]:.1f} N·m away')
+        bench.check_alive()
+    finally:
+        configure(bench, state_timeout=TIMEOUT, effort_rate_limit=1000.0)

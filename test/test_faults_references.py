@@ -1,0 +1,202 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults in references: each is refused with one error, or followed within all limits."""
+
+from collections.abc import Callable, Iterator
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q, stamp_of
+from fault_stimuli import PATIENT
+from fault_table import fault
+import numpy as np
+import pytest
+from raw_publisher import bytes_of
+from ros_harness import RosClient, wait_until
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+GROUP = 'References'
+REFUSED = 'refused with one error that names it; the reference in force is followed on'
+NAN, INF = float('nan'), float('inf')
+GOAL = [Q[0] + 0.01, Q[1] - 0.02]
+M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
+"""M(q) of the default arm at `Q` [kg m^2]."""
+TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
+"""Computed torque of the default gains for `GOAL`, at rest at `Q` [N m]."""
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    with fault_bench(client, '/faults_references', PATIENT) as one:
+        yield one
+
+
+def point(q: Any = Q, seconds: float = 0.0, **more: Any) -> JointTrajectoryPoint:
+    """Return a point of a trajectory at a time."""
+    sec, nanosec = divmod(round(1e9 * seconds), 1_000_000_000)
+    return JointTrajectoryPoint(
+        positions=q, time_from_start=Duration(sec=sec, nanosec=nanosec), **more)
+
+
+def trajectory(
+    *points: JointTrajectoryPoint, names: Any = NAMES, stamp: Time | None = None,
+) -> JointTrajectory:
+    """Return a trajectory."""
+    message = JointTrajectory(joint_names=names, points=points)
+    message.header.stamp = stamp or Time()
+    return message
+
+
+def is_torque(message: Any) -> bool:
+    """Tell whether an effort follows `GOAL`."""
+    return bool(np.allclose(message.effort, TORQUE, atol=1e-5))
+
+
+@pytest.mark.parametrize(('message', 'told'), [
+    pytest.param(message, told, id=words, marks=fault(GROUP, words, REFUSED))
+    for words, message, told in (
+        ('no joint names', trajectory(point(), names=[]), 'joint_names is empty'),
+        ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
+         "joint_names has 'wheel'"),
+        ('a joint missing', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
+        ('a joint twice', trajectory(point([*Q, 0.0]), names=[*NAMES, 'joint1']),
+         "joint_names has 'joint1' twice"),
+        ('no points', trajectory(), 'points is empty'),
+        ('NaN in a position', trajectory(point([NAN, 0.0])),
+         'points[0].positions[0] (joint1) is nan'),
+        ('infinity in a velocity', trajectory(point(velocities=[0.0, INF])),
+         'points[0].velocities[1] (joint2) is inf'),
+        ('NaN in an acceleration', trajectory(point(accelerations=[NAN, 0.0])),
+         'points[0].accelerations[0] (joint1) is nan'),
+        ('a position of 1e10 rad', trajectory(point([1e10, 0.0])),
+         'points[0].positions[0] (joint1) is 1e+10'),
+        ('fewer positions than joints', trajectory(point(Q[:1])),
+         'points[0].positions has 1 values, expected 2'),
+        ('more velocities than joints', trajectory(point(velocities=[0.0] * 3)),
+         'points[0].velocities has 3 values, expected 2'),
+        ('more accelerations than joints', trajectory(point(accelerations=[0.0] * 3)),
+         'points[0].accelerations has 3 values, expected 2'),
+        ('no positions', trajectory(point([], velocities=[0.0, 0.0])),
+         'points[0].positions is empty'),
+        ('a point without positions among others',
+         trajectory(point(), point([], 1.0), point(Q, 2.0)), 'points[1].positions is empty'),
+        ('accelerations without velocities', trajectory(
+            point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
+         'points[0].velocities is empty beside accelerations'),
+        ('times that stand still', trajectory(point(Q, 1.0), point(Q, 1.0)),
+         'points[1].time_from_start is 1.0 s, expected more than'),
+        ('times that go back', trajectory(point(Q, 1.0), point(Q, 0.5)),
+         'points[1].time_from_start is 0.5 s, expected more than'),
+        ('a time before the start', trajectory(point(Q, -1.0)),
+         'points[0].time_from_start is -1, expected'),
+        ('a speed at the last point', trajectory(
+            point(Q, 1.0), point(Q, 2.0, velocities=[1.0, 0.0])),
+         'points[1].velocities[0] (joint1) is 1, expected 0 at the last point'),
+        ('a start 100 s ago, which ended since', trajectory(
+            point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
+         'expected an end in the future'),
+        ('a set-point of 100 s ago', trajectory(
+            point(), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
+         'expected an end in the future'),
+        ('a start in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
+         'expected an end in the future'),
+    )])
+def test_a_malformed_reference(bench: FaultBench, message: JointTrajectory, told: str) -> None:
+    check_refused(bench, message, told)
+
+
+def many_points(count: int) -> JointTrajectory:
+    return trajectory(*[point(Q, 1e-3 * i) for i in range(count)])
+
+
+def many_joints(count: int) -> JointTrajectory:
+    return trajectory(point(), names=[*NAMES, *(f'other{i}' for i in range(count))])
+
+
+@pytest.mark.parametrize(('make', 'told'), [
+    pytest.param(make, told, id=words, marks=fault(GROUP, words, REFUSED))
+    for words, make, told in (
+        ('100,000 points', lambda: many_points(100_000), 'bytes, expected at most 1000000'),
+        ('5000 points', lambda: many_points(5000), 'points has 5000 points, expected at most'),
+        ('200,000 joints', lambda: many_joints(200_000), 'bytes, expected at most 1000000'),
+        ('40,000 joints', lambda: many_joints(40_000), "joint_names has 'other0'"))])
+def test_a_reference_that_is_too_large(
+    bench: FaultBench, make: Callable[[], JointTrajectory], told: str,
+) -> None:
+    data = bytes_of(make())  # which may hold up the driver of this process
+    bench.check_alive()
+    faults = bench.known('command', 'faults: state_timeout')
+    check_refused(bench, data, told)
+    assert bench.figure('command', 'faults: state_timeout') == faults
+
+
+def refusals(bench: FaultBench) -> list[str]:
+    """Return what has been said of references that were refused."""
+    return [line for line in bench.node.log.splitlines() if 'Refused a joint traj' in line]
+
+
+def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str) -> None:
+    """Check that this is refused in one line that says so, and another one followed on."""
+    bench.efforts.clear()
+    bench.set_point(GOAL)
+    bench.efforts.wait_for(is_torque)
+    before = len(refusals(bench))
+    bench.trajectories.publish(message)
+    wait_until(lambda: len(refusals(bench)) > before, 'a refusal')
+    bench.efforts.clear()
+    assert all(map(is_torque, bench.efforts.wait_count(20)))
+    words, = refusals(bench)[before:]
+    assert told in words
+    assert len(words) < 400
+    bench.set_point(Q)
+    bench.check_alive()
+
+
+def test_diagnostics_tell_of_refusals(bench: FaultBench) -> None:
+    bench.efforts.clear()
+    bench.set_point(GOAL)
+    bench.efforts.wait_for(is_torque)
+    bench.trajectories.publish(trajectory())
+    status = bench.wait_status(
+        'reference', lambda status: status.level == DiagnosticStatus.WARN)
+    assert status.message == 'following'
+    assert 'points is empty, expected at least one point' in [v.value for v in status.values]
+    assert figure_of(status, 'refused') == len(refusals(bench))
+    bench.set_point(Q)
+    bench.check_alive()
+    bench.wait_status('reference', lambda status: status.level == DiagnosticStatus.OK)
+
+
+@pytest.mark.parametrize('message', [
+    pytest.param(message, id=words, marks=fault(GROUP, words, expected))
+    for words, expected, message in (
+        ('a last point after 68 years', 'followed, at its pace', trajectory(
+            point(GOAL, 2.0**31 - 1.0))),
+        ('a start 1000 s ahead', 'the way there takes until then', trajectory(
+            point(GOAL), stamp=stamp_of(time.time_ns() + 1000 * 10**9))),
+        ('a start in 2038', 'the way there takes until then', trajectory(
+            point(GOAL), stamp=Time(sec=2**31 - 1))))])
+def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory) -> None:
+    bench.check_alive()
+    bench.trajectories.publish(message)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.efforts.clear()
+    for effort in bench.efforts.wait_count(50):
+        assert effort.effort == pytest.approx(G, abs=0.1)
+    bench.set_point(Q)
+    bench.check_alive()

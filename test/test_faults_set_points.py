@@ -1,0 +1,162 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults while references are followed: silence, jumps, and states without velocities."""
+
+from collections.abc import Callable, Iterator
+from itertools import cycle
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q
+from fault_stimuli import altered, check_rate, PATIENT, SetPoints
+from fault_table import fault
+import numpy as np
+import pytest
+from ros_harness import KEEP_MANY, RosClient, wait_until
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+GROUP = 'References'
+TIMEOUT = 0.5
+"""`reference_timeout` of these tests [s]."""
+GOAL = [Q[0] + 0.01, Q[1]]
+LIMITS = 150.0, 60.0
+"""Effort limits of the default arm [N m]."""
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    parameters = {**PATIENT, 'reference_timeout': TIMEOUT}
+    with fault_bench(client, '/faults_set_points', parameters) as one:
+        yield one
+
+
+def rest(bench: FaultBench) -> None:
+    """Let the node hold the arm, by a trajectory, which ends any stream."""
+    bench.trajectories.publish(JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(positions=Q, time_from_start=Duration(nanosec=nanosec))
+        for nanosec in (0, 1000)]))
+    bench.check_alive()
+
+
+def is_gravity(message: Any) -> bool:
+    """Tell whether an effort holds the arm and nothing else."""
+    return bool(np.allclose(message.effort, G, atol=1e-6))
+
+
+def wait_now(bench: FaultBench, predicate: Callable[[Any], bool]) -> float:
+    """Wait for an effort from now on; return when it came."""
+    bench.efforts.clear()
+    bench.efforts.wait_for(predicate)
+    return next(t for t, message in bench.efforts.since(0.0) if predicate(message))
+
+
+@fault(GROUP, 'set-points at 50 Hz that fall silent',
+       'followed for `reference_timeout` (0.5 s in this test), then gravity compensation, told '
+       'and counted; followed again from the next set-point on')
+def test_a_stream_that_falls_silent(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+    bench.check_alive()
+    before = bench.known('reference', 'streams that paused')
+    with SetPoints(bench, lambda: GOAL) as stream:
+        wait_now(bench, lambda message: not is_gravity(message))
+        wait_until(lambda: stream.sent >= 10, 'ten set-points')
+    passed = wait_now(bench, is_gravity) - stream.last
+    assert passed > TIMEOUT
+    seen(f'gravity compensation {passed:.3f} s after the last set-point')
+    bench.wait_status(
+        'reference', lambda status: figure_of(status, 'streams that paused') > before)
+    assert 'The stream of set-points paused' in bench.node.log
+    with SetPoints(bench, lambda: GOAL) as stream:
+        wait_now(bench, lambda message: not is_gravity(message))
+        wait_until(lambda: stream.sent >= 10, 'ten set-points')
+    wait_now(bench, is_gravity)
+    rest(bench)
+
+
+@fault(GROUP, 'one set-point, and silence', 'it is held: one alone is no stream')
+def test_one_set_point_is_held(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.set_point(GOAL)
+    sent = time.monotonic()
+    wait_now(bench, lambda message: not is_gravity(message))
+    wait_until(lambda: time.monotonic() > sent + 2.0 * TIMEOUT, 'two timeouts to pass')
+    bench.efforts.clear()
+    assert not any(map(is_gravity, bench.efforts.wait_count(20)))
+    rest(bench)
+
+
+@fault(GROUP, 'joint states without velocities',
+       'gravity compensation, told; `~/computed_torque` falls silent; the reference is followed '
+       'again when velocities come back')
+def test_states_without_velocities(bench: FaultBench) -> None:
+    rest(bench)
+    with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
+        torques.wait_matched()
+        bench.driver.change = altered(velocity=[])
+        status = bench.wait_status(
+            'reference', lambda status: 'no velocity' in status.message)
+        assert status.level == DiagnosticStatus.WARN
+        bench.set_point(GOAL)
+        torques.clear()
+        bench.efforts.clear()
+        assert all(map(is_gravity, bench.efforts.wait_count(50)))
+        assert torques.messages == []
+        bench.driver.go_on()
+        wait_now(bench, lambda message: not is_gravity(message))
+    rest(bench)
+
+
+@pytest.mark.parametrize('more', [
+    pytest.param(more, id=words, marks=fault(
+        GROUP, words, 'no effort beyond the effort limits, nor faster than `effort_rate_limit`'))
+    for words, more in (
+        ('a set-point 2 rad away', {'q': [Q[0] + 2.0, Q[1] - 2.0]}),
+        ('a set-point with a velocity of 1e9 rad/s', {'q': Q, 'velocities': [1e9, -1e9]}),
+        ('a set-point with an acceleration of 1e9 rad/s^2', {
+            'q': Q, 'velocities': [0.0, 0.0], 'accelerations': [-1e9, 1e9]}))])
+def test_a_set_point_that_jumps(bench: FaultBench, more: dict[str, Any]) -> None:
+    bench.check_alive()
+    before = bench.known('command', 'held back by effort rate')
+    bench.set_point(**more)
+    bench.efforts.wait_for(lambda message: np.abs(message.effort) == pytest.approx(LIMITS))
+    bench.set_point(Q)
+    wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'gravity compensation again')
+    messages = bench.efforts.messages
+    assert all((np.abs(message.effort) <= LIMITS).all() for message in messages)
+    check_rate(messages)
+    bench.wait_status(
+        'command', lambda status: figure_of(status, 'held back by effort rate') > before)
+    rest(bench)
+
+
+@fault(GROUP, 'set-points that jump by 4 rad, 50 times a second',
+       'no effort beyond the effort limits, nor faster than `effort_rate_limit`')
+def test_set_points_that_jump_all_the_time(
+    bench: FaultBench, seen: Callable[[str], Any],
+) -> None:
+    bench.check_alive()
+    poses = cycle(([Q[0] + 2.0, Q[1]], [Q[0] - 2.0, Q[1]]))
+    with SetPoints(bench, lambda: next(poses)) as stream:
+        wait_until(lambda: stream.sent >= 50, 'fifty set-points')
+    wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'gravity compensation again')
+    messages = bench.efforts.messages
+    efforts = np.array([message.effort for message in messages])
+    assert (np.abs(efforts) <= LIMITS).all()
+    check_rate(messages)
+    seen(f'efforts of joint1 between {efforts[:, 0].min():.0f} and {efforts[:, 0].max():.0f} N m')
+    rest(bench)

@@ -1,0 +1,178 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults in when joint states are from, and in who sends them: stamps, jumps, two publishers."""
+
+from collections.abc import Iterator
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import Change, fault_bench, FaultBench, G, nanoseconds_of, Q, stamp_of
+from fault_stimuli import another_driver, check_rate, shifted, stamped, wait_states
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from ros_harness import RosClient, wait_until
+from sensor_msgs.msg import JointState
+
+GROUP = 'Stamps of joint states'
+PUBLISHERS = 'Joint states that contradict each other'
+ELSEWHERE = [Q[0] + 3.0, Q[1]]
+GOAL = [Q[0] + 0.05, Q[1]]
+DROPPED = 'dropped and told; fault `state_timeout` where nothing else comes; back by itself'
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation, and is patient with stamps."""
+    parameters = {'state_timeout': 0.6, 'state_max_age': 2.0}
+    with fault_bench(client, '/faults_stamps', parameters) as one:
+        yield one
+
+
+@pytest.mark.parametrize(('seconds', 'reason', 'words'), [
+    pytest.param(-10.0, 'too old', 's old, expected at most 2 s (state_max_age)',
+                 marks=fault(GROUP, '10 s in the past', DROPPED)),
+    pytest.param(10.0, 'from the future', 's in the future, expected at most 2 s',
+                 marks=fault(GROUP, '10 s in the future', DROPPED)),
+    pytest.param(-1.7e9, 'too old', 's old', marks=fault(GROUP, '54 years in the past', DROPPED)),
+])
+def test_stamps_of_another_time(
+    bench: FaultBench, seconds: float, reason: str, words: str,
+) -> None:
+    bench.check_alive()
+    before = bench.known('joint states', f'dropped: {reason}')
+    bench.driver.change = shifted(seconds)
+    assert words in bench.wait_dropped(reason, before).message
+    bench.wait_fault('state_timeout')
+    bench.check_alive()
+
+
+def moving(message: JointState) -> JointState:
+    """Return a state a little further on each time."""
+    message.position[0] += 0.01 * np.sin(5.0 * time.monotonic())
+    return message
+
+
+@pytest.mark.parametrize('change', [
+    pytest.param(change, marks=fault(
+        GROUP, words, 'no news: the last effort is said again, then fault `state_timeout`; '
+        'counted; back by itself'))
+    for words, change in (
+        ('frozen', lambda message: message), ('frozen, with positions that move', moving))])
+def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
+    bench.check_alive()
+    before = bench.known('joint states', 'not new (stamp repeated)')
+    stamp = time.time_ns()
+    freeze = stamped(stamp)
+    bench.efforts.clear()
+    bench.driver.change = lambda message: change(freeze(message))
+    bench.wait_fault('state_timeout')
+    assert bench.known('joint states', 'not new (stamp repeated)') > before
+    bench.wait_silent()
+    efforts = [message.effort for message in bench.efforts.messages
+               if message.header.stamp == stamp_of(stamp)]
+    assert len(efforts) > 10
+    for effort in efforts:  # what holds the arm where it was then, or a share of it
+        share = np.divide(effort, efforts[0])
+        assert share == pytest.approx([share[0]] * 2, abs=1e-6)
+        assert 0.0 <= share[0] <= 1.0 + 1e-9
+    bench.check_alive()
+
+
+# --- several publishers --------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('driver', 'change', 'reason'), [
+    pytest.param(driver, change, reason, marks=fault(
+        PUBLISHERS, words, 'fault `several_publishers`, with joint or stamp named, until 100 '
+        'states in a row agree; back by itself'))
+    for words, driver, change, reason in (
+        ('two publishers, of poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
+        ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back'))])
+def test_two_publishers(
+    bench: FaultBench, driver: dict[str, Any], change: Change, reason: str, seen: Any,
+) -> None:
+    bench.check_alive()
+    before = bench.known('command', 'faults: several_publishers')
+    dropped = bench.known('joint states', f'dropped: {reason}')
+    with another_driver(bench, **driver) as other:
+        other.change = change
+        status = bench.wait_fault('several_publishers')
+        assert 'there are several publishers of joint_states' in status.message
+        bench.wait_dropped(reason, dropped)
+        wait_states(bench, 250)  # more than is needed to recover
+        assert bench.status('command').level == DiagnosticStatus.ERROR
+        assert bench.known('command', 'faults: several_publishers') == before + 1
+        bench.wait_silent()
+        shown = len(bench.efforts.messages)
+        wait_states(bench, 50)
+        assert len(bench.efforts.messages) == shown
+    seen('one fault for as long as both published')
+    bench.check_alive()
+
+
+# --- one publisher -------------------------------------------------------------------------------
+
+def gravity(q: list[float]) -> Any:
+    """Return what holds the default arm at q."""
+    return ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(q))
+
+
+def follow(bench: FaultBench) -> None:
+    """Let the node follow a reference."""
+    bench.check_alive()
+    bench.set_point(GOAL)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.efforts.wait_for(lambda message: not np.allclose(message.effort, G, atol=1.0))
+
+
+@fault(PUBLISHERS, 'one publisher, whose arm is suddenly 3 rad further',
+       'believed, as a robot or simulator that was set back: the reference is dropped, the effort '
+       'goes to gravity compensation no faster than its rate limit')
+def test_one_publisher_that_jumps(bench: FaultBench) -> None:
+    follow(bench)
+    before = bench.known('joint states', 'started anew: jump')
+    faults = bench.known('command', 'faults: several_publishers')
+    bench.driver.q = ELSEWHERE
+    bench.efforts.wait_for(
+        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    assert bench.figure('joint states', 'started anew: jump') == before + 1
+    assert bench.status('reference').message == 'none'
+    assert bench.known('command', 'faults: several_publishers') == faults
+    bench.driver.q = list(Q)
+    bench.efforts.clear()
+    bench.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+    check_rate(bench.efforts.messages)
+    bench.check_alive()
+
+
+@fault(PUBLISHERS, 'one publisher, whose stamps are set back by 1 s',
+       'believed likewise: the reference is dropped, the effort goes to gravity compensation no '
+       'faster than its rate limit')
+def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
+    follow(bench)
+    before = bench.known('joint states', 'started anew: stamp went back')
+    bench.driver.change = shifted(-1.0)
+    bench.wait_status('reference', lambda status: status.message == 'none')
+    assert bench.figure('joint states', 'started anew: stamp went back') == before + 1
+    wait_until(
+        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
+    stamps = [nanoseconds_of(message.header.stamp) for message in bench.efforts.messages]
+    assert any(one > next_one for one, next_one in zip(stamps, stamps[1:]))
+    check_rate(bench.efforts.messages)
+    bench.check_alive()

@@ -1,0 +1,251 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Whatever arrives, the conversion and validation layer answers or refuses it, in clear words.
+
+The short form runs the same examples each time. The long one, `scripts/test -m soak`, draws
+others each time, by a seed that it prints: `--hypothesis-seed=N` repeats them.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+import secrets
+import time
+from typing import Any, NamedTuple
+
+from fuzz_arms import ARM, ARMS, CROWD, EVERYTHING_JOINTS, EVERYTHING_URDF, PLANAR_URDF
+from fuzz_law import accepts
+from fuzz_library import (
+    FollowedTrajectory,
+    take_joint_order,
+    take_joint_state,
+    take_payload,
+    take_plant,
+    take_states,
+    take_trajectories,
+    take_wrenches,
+)
+from fuzz_nodes import PLANAR_JOINTS, RunningNodes, SPEC
+import fuzz_strategies as draw
+from fuzz_urdf import parameter_messages, urdfs, values
+from hypothesis import given, HealthCheck, Phase, seed, settings
+from hypothesis import strategies as st
+import pytest
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.dynamics_parameters import SPECS
+from robot_dynamics.ros.parameters import ParameterSpec
+from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
+
+# A warning of numpy is a number that nobody checked.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
+SOAK_EXAMPLES = 100_000
+SHORT_EXAMPLES = 120
+"""Inputs of each target in the short form."""
+LEAST_ACCEPTED, LEAST_REFUSED = 0.2, 0.03
+"""Shares: a test whose inputs all end at the first check, or at none, tests nothing."""
+SLOW_MACHINE = (
+    HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example)
+Inputs = st.SearchStrategy[tuple[Any, ...]]
+Taker = Callable[[RunningNodes], Callable[..., None]]
+"""What gives, for the running nodes, the function that takes an input."""
+
+
+class Target(NamedTuple):
+    """Inputs, what takes them, and how many the long form draws."""
+
+    name: str
+    inputs: Inputs
+    taker: Taker
+    soak: int
+
+
+# ---------------------------------------------------------------------------------- inputs
+
+def for_each(
+    arms: Sequence[ArmModel], inputs: Callable[[ArmModel], st.SearchStrategy[Any]],
+) -> Inputs:
+    """Draw the name of one of the arms, which a failure shows, and an input for it."""
+    return st.one_of([st.tuples(st.just(arm.name), inputs(arm)) for arm in arms])
+
+
+def motions_of_rows(arm: ArmModel) -> st.SearchStrategy[tuple[Any, int]]:
+    return st.integers(0, 4).flatmap(
+        lambda rows: st.tuples(draw.motions(arm, rows), st.just(rows)))
+
+
+def followed(arm: ArmModel) -> st.SearchStrategy[list[FollowedTrajectory]]:
+    n = arm.joint_count
+    return st.lists(st.builds(
+        FollowedTrajectory, draw.trajectories(arm.joint_names),
+        draw.stamps().map(stamp_from_ros), draw.vectors(n, 0.95), draw.vectors(n, 0.95),
+        st.lists(st.integers(0, 10**11), max_size=2)), min_size=1, max_size=2)
+
+
+def events_of_control(arm: ArmModel) -> st.SearchStrategy[list[Any]]:
+    states = draw.joint_states(arm.joint_names)
+    return st.lists(st.one_of(
+        states, states, draw.trajectories(arm.joint_names), draw.payloads(arm)),
+        min_size=1, max_size=5)
+
+
+def events_of_plant(arm: ArmModel) -> st.SearchStrategy[list[Any]]:
+    efforts = draw.efforts(arm.joint_names)
+    return st.lists(st.one_of(
+        efforts, efforts, draw.wrenches(arm), draw.payloads(arm)), min_size=1, max_size=5)
+
+
+def start_values(joints: Sequence[str]) -> st.SearchStrategy[dict[str, Any]]:
+    """Draw a few parameters to start with, for an arm with these joints."""
+    names = [spec.name for spec in SPECS
+             if spec.name not in ('robot_description', 'robot_description_file', 'joints')]
+    some = st.lists(st.sampled_from(names), max_size=4, unique=True).flatmap(
+        lambda chosen: st.fixed_dictionaries(
+            {name: values(SPEC[name], len(joints)) for name in chosen}))
+    order = st.sampled_from(([], list(joints)))
+    return st.builds(lambda chosen, given: {**chosen, 'joints': given}, some, order)
+
+
+# ---------------------------------------------------------------------------------- targets
+
+def in_library(
+    name: str, arms: Sequence[ArmModel],
+    inputs: Callable[[ArmModel], st.SearchStrategy[Any]],
+    take: Callable[[ArmModel, Any], None], soak: int,
+) -> Target:
+    """Return a target that needs no node."""
+    return Target(
+        name, for_each(arms, inputs), lambda _: lambda arm, drawn: take(ARM[arm], drawn), soak)
+
+
+def service(name: str, inputs: Callable[[ArmModel], st.SearchStrategy[Any]], soak: int) -> Target:
+    """Return a service of `dynamics` as a target."""
+    return Target(
+        name, for_each(ARMS, inputs),
+        lambda nodes: lambda arm, request: nodes.ask(name, ARM[arm], request), soak)
+
+
+def topic(name: str, messages: st.SearchStrategy[Any], soak: int) -> Target:
+    """Return a topic that `dynamics` hears as a target."""
+    return Target(f'topic {name}', st.tuples(st.just(name), messages),
+                  lambda nodes: nodes.hear, soak)
+
+
+def parameters(node: str, specs: Sequence[ParameterSpec], soak: int) -> Target:
+    """Return the parameters of a node as a target; half of what is set may change."""
+    changeable = [spec for spec in specs if not spec.read_only]
+    often = changeable * (2 * len(specs) // len(changeable))
+    some = st.lists(
+        parameter_messages((*often, *specs), len(PLANAR_JOINTS)), min_size=1, max_size=2)
+    return Target(f'parameters of {node}', st.tuples(st.just(node), some),
+                  lambda nodes: nodes.set_parameters, soak)
+
+
+TARGETS = (
+    in_library('joint states', (*ARMS, CROWD), lambda arm: draw.joint_states(arm.joint_names),
+               take_joint_state, 15_000),
+    in_library('joint order', (*ARMS, CROWD), motions_of_rows,
+               lambda arm, drawn: take_joint_order(arm, *drawn), 10_000),
+    in_library('wrenches', (*ARMS, CROWD), draw.wrench_lists, take_wrenches, 10_000),
+    in_library('payloads', (*ARMS, CROWD), draw.payloads, take_payload, 10_000),
+    in_library('trajectories', ARMS, followed, take_trajectories, 4_000),
+    in_library('states of a controller', ARMS, events_of_control, take_states, 3_000),
+    in_library('efforts of a simulated arm', ARMS, events_of_plant, take_plant, 2_000),
+    service('inverse_dynamics', draw.inverse_dynamics, 7_000),
+    service('inverse_dynamics_batch', draw.inverse_dynamics_batch, 4_000),
+    service('inverse_dynamics_trajectory', draw.inverse_dynamics_trajectory, 4_000),
+    service('forward_dynamics', draw.forward_dynamics, 5_000),
+    service('manipulator_equation', draw.manipulator_equation, 4_000),
+    service('set_payload', draw.set_payload, 4_000),
+    Target('set_payload of simulated_arm', st.tuples(draw.set_payload(ARMS[0], 0.0)),
+           lambda nodes: nodes.ask_simulated_arm, 2_000),
+    topic('joint_states', draw.joint_states(PLANAR_JOINTS), 6_000),
+    topic('joint_trajectory', draw.trajectories(PLANAR_JOINTS), 2_000),
+    parameters('dynamics', SPECS, 2_500),
+    parameters('simulated_arm', SIMULATED_ARM_SPECS, 2_000),
+    Target('parameters declared', st.tuples(st.lists(
+        parameter_messages(SPECS, len(PLANAR_JOINTS)), max_size=4)),
+        lambda nodes: nodes.declare, 1_000),
+    Target('URDFs', st.one_of(
+        st.tuples(urdfs((PLANAR_URDF, EVERYTHING_URDF)), st.just({})),
+        st.tuples(urdfs((EVERYTHING_URDF,)), st.sampled_from((
+            {'joints': ['elbow', 'shoulder']}, {'actuator.torque_constant': [0.1]})))),
+        lambda nodes: nodes.start, 2_500),
+    Target('parameters of the start', st.tuples(
+        st.just(EVERYTHING_URDF), start_values(EVERYTHING_JOINTS)),
+        lambda nodes: nodes.start, 1_500),
+)
+
+
+# ---------------------------------------------------------------------------------- tests
+
+@pytest.fixture(scope='module')
+def nodes() -> Iterator[RunningNodes]:
+    with RunningNodes() as running:
+        yield running
+
+
+@pytest.fixture(scope='module')
+def soaked() -> Iterator[Counter[str]]:
+    """Count the inputs of each target; there must be enough where all of them ran."""
+    counts: Counter[str] = Counter()
+    yield counts
+    if len(counts) == len(TARGETS):
+        assert counts.total() >= SOAK_EXAMPLES
+
+
+def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counter[bool]:
+    """Draw so many inputs by a seed; return how many were accepted, and how many refused."""
+    take = target.taker(nodes)
+    outcomes: Counter[bool] = Counter()
+
+    @seed(number)
+    @settings(
+        max_examples=count, deadline=None, database=None, print_blob=True,
+        suppress_health_check=SLOW_MACHINE, phases=(Phase.generate, Phase.shrink))
+    @given(target.inputs)
+    def law(inputs: tuple[Any, ...]) -> None:
+        outcomes[accepts(take, *inputs)] += 1
+
+    law()
+    assert outcomes.total() >= count
+    share = outcomes[True] / outcomes.total()
+    assert LEAST_ACCEPTED <= share <= 1.0 - LEAST_REFUSED, f'{share:.0%} were accepted'
+    return outcomes
+
+
+@pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
+def test_whatever_arrives_is_answered_or_refused(target: Target, nodes: RunningNodes) -> None:
+    feed(target, nodes, 0, SHORT_EXAMPLES)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
+def test_a_hundred_thousand_are_answered_or_refused(
+    target: Target, nodes: RunningNodes, soaked: Counter[str], capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
+) -> None:
+    given_seed = request.config.getoption('--hypothesis-seed')
+    number = secrets.randbits(32) if given_seed is None else int(given_seed)
+    with capsys.disabled():
+        print(f'\n{target.name}: --hypothesis-seed={number}', end=' ', flush=True)
+    start = time.monotonic()
+    outcomes = feed(target, nodes, number, target.soak)
+    soaked[target.name] = outcomes.total()
+    with capsys.disabled():
+        print(f'{outcomes.total()} inputs in {time.monotonic() - start:.1f} s, '
+              f'{outcomes[True] / outcomes.total():.0%} accepted, {soaked.total()} in all',
+              end=' ')

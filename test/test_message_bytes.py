@@ -1,0 +1,94 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bytes to messages: whatever arrives is a message, or refused in one way; and not for long."""
+
+import struct
+from typing import Any
+
+from damaged_bytes import cut_short, noise, with_lies, with_noise
+from geometry_msgs.msg import WrenchStamped
+import pytest
+from rclpy.serialization import serialize_message
+from robot_dynamics.ros.message_bytes import (
+    LARGEST_MESSAGE,
+    MOST_POINTS,
+    read_message,
+    UnreadableMessageError,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+POINT = JointTrajectoryPoint(positions=[1.0, 2.0], velocities=[3.0, 4.0])
+
+
+def trajectory(points: int, frame_id: str = '', names: tuple[str, ...] = ('a', 'b')) -> Any:
+    message = JointTrajectory(joint_names=list(names), points=[POINT] * points)
+    message.header.frame_id = frame_id
+    return message
+
+
+MESSAGES = [
+    JointState(name=['joint1', 'joint2'], position=[0.1, 0.2], effort=[0.3, 0.4]),
+    trajectory(2), String(data='<robot name="a"/>'), WrenchStamped()]
+
+
+def read_or_refuse(data: bytes, message_type: type) -> bool:
+    """Tell whether bytes were a message; fail at any other error than that of this module."""
+    try:
+        return isinstance(read_message(data, message_type), message_type)
+    except UnreadableMessageError:
+        return False
+
+
+@pytest.mark.parametrize('message', MESSAGES, ids=lambda message: type(message).__name__)
+def test_what_was_written_is_read(message: Any) -> None:
+    assert read_message(bytes(serialize_message(message)), type(message)) == message
+
+
+@pytest.mark.parametrize('message', MESSAGES, ids=lambda message: type(message).__name__)
+def test_damage_is_refused_or_harmless(message: Any) -> None:
+    data, message_type = bytes(serialize_message(message)), type(message)
+    assert not any(read_or_refuse(cut, message_type) for cut in cut_short(data, message_type))
+    for damaged in (*with_lies(data), *with_noise(data, 2000), *noise(2000), b''):
+        read_or_refuse(damaged, message_type)
+
+
+def test_a_message_that_is_too_large_is_not_read() -> None:
+    data = serialize_message(JointState(name=['']))
+    padded = bytes(data) + bytes(LARGEST_MESSAGE - len(data))
+    assert read_message(padded, JointState).name == ['']
+    with pytest.raises(UnreadableMessageError, match='1000001 bytes, expected at most 1000000'):
+        read_message(padded + b'\0', JointState)
+    assert read_message(padded + b'\0', JointState, LARGEST_MESSAGE + 1).name == ['']
+
+
+@pytest.mark.parametrize('frame_id', ['', 'a', 'abc', 'base_link'])
+@pytest.mark.parametrize('names', [(), ('',), ('a', 'abc', 'abcde'), ('joint1', 'joint2')])
+def test_a_trajectory_of_too_many_points_is_not_read(
+    frame_id: str, names: tuple[str, ...],
+) -> None:
+    message = trajectory(MOST_POINTS, frame_id, names)
+    assert read_message(bytes(serialize_message(message)), JointTrajectory) == message
+    data = bytes(serialize_message(trajectory(MOST_POINTS + 1, frame_id, names)))
+    with pytest.raises(UnreadableMessageError, match='points has 2001 points, expected at most'):
+        read_message(data, JointTrajectory)
+
+
+def test_points_are_counted_in_the_byte_order_of_the_message() -> None:
+    counts = (0, 0, MOST_POINTS + 1)  # of frame_id, joint_names and points
+    data = b'\x00\x00\x00\x00' + bytes(8) + struct.pack('>3I', *counts)
+    with pytest.raises(UnreadableMessageError, match='points has 2001 points'):
+        read_message(data, JointTrajectory)

@@ -1,0 +1,105 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How much memory a node may take, and how much it says of what went wrong."""
+
+import subprocess
+import sys
+
+import pytest
+from rclpy.exceptions import ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.guarded_callbacks import LONGEST_REASON, reason_of
+
+LIMITED = """
+from robot_dynamics.ros.memory import limit_memory
+import numpy as np
+limit_memory(200 * 2**20)
+some = np.ones(100 * 2**20, dtype=np.uint8)
+print('some', flush=True)
+try:
+    np.ones(300 * 2**20, dtype=np.uint8)
+except MemoryError:
+    print('not so much')
+print(len(some))
+"""
+UNLIMITED_AGAIN = """
+import resource
+_, most = resource.getrlimit(resource.RLIMIT_DATA)
+resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+"""
+SELDOM = """
+import gc
+from robot_dynamics.ros.memory import expect_no_garbage, FULL_PASSES_APART
+expect_no_garbage()
+assert gc.isenabled() and gc.get_threshold()[2] == FULL_PASSES_APART
+assert gc.get_freeze_count() > 1000 and not gc.get_objects(2)
+loop = []
+loop.append(loop)
+del loop
+assert gc.collect(1) == 1
+print('found')
+"""
+
+
+def output_of(program: str) -> list[str]:
+    """Return the lines that a program prints in a process of its own."""
+    return subprocess.run(
+        [sys.executable, '-c', program], check=True, text=True, stdout=subprocess.PIPE,
+        timeout=60.0).stdout.splitlines()
+
+
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux tells what it has')
+def test_more_memory_than_the_limit_cannot_be_had() -> None:
+    assert output_of(UNLIMITED_AGAIN + LIMITED) == ['some', 'not so much', str(100 * 2**20)]
+
+
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux tells what it has')
+def test_a_stricter_limit_of_the_user_stays() -> None:
+    strict = """
+import resource
+_, most = resource.getrlimit(resource.RLIMIT_DATA)
+resource.setrlimit(resource.RLIMIT_DATA, (2**30, most))
+from robot_dynamics.ros.memory import limit_memory
+limit_memory(2**40)
+print(resource.getrlimit(resource.RLIMIT_DATA)[0])
+"""
+    assert output_of(strict) == [str(2**30)]
+
+
+def test_what_is_no_longer_needed_is_found_by_the_passes_that_are_left() -> None:
+    assert output_of(SELDOM) == ['found']
+
+
+@pytest.mark.parametrize(('error', 'words'), [
+    (InvalidInputError('position is nan'), 'position is nan'),
+    (ParameterException('Invalid name', 'x'), 'Invalid name: x'),
+    (rclpy_implementation.RCLError('no node:\n nothing, at /src/node.c:1, at /src/b.c:2'),
+     'no node: nothing'),
+    (rclpy_implementation.UnknownROSArgsError("['--x']"), "unknown ROS arguments ['--x']"),
+    (MemoryError(), 'this takes more memory than the node may have, expected less at a time'),
+    (KeyError('x'), "internal error: KeyError('x')"),
+])
+def test_reasons(error: Exception, words: str) -> None:
+    assert reason_of(error) == words
+
+
+def test_a_long_reason_keeps_its_beginning_and_its_end() -> None:
+    reason = reason_of(InvalidInputError(f"name is '{'x' * 10**6}', expected ['joint1']"))
+    assert len(reason) < LONGEST_REASON + 10
+    assert reason.startswith("name is 'xxx")
+    assert reason.endswith("x', expected ['joint1']")
+    whole = 'x' * LONGEST_REASON
+    assert reason_of(InvalidInputError(whole)) == whole

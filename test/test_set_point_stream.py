@@ -1,0 +1,108 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When set-points are a stream, and when the stream is over."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+from robot_dynamics.set_point_stream import SetPointStream, STREAM_LENGTH
+
+TIMEOUT = 0.125
+"""Exact in binary, as are whole seconds, so that the very timeout can be tried."""
+LONG_AFTER = 1e6
+
+laws = settings(deadline=None, derandomize=True)
+
+
+def streaming(count: int, pause: float = 0.02) -> tuple[SetPointStream, float]:
+    """Return what heard so many set-points, and when the last of them came."""
+    stream, t = SetPointStream(TIMEOUT), 0.0
+    for k in range(count):
+        t = 50.0 + k * pause
+        stream.arrived(True, t)
+    return stream, t
+
+
+@pytest.mark.parametrize('count', range(STREAM_LENGTH))
+def test_fewer_than_five_set_points_are_held_for_ever(count: int) -> None:
+    stream, t = streaming(count)
+    assert not stream.is_over(t + LONG_AFTER)
+
+
+@pytest.mark.parametrize('pause', [0.0, 0.02, TIMEOUT])
+@pytest.mark.parametrize('count', [STREAM_LENGTH, STREAM_LENGTH + 1, 1000])
+def test_five_are_a_stream_that_is_over_after_the_timeout_and_not_before(
+    count: int, pause: float,
+) -> None:
+    stream, t = streaming(count, pause)
+    assert not stream.is_over(t)
+    assert not stream.is_over(t + 0.999 * TIMEOUT)
+    assert stream.is_over(t + 1.001 * TIMEOUT)
+    assert stream.is_over(t + LONG_AFTER)
+
+
+@pytest.mark.parametrize('pause', [1.001 * TIMEOUT, 1.0, 60.0])
+def test_set_points_with_pauses_are_no_stream(pause: float) -> None:
+    stream, t = streaming(100, pause)
+    assert not stream.is_over(t + LONG_AFTER)
+
+
+def test_one_pause_begins_the_count_anew() -> None:
+    stream, t = streaming(STREAM_LENGTH - 1)
+    t += 2.0 * TIMEOUT
+    for _ in range(STREAM_LENGTH - 1):
+        stream.arrived(True, t)
+    assert not stream.is_over(t + LONG_AFTER)
+    stream.arrived(True, t)
+    assert stream.is_over(t + LONG_AFTER)
+
+
+def test_a_trajectory_ends_a_stream() -> None:
+    stream, t = streaming(10)
+    stream.arrived(False, t + 0.02)
+    assert not stream.is_over(t + LONG_AFTER)
+    for k in range(STREAM_LENGTH - 1):  # and the count begins with what comes after it
+        stream.arrived(True, t + 0.03 + 0.01 * k)
+    assert not stream.is_over(t + LONG_AFTER)
+
+
+def test_what_has_ended_is_forgotten() -> None:
+    stream, t = streaming(10)
+    stream.end()
+    assert not stream.is_over(t + LONG_AFTER)
+    for _ in range(STREAM_LENGTH - 1):
+        stream.arrived(True, t)
+    assert not stream.is_over(t + LONG_AFTER)
+
+
+def test_the_timeout_may_change() -> None:
+    stream, t = streaming(10)
+    stream.timeout = 1.0
+    assert not stream.is_over(t + 0.5)
+    assert stream.is_over(t + 1.1)
+
+
+@laws
+@given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.0, 0.5, 1.0, 1.5])), max_size=30))
+def test_only_the_set_points_at_the_end_count(events: list[tuple[bool, float]]) -> None:
+    """Over: the last five or more were set-points, none later than the timeout after another."""
+    stream, t = SetPointStream(TIMEOUT), 0.0
+    in_a_row = 0
+    for is_set_point, timeouts in events:
+        t += timeouts * TIMEOUT
+        stream.arrived(is_set_point, t)
+        in_a_row = (in_a_row if timeouts <= 1.0 else 0) + 1 if is_set_point else 0
+    assert stream.is_over(t + LONG_AFTER) == (in_a_row >= STREAM_LENGTH)
+    assert not stream.is_over(t)

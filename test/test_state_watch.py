@@ -1,0 +1,359 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which measured states can follow the one before: stamps, ages, ways, and who says so."""
+
+from collections.abc import Callable
+from typing import Any
+
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.state_watch import (
+    ImplausibleStateError,
+    Judgement,
+    LONGEST_GAP,
+    PLAY,
+    SAME_CLOCK,
+    SPEED_FACTOR,
+    StateWatch,
+)
+
+NAMES = ('shoulder', 'wrist')  # the wrist turns without end
+LIMIT = np.array([2.0, 3.0])
+SECOND = 1_000_000_000
+NOW = 1_790_000_000 * SECOND
+MAX_AGE = 0.2
+Q = np.array([0.3, -0.4])
+PERIOD = 0.002
+
+laws = settings(deadline=None, derandomize=True)
+
+
+def nanoseconds(seconds: float) -> int:
+    return round(seconds * SECOND)
+
+
+class Watched:
+    """A watch, told of states by seconds since NOW; `crowd` tells of several publishers."""
+
+    def __init__(
+        self, max_age: float = MAX_AGE, limit: np.ndarray = LIMIT, offset: float = 0.0,
+    ) -> None:
+        self.watch = StateWatch(NAMES, limit, max_age, np.array([False, True]))
+        self.offset, self.crowd = offset, False
+
+    def judge(
+        self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,
+    ) -> Judgement:
+        """
+        Judge a state that arrives at `clock`, at its stamp where that is not given.
+
+        Its stamp is its time, and is left out of what is returned.
+        """
+        stamp_ns = NOW + nanoseconds(stamp) + nanoseconds(self.offset)
+        judgement = self.watch.judge(
+            stamp_ns, NOW + nanoseconds(stamp if clock is None else clock),
+            np.array(q), None if v is None else np.array(v), lambda: self.crowd)
+        assert judgement.stamp == stamp_ns
+        return judgement._replace(stamp=0)
+
+    def refusal(self, *args: Any, **more: Any) -> ImplausibleStateError:
+        """Return why a state is refused; fail where it is not."""
+        with pytest.raises(ImplausibleStateError) as caught:
+            self.judge(*args, **more)
+        return caught.value
+
+
+def started(**options: Any) -> Watched:
+    """Return one that has taken a state at 0 s."""
+    one = Watched(**options)
+    assert one.judge(0.0) == Judgement(True, None, 'first state')
+    return one
+
+
+# --- what follows --------------------------------------------------------------------------------
+
+@laws
+@given(st.lists(st.floats(0.0005, 0.02), min_size=1, max_size=30), st.floats(0.0, 0.99))
+def test_states_that_move_as_fast_as_they_may_follow_each_other(
+    steps: list[float], share: float,
+) -> None:
+    one, t, q = started(), 0.0, Q.copy()
+    one.crowd = True
+    for dt in steps:
+        t, q = t + dt, q + share * SPEED_FACTOR * LIMIT * dt
+        judgement = one.judge(t, q=q)
+        assert judgement.is_news
+        assert judgement.dt == pytest.approx(dt, abs=2e-9)
+        assert not judgement.restart
+
+
+def test_a_stamp_that_comes_again_is_no_news_whatever_it_says() -> None:
+    one = started()
+    for q in (Q, Q + 1.0):
+        assert one.judge(0.0, 0.01, q) == Judgement(False)
+    assert one.judge(PERIOD, q=Q).dt == pytest.approx(PERIOD)
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize(('dt', 'v', 'longest'), [
+    (0.01, None, PLAY + SPEED_FACTOR * 2.0 * 0.01),
+    (0.5, None, PLAY + SPEED_FACTOR * 2.0 * 0.5),
+    (0.01, [0.0, 0.0], PLAY + SPEED_FACTOR * 2.0 * 0.01),
+    (0.01, [-30.0, 0.0], PLAY + SPEED_FACTOR * 30.0 * 0.01),  # faster than it may, as it says
+])
+def test_a_way_longer_than_the_speed_allows_is_a_jump(
+    sign: float, dt: float, v: list[float] | None, longest: float,
+) -> None:
+    for factor, jumps in ((0.999, False), (1.001, True)):
+        one = started()
+        judgement = one.judge(dt, q=Q + [sign * factor * longest, 0.0], v=v)
+        assert judgement.is_news
+        assert judgement.restart == ('jump' if jumps else '')
+        assert judgement.dt == pytest.approx(dt)
+
+
+def test_a_joint_without_a_velocity_limit_never_jumps() -> None:
+    one = started(limit=np.full(2, np.inf))
+    one.crowd = True
+    assert not one.judge(PERIOD, q=Q + 1e6).restart
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('speed', [1.7e308, -1e200])
+def test_beyond_all_speeds_nothing_overflows(speed: float) -> None:
+    watched = Watched()
+    watched.judge(0.0, q=[1.7e308, -1.7e308], v=[speed, 0.0])
+    watched.judge(0.5, q=[-1.7e308, 1.7e308], v=[speed, speed])
+
+
+@pytest.mark.parametrize('turns', [-3, -1, 1, 7])
+def test_a_whole_turn_is_no_way_for_a_joint_without_an_end(turns: int) -> None:
+    one = started()
+    assert not one.judge(PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + PLAY]).restart
+    assert one.judge(2 * PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + 1.0]).restart == 'jump'
+    assert started().judge(PERIOD, q=Q + [2.0 * np.pi * turns, 0.0]).restart == 'jump'
+
+
+# --- what does not follow ------------------------------------------------------------------------
+
+ODD: dict[str, Callable[[Watched], Any]] = {
+    'stamp went back': lambda one: one.judge(-0.1, PERIOD),
+    'jump': lambda one: one.judge(PERIOD, q=Q + [1.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize('reason', ODD)
+def test_from_a_single_publisher_it_is_a_new_start(reason: str) -> None:
+    one = started()
+    judgement = ODD[reason](one)
+    assert judgement.is_news
+    assert judgement.restart == reason
+    assert (judgement.dt is None) == (reason == 'stamp went back')
+
+
+@pytest.mark.parametrize('reason', ODD)
+def test_from_one_of_several_it_is_a_conflict_and_the_other_goes_on(reason: str) -> None:
+    one = started()
+    one.crowd = True
+    with pytest.raises(ImplausibleStateError) as caught:
+        ODD[reason](one)
+    assert caught.value.reason == reason
+    assert caught.value.is_conflict
+    assert 'several publishers' in str(caught.value)
+    judgement = one.judge(0.01, q=Q)
+    assert not judgement.restart
+    assert judgement.dt == pytest.approx(0.01)
+
+
+def test_the_joint_that_jumped_is_named() -> None:
+    one = started()
+    one.crowd = True
+    assert "position of 'wrist' is 0.6, 1 away from that of 0.002 s before" in str(
+        one.refusal(PERIOD, q=Q + [0.0, 1.0]))
+
+
+def test_the_crowd_is_not_counted_while_all_is_well() -> None:
+    watch = StateWatch(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
+
+    def must_not_be_asked() -> bool:
+        raise AssertionError
+
+    for k in range(3):
+        t = NOW + k * nanoseconds(PERIOD)
+        watch.judge(t, t, Q, None, must_not_be_asked)
+
+
+# --- the age of a state --------------------------------------------------------------------------
+
+@pytest.mark.parametrize('is_first', [True, False])
+@pytest.mark.parametrize(('age', 'reason'), [
+    (0.199, ''), (0.201, 'too old'), (-0.199, ''), (-0.201, 'from the future'),
+    (10.0, 'too old'), (-50.0, 'from the future'), (SAME_CLOCK - 1.0, 'too old')])
+def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
+    one = Watched() if is_first else started()
+    one.crowd = True
+    t = 0.5
+    if not reason:
+        assert one.judge(t - age, t).is_news
+    else:
+        error = one.refusal(t - age, t)
+        assert error.reason == reason
+        assert not error.is_conflict
+        assert f'{abs(age):.3f} s {"old" if age > 0 else "in the future"}' in str(error)
+        assert '0.2 s (state_max_age)' in str(error)
+
+
+def test_a_state_that_is_refused_for_its_age_leaves_no_trace() -> None:
+    one = started()
+    one.refusal(0.1, 0.5, q=Q + 1.0)
+    assert one.judge(0.01, q=Q) == Judgement(True, 0.01)
+
+
+def test_any_age_goes_where_there_is_no_limit() -> None:
+    one = started(max_age=0.0)
+    assert one.judge(1.0, 20.0).is_news
+
+
+def test_the_limit_of_age_may_change() -> None:
+    one = started()
+    one.watch.max_age = 1.0
+    assert one.judge(0.01, 0.8).is_news
+    one.watch.max_age = 0.1
+    assert one.refusal(0.6, 0.9).reason == 'too old'
+
+
+# --- other clocks --------------------------------------------------------------------------------
+
+STORY = st.lists(st.tuples(
+    st.floats(-0.5, 40.0) | st.sampled_from([0.0, PERIOD]),  # how far the stamp goes on
+    st.floats(0.0, 40.0) | st.sampled_from([PERIOD]),  # how far the clock does
+    st.sampled_from([0.0, 0.01, 1.0])), max_size=8)
+
+
+def told(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
+    """Return what becomes of each state of a story: the judgement, or why it is refused."""
+    one.crowd = crowd
+    stamp = clock = 0.0
+    fates: list[object] = []
+    for by_stamp, by_clock, way in story:
+        stamp, clock = stamp + by_stamp, clock + by_clock
+        try:
+            fates.append(one.judge(stamp, clock, Q + [way, 0.0]))
+        except ImplausibleStateError as error:
+            fates.append(str(error))
+    return fates
+
+
+@laws
+@given(STORY, st.floats(SAME_CLOCK + 400.0, 1e9), st.sampled_from([1.0, -1.0]), st.booleans())
+def test_stamps_of_another_clock_may_differ_by_anything(
+    story: list[tuple[float, float, float]], offset: float, sign: float, crowd: bool,
+) -> None:
+    """A simulator's, or that of a robot which never heard of the time: nothing has an age."""
+    fates = told(Watched(offset=sign * offset), story, crowd)
+    assert fates == told(Watched(max_age=0.0), story, crowd)
+
+
+def test_whose_clock_it_is_is_decided_by_the_first_state() -> None:
+    one = Watched(offset=-2.0 * SAME_CLOCK)
+    one.judge(0.0)
+    one.offset = 0.0  # set right: ahead by two hours
+    assert one.judge(1.0) == Judgement(True, None, 'stamp jumped ahead')
+    assert one.judge(1.1, 1.5).is_news  # and old, which is nobody's concern
+    assert one.judge(40.0, 40.0).restart == 'first state'
+    assert one.refusal(40.1, 40.5).reason == 'too old'
+
+
+# --- what is forgotten ---------------------------------------------------------------------------
+
+@pytest.mark.parametrize('crowd', [True, False])
+def test_after_a_long_silence_anything_is_a_first_state(crowd: bool) -> None:
+    one = started()
+    one.crowd = crowd
+    assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == Judgement(True, None, 'first state')
+
+
+def test_after_a_shorter_one_it_is_not() -> None:
+    one = started()
+    assert one.judge(LONGEST_GAP - 0.1).dt == pytest.approx(LONGEST_GAP - 0.1)
+
+
+def test_refused_states_do_not_keep_the_memory_alive() -> None:
+    """The one that was believed has gone: after a while the other is."""
+    one = started(max_age=0.0)
+    one.crowd = True
+    for k in range(1, 30):
+        assert one.refusal(-100.0 + k, float(k), q=Q).is_conflict
+    assert one.judge(-69.5, 30.5) == Judgement(True, None, 'first state')
+
+
+@laws
+@given(st.floats(-1e5, 1e5))
+def test_a_clock_that_is_set_while_stamps_follow_it_starts_anew_or_goes_on(jump: float) -> None:
+    """Never is a state refused for it, nor does time go back."""
+    assume(abs(jump) > 1e-3)
+    one = started()
+    one.crowd = True
+    judgement = one.judge(jump + PERIOD)
+    assert judgement.is_news
+    if 0.0 < jump < LONGEST_GAP - PERIOD:
+        assert judgement.dt == pytest.approx(jump + PERIOD, abs=2e-9)
+    else:
+        assert judgement == Judgement(True, None, 'first state')
+
+
+def test_stamps_far_ahead_start_anew() -> None:
+    one = Watched(offset=1e6)
+    one.judge(0.0)
+    one.crowd = True
+    assert one.judge(LONGEST_GAP + 1.0, 0.01) == Judgement(True, None, 'stamp jumped ahead')
+
+
+# --- states without a stamp ----------------------------------------------------------------------
+
+def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> Judgement:
+    return one.watch.judge(
+        stamp_ns, NOW + nanoseconds(clock), np.array(q), None, lambda: one.crowd)
+
+
+def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
+    one = Watched()
+    assert bare(one, 0, 1.0) == Judgement(True, None, 'first state', NOW + SECOND)
+    second = bare(one, 0, 1.1)
+    assert (second.is_news, second.restart, second.time_shift) == (True, '', 0)
+    assert second.dt == pytest.approx(0.1)
+    assert second.stamp == NOW + nanoseconds(1.1)
+    one.crowd = True
+    with pytest.raises(ImplausibleStateError, match='shoulder'):
+        bare(one, 0, 1.11, Q + 1.0)
+
+
+def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
+    """Its first stamp reads as none; then what began at the clock's time began at 0."""
+    one = Watched()
+    first = bare(one, 0, 1.0)
+    second = bare(one, nanoseconds(PERIOD), 1.01)
+    assert second == Judgement(True, None, '', nanoseconds(PERIOD), first.stamp)
+    third = bare(one, nanoseconds(2 * PERIOD), 1.02)
+    assert (third.restart, third.time_shift) == ('', 0)
+    assert third.dt == pytest.approx(PERIOD)
+
+
+def test_stamps_of_today_after_states_without_start_anew() -> None:
+    one = Watched()
+    bare(one, 0, 1.0)
+    assert one.judge(1.1) == Judgement(True, None, 'first state')

@@ -1,0 +1,175 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Laws of the supervisor that hold whatever happens, in any order, at any time."""
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
+import numpy as np
+from robot_dynamics.command_supervisor import (
+    CommandSupervisor,
+    Fault,
+    FAULT_ACTIONS,
+    Mode,
+    SafetyOptions,
+)
+from robot_dynamics.effort_guard import GuardLimits, LONGEST_STEP
+from supervised import NAMES
+
+REACH, LARGEST = 1.0, 100.0
+
+efforts = st.lists(st.floats(-LARGEST, LARGEST), min_size=2, max_size=2).map(np.array)
+positions = st.lists(
+    st.floats(-0.9, 0.9) | st.sampled_from([0.995, -1.005, 1.02]), min_size=2, max_size=2,
+).map(np.array)
+velocities = st.none() | st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2).map(np.array)
+pauses = st.sampled_from([0.0, 0.001, 0.002, 0.01]) | st.floats(0.0, 0.3)
+faults = st.sampled_from([
+    Fault('easy', 'words'), Fault('hard', 'words', recovery=3),
+    Fault('latched', 'words', latched=True)])
+options = st.builds(
+    SafetyOptions, state_timeout=st.sampled_from([0.01, 0.05, 1.0]),
+    fault_action=st.sampled_from(FAULT_ACTIONS), hold_time=st.sampled_from([0.0, 0.1]),
+    ramp_time=st.sampled_from([0.0, 0.02, 0.2]))
+rates = st.sampled_from([10.0, 1000.0, 1e6])
+
+
+def limits(rate: float) -> GuardLimits:
+    return GuardLimits(
+        np.full(2, -REACH), np.full(2, REACH), np.full(2, 2.0), 0.01, rate)
+
+
+class Supervised(RuleBasedStateMachine):
+    """One supervisor, and beside it what an observer of its efforts may know and expect."""
+
+    @initialize(rate=rates, chosen=options)
+    def begin(self, rate: float, chosen: SafetyOptions) -> None:
+        self.one = CommandSupervisor(NAMES, limits(rate), chosen)
+        self.rate = rate
+        self.now = self.told = 0.0
+        self.standing: np.ndarray | None = None  # the effort that the arm was told last
+        self.must_be_reset = False
+
+    # ------------------------------------------------------------------ what an observer checks
+
+    def hears(self, effort: np.ndarray | None, hold: np.ndarray | None = None) -> None:
+        """Take what a call gave; `hold` is given where it answered a state."""
+        if effort is not None:
+            assert np.isfinite(effort).all()
+            assert (np.abs(effort) <= LARGEST).all()  # between what was asked for and what holds
+            if self.standing is None:
+                assert hold is not None  # an effort begins with a state
+                assert effort.tolist() == hold.tolist()
+            else:
+                passed = min(self.now - self.told, LONGEST_STEP)
+                assert (np.abs(effort - self.standing) <= self.rate * passed + 1e-9).all()
+            self.standing, self.told = effort, self.now
+        if not self.one.is_commanding:
+            stops = self.one.mode is Mode.FAULT and (
+                self.one.options.fault_action == 'stop_publishing')
+            assert stops or self.standing is None or not self.standing.any()
+            self.standing = None
+
+    # ------------------------------------------------------------------ what happens
+
+    @rule(pause=pauses, q=positions, v=velocities, command=efforts, hold=efforts,
+          stamped=st.booleans())
+    def a_good_state(
+        self, pause: float, q: np.ndarray, v: np.ndarray | None, command: np.ndarray,
+        hold: np.ndarray, stamped: bool,
+    ) -> None:
+        silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
+        since = self.now + pause - self.told
+        self.now += pause
+        effort = self.one.answer(self.now, q, v, command, hold, since if stamped else None)
+        self.hears(effort, hold)
+        assert self.one.mode is not Mode.WAITING
+        if silent_before and (np.abs(q) > REACH + self.one.options.fault_margin).any():
+            assert effort is None
+
+    @rule(pause=pauses)
+    def a_tick(self, pause: float) -> None:
+        self.now += pause
+        waits = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
+        effort = self.one.tick(self.now)
+        assert not waits or effort is None
+        self.hears(effort)
+        assert self.one.mode is not Mode.RUNNING or self.now <= self.one.deadline + 1e-9
+
+    @rule(pause=pauses, fault=faults)
+    def a_fault(self, pause: float, fault: Fault) -> None:
+        self.now += pause
+        is_active = self.one.mode not in (Mode.INACTIVE, Mode.STOPPING)
+        self.one.fail(self.now, fault)
+        if is_active:
+            assert self.one.mode is Mode.FAULT
+            self.must_be_reset = self.must_be_reset or fault.latched
+
+    @rule()
+    def a_repeated_state(self) -> None:
+        effort = self.one.repeat()
+        if effort is not None:
+            assert self.one.mode is Mode.RUNNING
+            assert self.standing is not None
+            assert effort.tolist() == self.standing.tolist()
+
+    @rule()
+    def activated(self) -> None:
+        self.one.activate()
+        assert self.one.mode is not Mode.INACTIVE
+
+    @rule()
+    def deactivated(self) -> None:
+        self.one.deactivate(self.now)
+        assert self.one.mode in (Mode.INACTIVE, Mode.STOPPING)
+
+    @rule()
+    def reset(self) -> None:
+        assert self.must_be_reset <= self.one.reset().startswith('reset')
+        self.must_be_reset = False
+
+    @rule(rate=rates, chosen=options)
+    def other_options(self, rate: float, chosen: SafetyOptions) -> None:
+        self.one.set_options(limits(rate), chosen)
+        self.rate = rate
+
+    @rule()
+    def left_alone(self) -> None:
+        """Without states everything ends, and soon."""
+        due = self.one.options.state_timeout + self.one.options.hold_time + (
+            self.one.options.ramp_time) + 4.0 * LARGEST / self.rate
+        begin, step = self.now, max(due / 200.0, 0.002)
+        while self.now < begin + 1.1 * due + step:
+            self.now += step
+            self.hears(self.one.tick(self.now))
+        if self.rate >= 1000.0:
+            assert not self.one.is_commanding
+            assert self.one.tick(self.now + 10.0) is None
+
+    # ------------------------------------------------------------------ what is true at all times
+
+    @invariant()
+    def a_latched_fault_lets_no_command_through(self) -> None:
+        assert self.one.is_latched == self.must_be_reset
+        assert not (self.must_be_reset and self.one.mode in (Mode.RUNNING, Mode.WAITING))
+
+    @invariant()
+    def what_goes_out_is_known_to_the_observer(self) -> None:
+        assert self.one.is_commanding == (self.standing is not None)
+
+
+Supervised.TestCase.settings = settings(
+    deadline=None, derandomize=True, max_examples=150, stateful_step_count=40)
+TestSupervised = Supervised.TestCase
