@@ -21,7 +21,7 @@ The floor is the echo done likewise: no executor, no message made. What the node
 work.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import statistics
 import struct
 import sys
@@ -150,7 +150,14 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
     }
     for asker in askers.values():
         asker.connect()
+    print('gravity compensation alone:')
+    _side_by_side(askers, ids)
     follow_on(node)
+    print('computed torque along a trajectory, and gravity compensation:')
+    _side_by_side(askers, ids)
+
+
+def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     trips: dict[str, list[float]] = {name: [] for name in askers}
     used = dict.fromkeys(askers, 0.0)
     for _ in range(ROUNDS):
@@ -162,7 +169,7 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
     per_message = {name: used[name] / len(trips[name]) for name in trips}
     for name, values in trips.items():
         p99 = float(np.percentile(values, 99))
-        print(f'{name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, p99 {1e6 * p99:5.0f} µs; '
+        print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, p99 {1e6 * p99:5.0f} µs; '
               f'processor {1e6 * per_message[name]:4.0f} µs a message; '
               f'{ROUNDS * MESSAGES - len(values)} lost; of the echo: '
               f'{medians[name] / medians["bare echo"]:.2f}, '

@@ -192,10 +192,12 @@ class Controller:
         bare = self._dynamics is self._bare_dynamics
         robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
         robot = self._options.semantics
-        own = _Own(
-            robot_gravity if robot.compensates_gravity else None,
-            friction if robot.compensates_friction and follows else None)
-        hold, clamped = self._bounded(own._replace(friction=None).taken_off(gravity), own)
+        own = _NOTHING
+        if robot.compensates_gravity or robot.compensates_friction:
+            own = _Own(
+                robot_gravity if robot.compensates_gravity else None,
+                friction if robot.compensates_friction and follows else None)
+        hold, clamped = self._bounded(own.gravity_taken_off(gravity), own)
         command = self._choose(gravity, computed_torque)
         if command is None:
             clamped = self._no_joint
@@ -230,6 +232,8 @@ class Controller:
             low = np.maximum(low, np.minimum(-limit - own.gravity, 0.0))
             high = np.minimum(high, np.maximum(limit - own.gravity, 0.0))
         bounded = np.minimum(np.maximum(command, low), high)
+        if bounded.tolist() == command.tolist():
+            return bounded, self._no_joint
         return bounded, bounded != command
 
     def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
@@ -274,9 +278,11 @@ class _Own(NamedTuple):
     gravity: FloatArray | None
     friction: FloatArray | None
 
+    def gravity_taken_off(self, effort: FloatArray) -> FloatArray:
+        return effort if self.gravity is None else effort - self.gravity
+
     def taken_off(self, effort: FloatArray) -> FloatArray:
-        if self.gravity is not None:
-            effort = effort - self.gravity
+        effort = self.gravity_taken_off(effort)
         return effort if self.friction is None else effort - self.friction
 
     def taken_off_terms(self, terms: EffortTerms) -> EffortTerms:
@@ -286,6 +292,9 @@ class _Own(NamedTuple):
         friction = terms.friction if self.friction is None else np.zeros_like(terms.friction)
         return terms._replace(
             gravity=gravity, friction=friction, effort=self.taken_off(terms.effort))
+
+
+_NOTHING = _Own(None, None)
 
 
 def _check_finite(
