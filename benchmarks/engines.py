@@ -23,6 +23,7 @@ engine raises ImportError where the engine is not installed.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import importlib
+import importlib.metadata
 import io
 import os
 from pathlib import Path
@@ -66,8 +67,11 @@ def _quiet() -> Iterator[None]:
             os.close(copy)
 
 
-def _named(name: str, module: Any) -> str:
-    return f'{name} {getattr(module, "__version__", "")}'.strip()
+def _named(name: str, distribution: str) -> str:
+    try:
+        return f'{name} {importlib.metadata.version(distribution)}'
+    except importlib.metadata.PackageNotFoundError:
+        return name  # from apt
 
 
 def pinocchio(links: list[ChainLink]) -> Calls:
@@ -76,7 +80,7 @@ def pinocchio(links: list[ChainLink]) -> Calls:
     model = pin.buildModelFromXML(chain_urdf(links))
     data = model.createData()
     return Calls(
-        _named('Pinocchio', pin),
+        _named('Pinocchio', 'pin'),
         lambda q, v, a: pin.rnea(model, data, q, v, a),
         lambda q: pin.computeGeneralizedGravity(model, data, q),
         lambda q: pin.crba(model, data, q),
@@ -130,7 +134,7 @@ def mujoco(links: list[ChainLink]) -> Calls:
         return np.array(qacc)
 
     return Calls(
-        _named('MuJoCo', mj), inverse_dynamics, lambda q: efforts(q, 0.0, 0), mass_matrix,
+        _named('MuJoCo', 'mujoco'), inverse_dynamics, lambda q: efforts(q, 0.0, 0), mass_matrix,
         forward_dynamics)
 
 
@@ -169,7 +173,8 @@ def drake(links: list[ChainLink]) -> Calls:
         applied.GetMutableData().get_mutable_value().set_value(tau)
         return acceleration.Eval(context)
 
-    return Calls('Drake', inverse_dynamics, gravity, mass_matrix, forward_dynamics)
+    return Calls(
+        _named('Drake', 'drake'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
 
 
 def pybullet(links: list[ChainLink]) -> Calls:
@@ -203,7 +208,8 @@ def pybullet(links: list[ChainLink]) -> Calls:
         M = np.array(bullet.calculateMassMatrix(body, position, physicsClientId=client))
         return np.asarray(np.linalg.solve(M, tau - bias))
 
-    return Calls('PyBullet', inverse_dynamics, gravity, mass_matrix, forward_dynamics)
+    return Calls(
+        _named('PyBullet', 'pybullet'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
 
 
 def kdl(links: list[ChainLink]) -> Calls:
@@ -261,15 +267,19 @@ def _kdl_chain(module: Any, links: list[ChainLink]) -> Any:
 
 
 def robotics_toolbox(links: list[ChainLink]) -> Calls:
-    """Return the calls of the Robotics Toolbox for Python on a robot from a URDF."""
+    """
+    Return the calls of the Robotics Toolbox for Python.
+
+    A robot from a URDF is computed in Python there; only one by DH parameters in C++.
+    """
     with _quiet():
         toolbox = importlib.import_module('roboticstoolbox')
         reader = importlib.import_module('roboticstoolbox.models.URDF.URDFRobot')
     elements, name, _ = reader.URDF_file(io.StringIO(chain_urdf(links)))
     robot = toolbox.Robot(elements, name=name)
     return Calls(
-        _named('Robotics Toolbox', toolbox), robot.rne, robot.gravload, robot.inertia,
-        robot.accel)
+        _named('Robotics Toolbox', 'roboticstoolbox-python'), robot.rne, robot.gravload,
+        robot.inertia, robot.accel)
 
 
 class Peer(NamedTuple):

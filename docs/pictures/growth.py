@@ -18,7 +18,15 @@
 from pathlib import Path
 import sys
 
-from benchmarks.growth import exponent, INVERSE_DYNAMICS, JOINTS, linear_fit, LONG, measure, report
+from benchmarks.growth import (
+    exponent,
+    INVERSE_DYNAMICS,
+    JOINTS,
+    linear_fit,
+    LONG,
+    measure,
+    report,
+)
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
