@@ -18,10 +18,12 @@ import argparse
 from collections.abc import Callable, Sequence
 import sys
 
-from benchmarks import control_path, library, simulation
+from benchmarks import control_path, growth, library, peers, simulation
 
 BENCHMARKS: dict[str, Callable[[], None]] = {
     'library': library.main,
+    'peers': peers.main,
+    'growth': growth.main,
     'control_path': control_path.main,
     'simulation': simulation.main,
 }
