@@ -27,7 +27,14 @@ import struct
 import sys
 import time
 
-from benchmarks.processes import arm_file, DYNAMICS, module, node_command, processor_seconds, running
+from benchmarks.processes import (
+    arm_file,
+    DYNAMICS,
+    module,
+    node_command,
+    processor_seconds,
+    running,
+)
 import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -169,8 +176,8 @@ def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     per_message = {name: used[name] / len(trips[name]) for name in trips}
     for name, values in trips.items():
         p99 = float(np.percentile(values, 99))
-        print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, p99 {1e6 * p99:5.0f} µs; '
-              f'processor {1e6 * per_message[name]:4.0f} µs a message; '
+        print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, '
+              f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs a message; '
               f'{ROUNDS * MESSAGES - len(values)} lost; of the echo: '
               f'{medians[name] / medians["bare echo"]:.2f}, '
               f'{per_message[name] / per_message["bare echo"]:.2f}')

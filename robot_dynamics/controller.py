@@ -208,8 +208,11 @@ class Controller:
         terms = None
         if with_terms:
             v_terms = v if follows and v is not None else zero
-            terms = own.taken_off_terms(self._dynamics.terms(
-                q, v_terms, a if follows else zero, friction=friction if follows else zero))
+            terms = self._dynamics.terms(
+                q, v_terms, a if follows else zero, friction=friction if follows else zero)
+            # The engine rounds g(q) differently in each algorithm; here it is that of the command.
+            terms = own.taken_off_terms(terms._replace(
+                gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
             if v is not None and not follows:
                 terms = terms._replace(
                     kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))

@@ -111,7 +111,7 @@ class EffortGuard:
             push = effort - hold
             by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
                 (push < 0.0) & (q < limits.soft_lower))
-            if too_fast is not None:
+            if v is not None and too_fast is not None:
                 by_velocity = too_fast & (push * v > 0.0)
             allowed = np.where(by_position | by_velocity, hold, effort)
         if self.last is None:

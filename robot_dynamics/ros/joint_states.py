@@ -48,15 +48,15 @@ class JointStateReader:
         are missing, a name stands twice, lengths differ, or a value of these joints is not finite.
         """
         n = len(self._joint_names)
-        if isinstance(message, SensedState) and message.layout is not None:
-            if message.layout is self._layout:
-                values = message.numbers[self._places]
-                if all_finite(values):
-                    return values[:n], values[n:] if len(values) > n else None
+        layout = message.layout if isinstance(message, SensedState) else None
+        if layout is not None and layout is self._layout:
+            values = message.numbers[self._places]
+            if all_finite(values):
+                return values[:n], values[n:] if len(values) > n else None
         q = self._values(message, 'position')
         v = self._values(message, 'velocity') if len(message.velocity) else None
-        if isinstance(message, SensedState) and message.layout is not None:
-            self._learn_places(message.layout, v is not None)
+        if layout is not None:
+            self._learn_places(layout, v is not None)
         return q, v
 
     def effort(self, message: JointState | SensedState) -> FloatArray | None:

@@ -132,10 +132,11 @@ class JointStateDecoder:
             self._learn_names(data, message)
             self._learn_numbers(data, message)
         stamp = message.header.stamp
+        position, velocity, effort = (np.array(values, dtype=np.float64) for values in (
+            message.position, message.velocity, message.effort))
         return SensedState(
             _make_stamp(struct.pack('<iI', stamp.sec, stamp.nanosec), stamp.sec, stamp.nanosec),
-            list(message.name), *(np.array(values, dtype=np.float64) for values in (
-                message.position, message.velocity, message.effort)))
+            list(message.name), position, velocity, effort)
 
     def _learn_names(self, data: bytes, message: JointState) -> None:
         self._texts = []
