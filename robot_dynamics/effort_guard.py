@@ -33,7 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.validation import any_of, FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -68,7 +68,7 @@ class GuardLimits:
 
     def is_near(self, q: FloatArray) -> bool:
         """Tell whether any joint is within the margin before a position limit, or past it."""
-        return bool(((q > self.soft_upper) | (q < self.soft_lower)).any())
+        return any_of((q > self.soft_upper) | (q < self.soft_lower))
 
     @cached_property
     def no_joint(self) -> BoolArray:
@@ -107,7 +107,7 @@ class EffortGuard:
         by_position = by_velocity = by_rate = limits.no_joint
         too_fast = None if v is None else np.abs(v) > limits.velocity
         allowed = effort
-        if limits.is_near(q) or too_fast is not None and too_fast.any():
+        if limits.is_near(q) or too_fast is not None and any_of(too_fast):
             push = effort - hold
             by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
                 (push < 0.0) & (q < limits.soft_lower))

@@ -224,6 +224,9 @@ class RigidBody:
     ) -> FloatArray:
         """Return the same unchecked: not finite where M(q) is singular."""
         x = self._x
+        if x.is_identity and not wrenches:
+            a: FloatArray = pin.aba(self._model, self._data, q, v, tau)
+            return a
         if x.is_identity or x.is_permutation:
             tau_tree = tau if x.is_identity else tau @ x.G.T
             arguments = (self._model, self._data, x.position(q), x.rate(v), tau_tree)

@@ -79,6 +79,11 @@ def all_finite(values: FloatArray) -> bool:
     return math.isfinite(sum(values.tolist())) or bool(np.isfinite(values).all())
 
 
+def any_of(mask: npt.NDArray[np.bool_]) -> bool:
+    """Return whether any of a few flags is set, shape (n,); quicker than numpy's `any` for few."""
+    return True in mask.tolist()
+
+
 def check_vector(
     field: str, value: Any, length: int, names: Sequence[str] | None = None,
     largest: float = np.inf,

@@ -37,7 +37,7 @@ from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.serialized import effort_template, EffortTemplate, SerializedStamp
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.validation import any_of, FloatArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -250,7 +250,7 @@ class SafeCommand:
                        ('velocity limit', guarded.by_velocity),
                        ('effort rate', guarded.by_rate)]
         for name, joints in limits:
-            if joints.any():
+            if any_of(joints):
                 self.counters.limited[name] += 1
                 self.counters.limited_at = time.monotonic()
 

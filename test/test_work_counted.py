@@ -1,0 +1,218 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The work of a message and of a call, counted and not timed, so that none of it comes back unseen.
+
+Counted are calls of Python functions, and of those that Python calls in C. Bounds leave a fifth to
+versions of Python and of libraries; a change that needs more has to say what for.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+import struct
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import rclpy
+from rclpy.serialization import serialize_message
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.rigid_body import HAS_PARALLEL_RNEA, RigidBody
+from robot_dynamics.ros.conversions import trajectory_from_ros
+from robot_dynamics.ros.dynamics_node import DynamicsNode
+from robot_dynamics.trajectory_efforts import trajectory_efforts
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+JOINTS = 7
+NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
+ENGINE = (
+    'rnea', 'computeGeneralizedGravity', 'nonLinearEffects', 'computeAllTerms', 'crba', 'aba',
+    'computeCoriolisMatrix', 'computeKineticEnergy', 'computePotentialEnergy', 'rneaInParallel')
+
+
+def chain(n: int) -> str:
+    ones = [1.0] * n
+    return planar_arm_urdf(ones, ones, [0.5] * n, [0.1] * n)
+
+
+def calls_of(work: Callable[[], object]) -> Counter[str]:
+    """Return how often each function was called; those of the counting left out."""
+    counts: Counter[str] = Counter()
+
+    def count(frame: Any, event: str, argument: Any) -> None:
+        if event == 'call':
+            counts[frame.f_code.co_name] += 1
+        elif event == 'c_call':
+            counts[argument.__name__] += 1
+
+    sys.setprofile(count)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    del counts['setprofile']
+    return counts
+
+
+@pytest.fixture
+def engine(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Return how often each algorithm of Pinocchio was called, from now on."""
+    counts: Counter[str] = Counter()
+
+    def counting(name: str) -> Callable[..., Any]:
+        algorithm = getattr(pin, name)
+
+        def call(*arguments: Any) -> Any:
+            counts[name] += 1
+            return algorithm(*arguments)
+
+        return call
+
+    for name in ENGINE:
+        if hasattr(pin, name):
+            monkeypatch.setattr(pin, name, counting(name))
+    return counts
+
+
+# ------------------------------------------------------------------------------ the control path
+
+class Node:
+    """A node whose control path is called as by its thread, in this one."""
+
+    def __init__(self, urdf: str) -> None:
+        rclpy.init(args=['--ros-args', '-r', '__ns:=/counted', '-p', 'state_timeout:=60.0',
+                         '-p', f'robot_description_file:={urdf}', '-p', 'effort_check:=false'])
+        self.node = DynamicsNode()
+        self._data = bytearray(serialize_message(
+            JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
+
+    def take_state(self) -> None:
+        """Answer a state of now."""
+        self._data[4:12] = struct.pack('<iI', *divmod(time.time_ns(), 1_000_000_000))
+        self.node._loop._deliver(bytes(self._data))
+
+    def follow(self) -> None:
+        """Follow a long trajectory from now on."""
+        message = JointTrajectory(joint_names=NAMES)
+        point = JointTrajectoryPoint(positions=[0.2] * JOINTS)
+        point.time_from_start.sec = 1000
+        message.points.append(point)
+        self.node._on_trajectory(message)
+
+    @property
+    def answered(self) -> int:
+        return self.node._path.counters.states
+
+
+@pytest.fixture
+def node(tmp_path: Any) -> Iterator[Node]:
+    urdf = tmp_path / 'arm.urdf'
+    urdf.write_text(chain(JOINTS), encoding='utf-8')
+    one = Node(str(urdf))
+    try:
+        one.take_state()
+        yield one
+    finally:
+        one.node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 150, 3), (True, 190, 4)])
+def test_the_calls_of_a_message(
+    node: Node, engine: Counter[str], follows: bool, most: int, published: int,
+) -> None:
+    if follows:
+        node.follow()
+    node.take_state()
+    engine.clear()
+    calls = calls_of(node.take_state)
+    assert engine == {'computeGeneralizedGravity': 1, **({'rnea': 1} if follows else {})}
+    assert calls['publish'] == calls['filled'] == published
+    assert calls['deserialize_message'] == calls['serialize_message'] == 0
+    assert calls.total() <= most
+
+
+def test_messages_leave_nothing_behind(node: Node) -> None:
+    node.follow()
+    for _ in range(100):
+        node.take_state()
+    before, answered = sys.getallocatedblocks(), node.answered
+    for _ in range(2000):
+        node.take_state()
+    assert node.answered == answered + 2000
+    assert sys.getallocatedblocks() - before < 100
+
+
+# ------------------------------------------------------------------------------ the library
+
+def state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, n))
+    return q, v, a
+
+
+@pytest.mark.parametrize('n', [2, 7, 60])
+def test_one_call_of_the_engine_for_one_question(engine: Counter[str], n: int) -> None:
+    """Whatever the number of joints, and with few calls around it."""
+    body = RigidBody(load_arm(chain(n)))
+    q, v, a = state(n)
+    for name, most, work in (
+            ('rnea', 8, lambda: body.inverse_dynamics(q, v, a)),
+            ('computeGeneralizedGravity', 6, lambda: body.gravity(q)),
+            ('crba', 6, lambda: body.mass_matrix(q)),
+            ('computeCoriolisMatrix', 8, lambda: body.coriolis_matrix(q, v)),
+            ('aba', 12, lambda: body.forward_dynamics(q, v, a)),
+            ('computeAllTerms', 20, lambda: body.terms(q, v, a))):
+        engine.clear()
+        assert calls_of(work).total() <= most, name
+        assert engine == {name: 1}
+
+
+def test_a_frictionless_arm_pays_for_no_friction(engine: Counter[str]) -> None:
+    dynamics = ArmDynamics(load_arm(chain(JOINTS)))
+    q, v, a = state(JOINTS)
+    assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
+    assert calls_of(lambda: dynamics.forward_dynamics(q, v, a)).total() <= 14
+    assert engine == {'rnea': 1, 'aba': 1}
+
+
+@pytest.mark.skipif(not HAS_PARALLEL_RNEA, reason='this Pinocchio was built without OpenMP')
+def test_a_batch_costs_no_calls_for_a_sample() -> None:
+    dynamics = ArmDynamics(load_arm(chain(JOINTS)))
+    rows = np.zeros((3, 5000, JOINTS))
+    few = calls_of(lambda: dynamics.inverse_dynamics_batch(*rows[:, :500])).total()
+    many = calls_of(lambda: dynamics.inverse_dynamics_batch(*rows)).total()
+    assert many <= 10 * few
+
+
+def test_a_point_of_a_plan_costs_few_calls() -> None:
+    """Linear in the points, without a sample of the path where a point says all."""
+    arm = load_arm(chain(JOINTS))
+    dynamics, message = ArmDynamics(arm), JointTrajectory(joint_names=NAMES)
+    for i in range(1000):
+        point = JointTrajectoryPoint(
+            positions=[0.001 * i] * JOINTS, velocities=[0.1 * (i < 999)] * JOINTS,
+            accelerations=[0.0] * JOINTS)
+        point.time_from_start.sec = i
+        message.points.append(point)
+    calls = calls_of(
+        lambda: trajectory_efforts(dynamics, trajectory_from_ros(message, arm.joint_names)))
+    assert calls['sample'] == 0
+    assert calls.total() <= 36 * 1000
