@@ -22,11 +22,12 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from robot_dynamics.ros.serialized import (
+    array_template,
     effort_template,
-    EffortTemplate,
     JointStateDecoder,
     SensedState,
 )
+from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -116,8 +117,8 @@ def outcome(read: Any, data: bytes) -> Any:
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
 def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
     names = [f'joint{i}' for i in range(n)]
-    named, bare = effort_template(names), EffortTemplate(
-        n, lambda numbers: Float64MultiArray(data=numbers))
+    named, bare = effort_template(names), array_template(n)
+    strict = get_typestore(Stores.ROS2_JAZZY)  # refuses what is not of the very length
     for shift in (0.0, 0.5):
         stamp = state('', [], [], [], [], 2**31 - 1, 999_999_999)
         efforts = np.arange(n) - shift
@@ -128,5 +129,7 @@ def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
         assert list(message.effort) == efforts.tolist()
         assert not message.position
         assert not message.header.frame_id
+        assert strict.deserialize_cdr(data, 'sensor_msgs/msg/JointState').name == names
+        strict.deserialize_cdr(bare.filled(bytes(8), efforts), 'std_msgs/msg/Float64MultiArray')
         array = deserialize_message(bare.filled(bytes(8), efforts), Float64MultiArray)
         assert list(array.data) == efforts.tolist()

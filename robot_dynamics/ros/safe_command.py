@@ -36,7 +36,12 @@ from robot_dynamics.controller import ControlOutput
 from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.serialized import effort_template, EffortTemplate, SerializedStamp
+from robot_dynamics.ros.serialized import (
+    array_template,
+    effort_template,
+    EffortTemplate,
+    SerializedStamp,
+)
 from robot_dynamics.validation import any_of, FloatArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -113,8 +118,8 @@ class SafeCommand:
             else:
                 self._supervisor = CommandSupervisor(arm.joint_names, limits, options)
                 self._names, self._faults_seen = list(arm.joint_names), 0
-                self._templates = effort_template(arm.joint_names), EffortTemplate(
-                    arm.joint_count, lambda numbers: Float64MultiArray(data=numbers))
+                self._templates = (
+                    effort_template(arm.joint_names), array_template(arm.joint_count))
                 if old is not None and old.is_latched:
                     self._latched = old.fault
                 self._supervisor.fault, self._latched = self._latched, None

@@ -19,19 +19,18 @@ In rclpy, making one `JointState` object and converting it costs more than the d
 checked setters, lists of strings, copies number by number. But a publisher of joint states sends
 the same names in the same place every time, and so do we. So the first message of a layout is
 deserialized as usual and its layout is learned; from those that follow numpy reads the numbers
-where they lie. What is published is a message that was serialized once, with the stamp and the
-numbers of now written into it. Messages of any other layout take the usual way.
+where they lie. What is published is a message that was written once, with the stamp and the
+numbers of now put into it. Messages of any other layout take the usual way.
 
 The layout is that of CDR, little endian (OMG DDS-XTypes 7.4.1): after 4 bytes of encapsulation,
 each value is aligned to its size; strings and sequences begin with their length as uint32.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import struct
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from rclpy.serialization import serialize_message
 from robot_dynamics.ros.message_bytes import read_message
 from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
@@ -41,7 +40,6 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
 """Where a message that begins with a std_msgs/Header has its stamp."""
 _SEC_NANOSEC = struct.Struct('<iI')
-SENTINEL = -1.2345678901234567e-89
 
 
 class SerializedStamp(NamedTuple):
@@ -174,18 +172,49 @@ class JointStateDecoder:
             for start, end in places))
 
 
-class EffortTemplate:
-    """A serialized message with n numbers, and a stamp where it has a header."""
+class CdrWriter:
+    """
+    Serializes what effort messages are made of.
 
-    def __init__(self, n: int, make: Callable[[list[float]], Any]) -> None:
-        """`make` returns the message for a list of n numbers."""
-        numbers = [SENTINEL] * n
-        message = make(numbers)
-        self._has_stamp = hasattr(message, 'header')
-        self._data = bytearray(serialize_message(message))
-        start = self._data.find(np.array(numbers).tobytes())
-        if start < 0 or bytes(self._data[:4]) != ENCAPSULATION:
-            raise ValueError(f'no {n} numbers in {bytes(self._data)!r}')
+    rclpy's `serialize_message` leaves whatever the memory held between strings and behind the end,
+    which those who read a message strictly refuse.
+    """
+
+    def __init__(self) -> None:
+        self.data = bytearray(ENCAPSULATION)
+
+    def align(self, size: int) -> None:
+        """Fill up with zeros to a multiple of the size, counted from the encapsulation's end."""
+        self.data += bytes((len(ENCAPSULATION) - len(self.data)) % size)
+
+    def uint32(self, value: int) -> None:
+        """Write a number, or a count."""
+        self.align(4)
+        self.data += struct.pack('<I', value)
+
+    def text(self, value: str) -> None:
+        """Write a string."""
+        encoded = value.encode() + b'\0'
+        self.uint32(len(encoded))
+        self.data += encoded
+
+    def floats(self, n: int) -> int:
+        """Write a sequence of n zeros as float64; return where the first of them is."""
+        self.uint32(n)
+        if n:
+            self.align(8)
+        self.data += bytes(8 * n)
+        return len(self.data) - 8 * n
+
+
+class EffortTemplate:
+    """A serialized message that ends with n numbers, which are still to be filled in."""
+
+    def __init__(self, writer: CdrWriter, n: int, has_stamp: bool) -> None:
+        """Take what was written before the numbers; `has_stamp` where that begins with a time."""
+        self._has_stamp = has_stamp
+        start = writer.floats(n)
+        self._data = writer.data
         self._numbers = np.frombuffer(self._data, np.float64, n, start)
 
     def filled(self, stamp: bytes, numbers: FloatArray) -> bytes:
@@ -198,5 +227,20 @@ class EffortTemplate:
 
 def effort_template(joint_names: Sequence[str]) -> EffortTemplate:
     """Return the template of a `sensor_msgs/JointState` with efforts alone."""
-    return EffortTemplate(
-        len(joint_names), lambda numbers: JointState(name=list(joint_names), effort=numbers))
+    writer = CdrWriter()
+    writer.data += bytes(8)  # header.stamp
+    writer.text('')  # header.frame_id
+    writer.uint32(len(joint_names))
+    for name in joint_names:
+        writer.text(name)
+    writer.uint32(0)  # position
+    writer.uint32(0)  # velocity
+    return EffortTemplate(writer, len(joint_names), has_stamp=True)
+
+
+def array_template(n: int) -> EffortTemplate:
+    """Return the template of a `std_msgs/Float64MultiArray` of n numbers, without a layout."""
+    writer = CdrWriter()
+    writer.uint32(0)  # layout.dim
+    writer.uint32(0)  # layout.data_offset
+    return EffortTemplate(writer, n, has_stamp=False)

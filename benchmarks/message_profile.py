@@ -1,0 +1,159 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where the time of one message goes in `dynamics_node`, between taking it and publishing its answers.
+
+The node's own functions are timed while it follows a trajectory at 500 Hz, and once more while the
+same state is given to it again and again: what the processor has at hand costs a fraction of what
+it has to fetch after two idle milliseconds.
+"""
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+import statistics
+import struct
+import sys
+import tempfile
+import time
+from typing import Any
+
+from benchmarks.control_path import Asker, follow_on
+from benchmarks.processes import arm_file, DYNAMICS, module, node_command, running
+import rclpy
+
+JOINTS = 7
+SERIES = 6
+"""Of half a thousand messages each."""
+MESSAGES_BEFORE, HOT_MESSAGES = 2500, 3000
+SPARE = 2e-7
+"""[s] that the clock takes, about."""
+STEPS = (
+    ('take the bytes', 'robot_dynamics.ros.message_loop:MessageLoop._take', 0),
+    ('all that follows', 'robot_dynamics.ros.message_loop:MessageLoop._deliver', 0),
+    ('read the numbers', 'robot_dynamics.ros.serialized:JointStateDecoder.decode', 1),
+    ('find the joints', 'robot_dynamics.ros.joint_states:JointStateReader.read', 1),
+    ('judge the state', 'robot_dynamics.state_watch:StateWatch.judge', 1),
+    ('control law', 'robot_dynamics.controller:Controller.update', 1),
+    ('g(q)', 'robot_dynamics.rigid_body:RigidBody.gravity', 2),
+    ('reference', 'robot_dynamics.trajectory:TrajectoryFollower.sample', 2),
+    ('feedback', 'robot_dynamics.control:ErrorFeedback.acceleration', 2),
+    ('inverse dynamics', 'robot_dynamics.rigid_body:RigidBody.inverse_dynamics', 2),
+    ('command', 'robot_dynamics.ros.safe_command:SafeCommand.answer', 1),
+    ('limits and modes', 'robot_dynamics.command_supervisor:CommandSupervisor.answer', 2),
+    ('publish it, to one reader', 'robot_dynamics.ros.safe_command:SafeCommand._publish', 2),
+    ('publish both efforts, to none', 'robot_dynamics.ros.control_path:ControlPath._publish', 1),
+)
+"""What it is, the function, and how deep it lies."""
+
+
+class Stopwatch:
+    """Times of functions that are wrapped."""
+
+    def __init__(self) -> None:
+        self.times: dict[str, list[float]] = {words: [] for words, *_ in STEPS}
+
+    def wrap(self) -> None:
+        """Time each of the steps from now on."""
+        for words, where, _ in STEPS:
+            module_name, path = where.split(':')
+            class_name, name = path.split('.')
+            owner = getattr(__import__(module_name, fromlist=[class_name]), class_name)
+            setattr(owner, name, self._timed(getattr(owner, name), self.times[words]))
+
+    def _timed(self, function: Callable[..., Any], times: list[float]) -> Callable[..., Any]:
+        def timed(*arguments: Any) -> Any:
+            start = time.perf_counter()
+            try:
+                return function(*arguments)
+            finally:
+                times.append(time.perf_counter() - start - SPARE)
+
+        return timed
+
+    def take_medians(self) -> dict[str, float]:
+        """Return the medians of the later half of each, and forget all."""
+        found = {words: statistics.median(times[len(times) // 2:])
+                 for words, times in self.times.items() if times}
+        for times in self.times.values():
+            times.clear()
+        return found
+
+
+def main() -> None:
+    """Print µs by step."""
+    with tempfile.TemporaryDirectory() as directory, arm_file(JOINTS) as urdf:
+        path = Path(directory, 'times.json')
+        command = node_command(DYNAMICS, {
+            'robot_description_file': urdf, 'state_timeout': 10.0, 'effort_check': 'false'})
+        arguments = command[command.index('--ros-args'):]
+        with running({'node': module('benchmarks.message_profile', str(path), *arguments)}):
+            _drive()
+        cold, hot = json.loads(path.read_text(encoding='utf-8'))
+    print(f'{"µs, medians":36}{"at 500 Hz":>10}{"at once":>10}')
+    for words, _, depth in STEPS:
+        print(f'{"  " * depth + words:36}{1e6 * cold[words]:10.1f}' + (
+            f'{1e6 * hot[words]:10.1f}' if words in hot else ''))
+
+
+def _drive() -> None:
+    rclpy.init()
+    try:
+        node = rclpy.create_node('bench')
+        asker = Asker(node, 'joint_states', 'effort_command')
+        asker.connect()
+        follow_on(node)
+        for _ in range(SERIES):
+            asker.series()
+    finally:
+        rclpy.try_shutdown()
+
+
+# ---------------------------------------------------------------------------- the node's process
+
+def _measure_in(path: Path) -> None:
+    """Time the steps in this process, and write the medians when enough messages came."""
+    from robot_dynamics.ros.message_loop import MessageLoop
+
+    stopwatch = Stopwatch()
+    stopwatch.wrap()
+    take, taken_so_far = MessageLoop._take, 0
+
+    def take_and_count(loop: MessageLoop) -> bytes | None:
+        nonlocal taken_so_far
+        data = take(loop)
+        taken_so_far += 1
+        if taken_so_far == MESSAGES_BEFORE and data is not None:
+            cold = stopwatch.take_medians()
+            _repeat(loop, data)
+            path.write_text(json.dumps([cold, stopwatch.take_medians()]), encoding='utf-8')
+        return data
+
+    MessageLoop._take = take_and_count  # type: ignore[method-assign]
+
+
+def _repeat(loop: Any, data: bytes) -> None:
+    """Give a state to the control path again and again, with the stamp of now."""
+    state = bytearray(data)
+    for _ in range(HOT_MESSAGES):
+        state[4:12] = struct.pack('<iI', *divmod(time.time_ns(), 1_000_000_000))
+        loop._deliver(bytes(state))
+
+
+if __name__ == '__main__':
+    from robot_dynamics.ros import dynamics_node
+
+    _measure_in(Path(sys.argv[1]))
+    sys.exit(dynamics_node.main(sys.argv[1:]))

@@ -1,0 +1,60 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+docs/performance.md: what each benchmark printed, put between its marks.
+
+A benchmark NAME has its place between `<!-- NAME -->` and `<!-- end -->`.
+"""
+
+from datetime import date
+from importlib.metadata import version
+import os
+from pathlib import Path
+import platform
+import re
+
+PAGE = Path(__file__).parents[1] / 'docs' / 'performance.md'
+
+
+def names() -> list[str]:
+    """Return the benchmarks that have a place in the page."""
+    return re.findall(r'^<!-- (\w+) -->$', PAGE.read_text(encoding='utf-8'), re.MULTILINE)
+
+
+def write(name: str, printed: str) -> None:
+    """Put what a benchmark printed in its place; raise ValueError where it has none."""
+    text = PAGE.read_text(encoding='utf-8')
+    mark = f'<!-- {name} -->\n'
+    if mark not in text:
+        raise ValueError(f'{PAGE.name} has no place for {name!r}, expected one of {names()}')
+    before, after = text.split(mark)
+    rest = after[after.index('<!-- end -->'):]
+    when = f'{date.today():%Y-%m-%d}, {machine()}'
+    PAGE.write_text(f'{before}{mark}```text\n# {when}\n{printed.rstrip()}\n```\n{rest}', 'utf-8')
+
+
+def machine() -> str:
+    """Return what it was measured on."""
+    libraries = ', '.join(f'{name} {version(name)}' for name in ('numpy', 'pin'))
+    return (f'{_processor()}, {os.cpu_count()} cores; CPython {platform.python_version()}, '
+            f'{libraries}')
+
+
+def _processor() -> str:
+    try:
+        found = re.search(r'^model name\s*: (.*)$', Path('/proc/cpuinfo').read_text('ascii'), re.M)
+    except OSError:
+        found = None
+    return found[1] if found else platform.machine()
