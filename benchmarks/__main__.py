@@ -18,12 +18,15 @@ import argparse
 from collections.abc import Callable, Sequence
 import sys
 
-from benchmarks import control_path, library, simulation
+from benchmarks import control_path, disturbance, library, memory, rate, simulation
 
 BENCHMARKS: dict[str, Callable[[], None]] = {
     'library': library.main,
     'control_path': control_path.main,
     'simulation': simulation.main,
+    'rate': rate.main,
+    'disturbance': disturbance.main,
+    'memory': memory.main,
 }
 
 

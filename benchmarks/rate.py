@@ -1,0 +1,151 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The closed loop of `simulated_arm` and `dynamics` in wall time: missed cycles, jitter, latency.
+
+Both are processes of their own, and with this one, which listens (`loop_listener`), have two cores
+together. A cycle counts as missed where its state went out later than the next one was due, or
+where the effort for it did not act from the next state on. What the listener missed counts as
+missed by the loop.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+import time
+
+from benchmarks.loop_listener import Cycles, in_microseconds, LoopListener
+from benchmarks.processes import (
+    arm_file,
+    bench_node,
+    DYNAMICS,
+    node_command,
+    on_two_cores,
+    processor_seconds,
+    running,
+    SIMULATED_ARM,
+)
+from benchmarks.slow_motion import follow_slow_motion
+from rclpy.node import Node
+
+JOINTS = 7
+RATE, SECONDS = 1000.0, 60.0
+SHORT, TRIES = 5.0, 2
+"""[s] of a run that looks for the highest rate, and how many a rate may have."""
+MOST_MISSED = 1e-3
+"""Share of the cycles."""
+HIGHEST_RATE = 10_000.0
+"""[Hz] that `simulated_arm` allows."""
+RESOLUTION = 1.1
+"""Ratio between a rate that does not hold and the highest that does, where the search ends."""
+WARM_UP, GRACE = 1.0, 0.3
+"""[s] before the first cycle that counts, and after the last."""
+TIMEOUT = 30.0
+
+
+def main() -> None:
+    """Print what became of the cycles at RATE, and the highest rate that holds."""
+    with on_two_cores(), arm_file(JOINTS) as urdf, bench_node() as node:
+        _report(node, urdf)
+        print(f'Highest rate with less than {100.0 * MOST_MISSED:g} % missed cycles, in the best '
+              f'of {TRIES} runs of {SHORT:g} s each:')
+        highest = highest_rate(node, urdf)
+        print(f'  highest rate that holds: {highest:.0f} Hz' if highest else '  none holds')
+
+
+@contextmanager
+def closed_loop(node: Node, urdf: str, rate: float, seconds: float) -> Iterator[
+        tuple[LoopListener, dict[str, int]]]:
+    """Give a listener to the running loop, which follows a motion, and the process ids."""
+    with running({
+            'dynamics': node_command(DYNAMICS, {'robot_description_file': urdf}),
+            'simulated_arm': node_command(
+                SIMULATED_ARM, {'robot_description_file': urdf, 'rate': rate})}) as pids:
+        listener = LoopListener(node)
+        try:
+            listener.connect(TIMEOUT)
+            follow_slow_motion(node, JOINTS, seconds)
+            yield listener, pids
+        finally:
+            listener.close()
+
+
+def measure(node: Node, urdf: str, rate: float, seconds: float) -> tuple[
+        Cycles, dict[str, float]]:
+    """Return what became of the cycles of a run, and the share of a core of each process."""
+    with closed_loop(node, urdf, rate, seconds + 20.0) as (listener, pids):
+        processes = {**pids, 'listener': os.getpid()}
+        listener.listen(WARM_UP)
+        after, start = listener.newest_stamp(), time.monotonic()
+        before = {name: processor_seconds(pid) for name, pid in processes.items()}
+        listener.listen(seconds)
+        passed = time.monotonic() - start
+        shares = {name: (processor_seconds(pid) - before[name]) / passed
+                  for name, pid in processes.items()}
+        listener.listen(GRACE)
+        period = round(1e9 / rate)
+        return listener.cycles(after, period, round(seconds * rate)), shares
+
+
+def _report(node: Node, urdf: str) -> None:
+    cycles, shares = measure(node, urdf, RATE, SECONDS)
+    print(f'{RATE:g} Hz for {SECONDS:g} s, {JOINTS} joints: {cycles.count} cycles, '
+          f'{cycles.states} states sent, {cycles.answered} efforts answered')
+    print(f'  missed cycles: {cycles.missed.sum()} ({100.0 * cycles.missed_share:.3f} %); '
+          f'{cycles.late_states.sum()} states a period late, {cycles.late_efforts.sum()} efforts '
+          'too late for their step')
+    for what, times in (
+            ('jitter of the period between efforts', cycles.jitter),
+            ('state: stamp to publication', cycles.state_delay),
+            ('state published to effort published', cycles.answer_time),
+            ('state: stamp to effort published', cycles.latency)):
+        print(f'  {what:38}{in_microseconds(times)}')
+    print('  processor, in cores: ' + ', '.join(
+        f'{name} {share:.2f}' for name, share in shares.items()))
+
+
+def highest_rate(node: Node, urdf: str) -> float:
+    """Return the highest rate that holds, by doubling and bisection; print the runs."""
+    low, high = 0.0, RATE
+    while high <= HIGHEST_RATE and _holds(node, urdf, high):
+        low, high = high, 2.0 * high
+    if low == 0.0:
+        low = high / 2.0
+        while not _holds(node, urdf, low):
+            low, high = low / 2.0, low
+            if low < 10.0:
+                return 0.0
+    while high / low > RESOLUTION:
+        middle = round((low * high) ** 0.5, -1)
+        if _holds(node, urdf, middle):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _holds(node: Node, urdf: str, rate: float) -> bool:
+    shares = []
+    for _ in range(TRIES):
+        cycles, _ = measure(node, urdf, rate, SHORT)
+        shares.append(cycles.missed_share)
+        if shares[-1] < MOST_MISSED:
+            break
+    print(f'  {rate:6.0f} Hz: missed ' + ', '.join(f'{100.0 * share:.3f} %' for share in shares))
+    return shares[-1] < MOST_MISSED
+
+
+if __name__ == '__main__':
+    main()
