@@ -140,35 +140,51 @@ class LoopListener:
 
 class Cycles:
     """
-    Times [s] of cycles: state k is due at its stamp, k + 1 periods after the start.
+    What became of the cycles of a time [s], each `period` [s] long by the wall clock.
 
-    A cycle is missed where its state was not published before the next one was due, or where the
-    next state tells that another effort acted than the one for this state.
+    A cycle is missed where no joint state was published in it, or where the next state tells that
+    another effort acted than the one for the state of this cycle. An arm that was held up for ten
+    periods misses ten; the states that it publishes quicker than usual to catch up are late, but
+    miss nothing.
     """
 
     def __init__(
         self, period: float, state_sent: FloatArray, acted: FloatArray, effort_sent: FloatArray,
         effort: FloatArray,
     ) -> None:
-        """Take one cycle more than is judged: arrays of count + 1 rows, NaN where nothing came."""
-        self._period = period
-        due = period * np.arange(1, len(state_sent))
-        self.count = len(due)
-        self.states = int(np.sum(np.isfinite(state_sent[:-1])))
-        self.answered = int(np.sum(np.isfinite(effort_sent[:-1])))
-        self.late_states = ~(state_sent[:-1] < due + period)
-        self.late_efforts = ~np.all(acted[1:] == effort[:-1], axis=1)
-        self.missed = self.late_states | self.late_efforts
-        self.state_delay = state_sent[:-1] - due
-        self.latency = effort_sent[:-1] - due
-        self.answer_time = effort_sent[:-1] - state_sent[:-1]
-        self.jitter: FloatArray = np.abs(np.diff(effort_sent[:-1]) - period)
-        self.differing = int(np.sum(np.any(np.diff(effort, axis=0) != 0.0, axis=1)))
+        """
+        Take times [s] and efforts of one state more than there are cycles, NaN for none.
+
+        State k is due k + 1 periods after time 0.
+        """
+        due = period * np.arange(1, len(state_sent) + 1)
+        delay = state_sent - due
+        self.count = len(due) - 1
+        self.paused = self.count - _cycles_with(state_sent, period, self.count)
+        sent = np.isfinite(delay[:-1])
+        self.states, self.answered = int(sent.sum()), int(np.isfinite(effort_sent[:-1]).sum())
+        self.late_efforts = int(np.sum(np.any(acted[1:] != effort[:-1], axis=1) & sent))
+        self.late_states = int(np.sum(delay > period))
+        self.missed = min(self.paused + self.late_efforts, self.count)
+        self.state_delay, self.latency = delay, effort_sent - due
+        self.answer_time = effort_sent - state_sent
+        self.jitter: FloatArray = np.abs(np.diff(effort_sent) - period)
+        self.changes = int(np.sum(np.any(np.diff(effort, axis=0) != 0.0, axis=1)))
 
     @property
     def missed_share(self) -> float:
         """Return the share of cycles that were missed."""
-        return float(np.mean(self.missed))
+        return self.missed / self.count
+
+
+def _cycles_with(times: FloatArray, period: float, count: int) -> int:
+    """Return in how many of the periods there is a time; usual ones are in their middle."""
+    found = times[np.isfinite(times)]
+    if not len(found):
+        return 0
+    usual = float(np.median(found % period))
+    number = np.floor((found - usual) / period + 0.5)
+    return len(np.unique(number[(number >= 1) & (number <= count)]))
 
 
 def in_microseconds(times: FloatArray) -> str:

@@ -32,7 +32,7 @@ from benchmarks.processes import (
     running,
     SIMULATED_ARM,
 )
-from benchmarks.slow_motion import follow_slow_motion
+from benchmarks.slow_motion import follow_slow_motion, hanging
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
@@ -105,7 +105,8 @@ def _report(states: int) -> None:
         with running({
                 'dynamics': node_command(DYNAMICS, {'robot_description_file': urdf}),
                 'simulated_arm': node_command(SIMULATED_ARM, {
-                    'robot_description_file': urdf, 'rate': RATE, 'lock_step': True})}) as pids:
+                    'robot_description_file': urdf, 'rate': RATE, 'lock_step': True,
+                    'initial_position': hanging(JOINTS)})}) as pids:
             print(f'Closed loop of {JOINTS} joints in lock-step, {states} states of {RATE:g} Hz '
                   f'({states / RATE / 60.0:g} minutes); MB in RAM (of these private), growth:')
             progress.wait_for(1)

@@ -37,7 +37,7 @@ from benchmarks.processes import (
     running,
     SIMULATED_ARM,
 )
-from benchmarks.slow_motion import follow_slow_motion
+from benchmarks.slow_motion import follow_slow_motion, hanging
 from rclpy.node import Node
 
 JOINTS = 7
@@ -71,8 +71,9 @@ def closed_loop(node: Node, urdf: str, rate: float, seconds: float) -> Iterator[
     """Give a listener to the running loop, which follows a motion, and the process ids."""
     with running({
             'dynamics': node_command(DYNAMICS, {'robot_description_file': urdf}),
-            'simulated_arm': node_command(
-                SIMULATED_ARM, {'robot_description_file': urdf, 'rate': rate})}) as pids:
+            'simulated_arm': node_command(SIMULATED_ARM, {
+                'robot_description_file': urdf, 'rate': rate,
+                'initial_position': hanging(JOINTS)})}) as pids:
         listener = LoopListener(node)
         try:
             listener.connect(TIMEOUT)
@@ -103,9 +104,9 @@ def _report(node: Node, urdf: str) -> None:
     cycles, shares = measure(node, urdf, RATE, SECONDS)
     print(f'{RATE:g} Hz for {SECONDS:g} s, {JOINTS} joints: {cycles.count} cycles, '
           f'{cycles.states} states sent, {cycles.answered} efforts answered')
-    print(f'  missed cycles: {cycles.missed.sum()} ({100.0 * cycles.missed_share:.3f} %); '
-          f'{cycles.late_states.sum()} states a period late, {cycles.late_efforts.sum()} efforts '
-          'too late for their step')
+    print(f'  missed cycles: {cycles.missed} ({100.0 * cycles.missed_share:.3f} %): '
+          f'{cycles.paused} without a state, {cycles.late_efforts} whose effort came too late; '
+          f'{cycles.late_states} states more than a period late')
     for what, times in (
             ('jitter of the period between efforts', cycles.jitter),
             ('state: stamp to publication', cycles.state_delay),

@@ -23,7 +23,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-AMPLITUDE = 0.1
+AMPLITUDE = 0.02
 """[rad] of 1 - cos, at each joint."""
 POINTS_A_TURN = 8
 SHORTEST_STEP = 0.5
@@ -34,15 +34,20 @@ AGAIN = 1.0
 TIMEOUT = 30.0
 
 
+def hanging(joints: int) -> list[float]:
+    """Return the position [rad] where a planar arm hangs straight down."""
+    return [math.pi] + [0.0] * (joints - 1)
+
+
 def slow_motion(joints: int, seconds: float) -> JointTrajectory:
-    """Return a sine of at least so many seconds that begins and ends at rest at 0."""
+    """Return a sine of at least so many seconds that begins and ends at rest, hanging."""
     step = max(SHORTEST_STEP, seconds / MOST_POINTS)
     rate = 2.0 * math.pi / (POINTS_A_TURN * step)
     trajectory = JointTrajectory(joint_names=[f'joint{i + 1}' for i in range(joints)])
     for k in range(1, POINTS_A_TURN * math.ceil(seconds / (POINTS_A_TURN * step)) + 1):
         phase = 2.0 * math.pi * (k % POINTS_A_TURN) / POINTS_A_TURN
         point = JointTrajectoryPoint(
-            positions=[AMPLITUDE * (1.0 - math.cos(phase))] * joints,
+            positions=[q + AMPLITUDE * (1.0 - math.cos(phase)) for q in hanging(joints)],
             velocities=[AMPLITUDE * rate * math.sin(phase)] * joints)
         fraction, whole = math.modf(k * step)
         point.time_from_start.sec = int(whole)
