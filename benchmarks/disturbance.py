@@ -29,7 +29,7 @@ import threading
 import time
 from typing import Any
 
-from benchmarks.control_path import Asker
+from benchmarks.control_path import Asker, MESSAGES
 from benchmarks.processes import (
     arm_file,
     bench_node,
@@ -58,8 +58,11 @@ BATCH_EVERY, SAMPLES = 50, 10_000
 ROUNDS = 10
 PAUSE = 0.3
 """[s] for calls to begin, or for the last of them to be answered."""
+LONGER_THAN_A_PAUSE = 10.0
+"""[s]; the end of a series of joint states is no fault."""
 TIMEOUT = 30.0
-ALONE, ECHO, OTHER, SERVED = 'no calls', 'to an echo', 'to another dynamics', 'to this dynamics'
+ALONE = 'no calls'
+ECHO, OTHER, SERVED = 'to an echo', 'to another dynamics', 'to this dynamics'
 TARGETS = {ECHO: 'echo', OTHER: 'other', SERVED: 'dynamics'}
 KINDS = {
     'inverse_dynamics': InverseDynamics,
@@ -210,7 +213,7 @@ def calling() -> Iterator[Callable[[str], None]]:
             process.wait()
     for name, target in TARGETS.items():
         answered, refused = counts[target]
-        print(f'  calls {name}: {answered} answered, {refused} of them refused')
+        print(f'  {answered} calls {name} answered, {refused} of them refused')
 
 
 # ---------------------------------------------------------------- the measurement
@@ -219,7 +222,8 @@ def calling() -> Iterator[Callable[[str], None]]:
 def main() -> None:
     """Print round trips and their ratios."""
     with on_two_cores(), arm_file(JOINTS) as urdf:
-        dynamics = node_command(DYNAMICS, {'robot_description_file': urdf})
+        dynamics = node_command(DYNAMICS, {
+            'robot_description_file': urdf, 'state_timeout': LONGER_THAN_A_PAUSE})
         with running({
                 'dynamics': dynamics,
                 'echo': module('benchmarks.disturbance', 'echo'),
@@ -249,13 +253,19 @@ def _measure(asker: Asker, call: Callable[[str], None], pids: dict[str, int]) ->
     print(f'{CALL_RATE:g} calls/s, one in {BATCH_EVERY} a batch of {SAMPLES} samples; joint state '
           f'to effort, {JOINTS} joints, {len(trips[ALONE])} states each:')
     for name in targets:
-        print(f'  {name:20} p50 {p50[name]:6.0f} µs, p99 {p99[name]:6.0f} µs, p99.9 '
-              f'{p999[name]:6.0f} µs; p99 {p99[name] / p99[ALONE]:5.2f} times that without; the '
-              f'called node takes {work[name] / passed[name]:.2f} cores')
-    added = p99[SERVED] - p99[ALONE]
-    for name in (ECHO, OTHER):
-        print(f'  calls {name} make {100.0 * (p99[name] - p99[ALONE]) / added:.0f} % of the '
-              'difference in p99: that part is the machine\'s')
+        print(f'  calls {name:20}' if name != ALONE else f'  {name:26}', end=' ')
+        print(f'p50 {p50[name]:5.0f} µs, p99 {p99[name]:5.0f} µs ({p99[name] / p99[ALONE]:4.2f} '
+              f'times), p99.9 {p999[name]:5.0f} µs; {ROUNDS * MESSAGES - len(trips[name])} lost; '
+              f'called node {work[name] / passed[name]:.2f} cores')
+    print(f'ratio of p99 with calls and without: {p99[SERVED] / p99[ALONE]:.2f}; sharing the '
+          f'cores with the same work alone: {p99[OTHER] / p99[ALONE]:.2f} '
+          f'({_share(p99, OTHER):.0f} % of the difference), with the same messages alone: '
+          f'{p99[ECHO] / p99[ALONE]:.2f} ({_share(p99, ECHO):.0f} %)')
+
+
+def _share(p99: dict[str, float], name: str) -> float:
+    """Return how much [%] of what calls add here they add elsewhere too."""
+    return 100.0 * (p99[name] - p99[ALONE]) / (p99[SERVED] - p99[ALONE])
 
 
 if __name__ == '__main__':

@@ -16,8 +16,9 @@
 What a closed loop of `simulated_arm` and `dynamics` did, heard from outside with little cost.
 
 When a message was published stands in its source timestamp, written by its publisher. So the
-listener need not wake up for a message: it leaves all in the queue of the middleware and takes
-them ten times a second, as bytes, to read them when the run is over. It asks for no acknowledgements (best effort).
+listener need not wake up for a message: it leaves all in the queue of the middleware, takes them
+ten times a second as bytes, and reads them when the run is over. It asks for no acknowledgements
+(best effort).
 
 A joint state carries the effort that acted since the state before, bit by bit as it was
 commanded. That tells whether the effort for a state arrived in time at the arm.
@@ -74,6 +75,10 @@ class Topic:
         """Return the stamp [ns] of the newest message."""
         return JointStateDecoder().decode(self._messages[-1]).stamp.nanoseconds
 
+    def newest_sent(self) -> int:
+        """Return when [ns] the newest message was published."""
+        return self._sent[-1]
+
     def heard(self) -> Heard:
         """Return what was heard so far."""
         decoder = JointStateDecoder()
@@ -112,6 +117,10 @@ class LoopListener:
             if time.monotonic() > deadline:
                 raise TimeoutError(f'no joint states and efforts in {timeout:g} s')
             self.listen(TAKE_PERIOD)
+
+    def lag(self) -> float:
+        """Return how much later [s] than it was due the newest joint state was published."""
+        return 1e-9 * (self._states.newest_sent() - self._states.newest_stamp())
 
     def newest_stamp(self) -> int:
         """Return the stamp [ns] of the newest joint state."""

@@ -32,6 +32,8 @@ from robot_dynamics.planar_urdf import planar_arm_urdf
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
 
+LONGEST_END = 10.0
+"""[s] that a process gets to end by itself."""
 DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
@@ -46,6 +48,14 @@ def processor_seconds(pid: int) -> float:
     """Return the processor time [s] that a process has used."""
     fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rsplit(')', 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def machine_seconds() -> float:
+    """Return the processor time [s] that all processes of this machine have used."""
+    line = Path('/proc/stat').read_text(encoding='ascii').partition('\n')[0]
+    user, nice, system, _, _, interrupts, soft_interrupts, stolen = map(int, line.split()[1:9])
+    return (user + nice + system + interrupts + soft_interrupts + stolen) / (
+        os.sysconf('SC_CLK_TCK'))
 
 
 def resident_bytes(pid: int) -> int:
@@ -82,9 +92,17 @@ def running(commands: Mapping[str, Sequence[str]]) -> Iterator[dict[str, int]]:
         yield {name: process.pid for name, process in processes.items()}
     finally:
         for process in processes.values():
-            process.terminate()
-        for process in processes.values():
-            process.wait()
+            _end(process)
+
+
+def _end(process: 'subprocess.Popen[bytes]') -> None:
+    """End a process, by force where it takes too long: Fast DDS may hang when others end too."""
+    process.terminate()
+    try:
+        process.wait(LONGEST_END)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 @contextmanager
