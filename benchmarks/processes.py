@@ -50,14 +50,6 @@ def processor_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-def machine_seconds() -> float:
-    """Return the processor time [s] that all processes of this machine have used."""
-    line = Path('/proc/stat').read_text(encoding='ascii').partition('\n')[0]
-    user, nice, system, _, _, interrupts, soft_interrupts, stolen = map(int, line.split()[1:9])
-    return (user + nice + system + interrupts + soft_interrupts + stolen) / (
-        os.sysconf('SC_CLK_TCK'))
-
-
 def resident_bytes(pid: int) -> int:
     """Return the memory that a process has in RAM."""
     pages = Path(f'/proc/{pid}/statm').read_text(encoding='ascii').split()[1]

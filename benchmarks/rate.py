@@ -31,7 +31,6 @@ from benchmarks.processes import (
     arm_file,
     bench_node,
     DYNAMICS,
-    machine_seconds,
     node_command,
     on_two_cores,
     processor_seconds,
@@ -107,9 +106,7 @@ def measure(node: Node, urdf: str, rate: float, seconds: float) -> tuple[
 
 
 def _processor_times(processes: dict[str, int]) -> dict[str, float]:
-    """Return the processor time [s] of each process, and of all others of this machine."""
-    times = {name: processor_seconds(pid) for name, pid in processes.items()}
-    return {**times, 'all else': machine_seconds() - sum(times.values())}
+    return {name: processor_seconds(pid) for name, pid in processes.items()}
 
 
 def _report(node: Node, urdf: str) -> None:
