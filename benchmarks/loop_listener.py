@@ -21,7 +21,7 @@ ten times a second as bytes, and reads them when the run is over. It asks for no
 (best effort).
 
 A joint state carries the effort that acted since the state before, bit by bit as it was
-commanded. That tells whether the effort for a state arrived in time at the arm.
+commanded. That tells whether the effort for a state came to the arm within its period.
 """
 
 import time
@@ -151,10 +151,13 @@ class Cycles:
     """
     What became of the cycles of a time [s], each `period` [s] long by the wall clock.
 
-    A cycle is missed where no joint state was published in it, or where the next state tells that
-    another effort acted than the one for the state of this cycle. An arm that was held up for ten
-    periods misses ten; the states that it publishes quicker than usual to catch up are late, but
-    miss nothing.
+    A cycle is missed where no joint state was published in it, or where the effort for its state
+    was not published before the next state. An arm that was held up for ten periods misses ten;
+    the states that it publishes quicker than usual to catch up are late, but miss nothing.
+
+    An effort is behind where the next state tells that another effort acted until then: it was
+    published before the next state, but came to the arm when the period was over already, and
+    acts a period later.
     """
 
     def __init__(
@@ -167,18 +170,18 @@ class Cycles:
         State k is due k + 1 periods after time 0.
         """
         due = period * np.arange(1, len(state_sent) + 1)
-        delay = state_sent - due
+        sent, answered = np.isfinite(state_sent[:-1]), np.isfinite(effort_sent[:-1])
+        in_time = answered & ~(effort_sent[:-1] >= state_sent[1:])
         self.count = len(due) - 1
+        self.states, self.answered = int(sent.sum()), int(answered.sum())
         self.paused = self.count - _cycles_with(state_sent, period, self.count)
-        sent = np.isfinite(delay[:-1])
-        self.states, self.answered = int(sent.sum()), int(np.isfinite(effort_sent[:-1]).sum())
-        self.late_efforts = int(np.sum(np.any(acted[1:] != effort[:-1], axis=1) & sent))
-        self.late_states = int(np.sum(delay > period))
-        self.missed = min(self.paused + self.late_efforts, self.count)
-        self.state_delay, self.latency = delay, effort_sent - due
+        self.unanswered = int(np.sum(sent & ~in_time))
+        self.missed = min(self.paused + self.unanswered, self.count)
+        self.state_delay, self.latency = state_sent - due, effort_sent - due
         self.answer_time = effort_sent - state_sent
         self.jitter: FloatArray = np.abs(np.diff(effort_sent) - period)
-        self.changes = int(np.sum(np.any(np.diff(effort, axis=0) != 0.0, axis=1)))
+        self.late_states = int(np.sum(self.state_delay > period))
+        self.behind = int(np.sum(sent & in_time & np.any(acted[1:] != effort[:-1], axis=1)))
 
     @property
     def missed_share(self) -> float:
