@@ -38,8 +38,8 @@ from sensor_msgs.msg import JointState
 
 IntArray = npt.NDArray[np.int64]
 DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
-TAKE_PERIOD = 0.1
-"""[s]"""
+TAKE_PERIOD, NAP = 0.1, 0.005
+"""[s]; a nap that ends late tells that the computer let nobody wake up in time just then."""
 
 
 class Heard(NamedTuple):
@@ -95,15 +95,26 @@ class LoopListener:
         self._states = Topic(node, 'joint_states')
         self._efforts = Topic(node, 'effort_command')
         self._clocks: list[tuple[int, int]] = []
+        self._late_naps: list[float] = []
 
     def listen(self, seconds: float) -> None:
         """Take what arrives for so long."""
-        end = time.monotonic() + seconds
-        while (remaining := end - time.monotonic()) > 0.0:
-            time.sleep(min(remaining, TAKE_PERIOD))
-            self._clocks.append((time.time_ns(), time.monotonic_ns()))
-            self._states.take()
-            self._efforts.take()
+        now = time.monotonic()
+        end, take_at = now + seconds, now + TAKE_PERIOD
+        while now < end:
+            due = min(now + NAP, end)
+            time.sleep(due - now)
+            now = time.monotonic()
+            self._late_naps.append(now - due)
+            if now >= min(take_at, end):
+                self._clocks.append((time.time_ns(), time.monotonic_ns()))
+                self._states.take()
+                self._efforts.take()
+                now, take_at = time.monotonic(), now + TAKE_PERIOD
+
+    def share_of_late_naps(self, late: float) -> float:
+        """Return how many of its naps ended so late [s], as in any process that only sleeps."""
+        return float(np.mean(np.array(self._late_naps) > late))
 
     def close(self) -> None:
         """Hear no more."""
