@@ -37,6 +37,8 @@ setup(
     extras_require={
         'tools': ['matplotlib', 'rosbags', 'scipy'],
         'xacro': ['xacro'],
+        # other engines, for the benchmarks: requirements/peers.txt
+        'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
     },
     zip_safe=False,
     maintainer='The robot_dynamics authors',

@@ -18,10 +18,21 @@ import argparse
 from collections.abc import Callable, Sequence
 import sys
 
-from benchmarks import control_path, disturbance, library, memory, rate, simulation
+from benchmarks import (
+    control_path,
+    disturbance,
+    growth,
+    library,
+    memory,
+    peers,
+    rate,
+    simulation,
+)
 
 BENCHMARKS: dict[str, Callable[[], None]] = {
     'library': library.main,
+    'peers': peers.main,
+    'growth': growth.main,
     'control_path': control_path.main,
     'simulation': simulation.main,
     'rate': rate.main,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`inverse_dynamics_batch` beside a bare service that echoes the same bytes, and the bare engine."""
+"""`inverse_dynamics_batch` beside a bare service that echoes its bytes, and the bare engine."""
 
 from collections.abc import Callable
 import statistics

@@ -15,69 +15,86 @@
 """
 Joint state in, effort out: `dynamics_node` beside a bare rclpy node that echoes the message.
 
-Both are processes of their own; this one asks each in turn and measures the round trip.
+Both are processes of their own; this one sends each a joint state every 2 ms in turn and waits for
+the answer, on a wait set of its own and with bytes, so that little of the round trip is its own.
+The floor is the echo done likewise: no executor, no message made. What the node adds to it is its
+work.
 """
 
-import os
-from pathlib import Path
+from collections.abc import Callable, Mapping
 import statistics
-import subprocess
+import struct
 import sys
-import tempfile
-import threading
 import time
 
+from benchmarks.processes import (
+    arm_file,
+    DYNAMICS,
+    module,
+    node_command,
+    processor_seconds,
+    running,
+)
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 JOINTS = 7
 RATE = 500.0
-ROUNDS = 6
+ROUNDS = 8
 MESSAGES = 500
 TIMEOUT = 10.0
+NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
+STAMP = slice(4, 12)
+"""Where a serialized message has its stamp."""
+STATES = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+TURN = 200_000_000
+"""[ns] after which a wait looks whether the process is to end."""
 
 
-class Echo(Node):
-    """The least that an rclpy node with an executor can do."""
+class RawSubscription:
+    """A subscription that is waited on alone, and whose messages are taken as bytes."""
 
-    def __init__(self) -> None:
-        super().__init__('echo')
-        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._out = self.create_publisher(JointState, 'echo/out', 1)
-        self.create_subscription(JointState, 'echo/in', self._out.publish, qos)
+    def __init__(self, node: Node, topic: str, qos: QoSProfile | int) -> None:
+        self._subscription = node.create_subscription(JointState, topic, lambda _: None, qos)
+        self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+
+    def take(self, timeout_ns: int = TURN) -> bytes | None:
+        """Wait, and return a message as bytes, or None where none came."""
+        self._wait_set.clear_entities()
+        self._wait_set.add_subscription(self._subscription.handle)
+        self._wait_set.wait(timeout_ns)
+        taken = self._subscription.handle.take_message(JointState, True)
+        return None if taken is None else taken[0]
 
 
 class Asker:
-    """Publishes a state and waits for the answer with its stamp, in a thread of its own."""
+    """Publishes a state and waits for the answer with its stamp."""
 
     def __init__(self, node: Node, request: str, answer: str) -> None:
         self._publisher = node.create_publisher(JointState, request, 1)
-        node.create_subscription(JointState, answer, self._on_answer, 1)
-        self._answered = threading.Event()
-        self._stamp = 0
-        names = [f'joint{i + 1}' for i in range(JOINTS)]
-        self._message = JointState(
-            name=names, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)
-
-    def _on_answer(self, message: JointState) -> None:
-        if message.header.stamp.nanosec == self._stamp:
-            self._answered.set()
+        self._answers = RawSubscription(node, answer, 1)
+        self._data = bytearray(serialize_message(
+            JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
 
     def ask(self) -> float | None:
         """Return the round trip [s], None where no answer came."""
-        self._stamp += 1
-        self._message.header.stamp.nanosec = self._stamp
-        self._answered.clear()
+        stamp = struct.pack('<iI', *divmod(time.time_ns(), 1_000_000_000))
+        self._data[STAMP] = stamp
+        data = bytes(self._data)
         start = time.perf_counter()
-        self._publisher.publish(self._message)
-        if not self._answered.wait(0.2):
-            return None
-        return time.perf_counter() - start
+        self._publisher.publish(data)
+        while time.perf_counter() - start < 0.2:
+            answer = self._answers.take()
+            if answer is not None and answer[STAMP] == stamp:
+                return time.perf_counter() - start
+        return None
 
     def connect(self) -> None:
         """Ask until an answer comes; raise TimeoutError where none does."""
@@ -99,76 +116,100 @@ class Asker:
         return found
 
 
-def processor_seconds(pid: int) -> float:
-    """Return the processor time [s] that a process has used."""
-    fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rsplit(')', 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+def follow_on(node: Node) -> None:
+    """Give `dynamics` a trajectory that does not end, so that it computes torques."""
+    publisher = node.create_publisher(JointTrajectory, 'dynamics/joint_trajectory', 1)
+    trajectory = JointTrajectory(joint_names=NAMES)
+    for seconds, place in ((1, 0.1), (100_000, 0.2)):
+        point = JointTrajectoryPoint(
+            positions=[place] * JOINTS, velocities=[0.0] * JOINTS, accelerations=[0.0] * JOINTS)
+        point.time_from_start.sec = seconds
+        trajectory.points.append(point)
+    deadline = time.monotonic() + TIMEOUT
+    while not publisher.get_subscription_count():
+        if time.monotonic() > deadline:
+            raise TimeoutError(f'nobody hears trajectories after {TIMEOUT:g} s')
+        time.sleep(0.01)
+    publisher.publish(trajectory)
 
 
 def main() -> None:
     """Print the medians and the ratios."""
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
-    ones = [1.0] * JOINTS
-    with tempfile.TemporaryDirectory() as directory:
-        urdf = Path(directory, 'arm.urdf')
-        urdf.write_text(
-            planar_arm_urdf(ones, ones, [0.5] * JOINTS, [0.1] * JOINTS), encoding='utf-8')
-        commands = {
-            'bare echo': [sys.executable, '-m', 'benchmarks.control_path'],
-            'dynamics_node': [
-                sys.executable, '-m', 'robot_dynamics.ros.dynamics_node', '--ros-args',
-                '-p', f'robot_description_file:={urdf}'],
-        }
-        processes = {name: subprocess.Popen(command) for name, command in commands.items()}
+    with arm_file(JOINTS) as urdf, running({
+            'bare echo': module('benchmarks.control_path', 'echo'),
+            'floor': module('benchmarks.control_path', 'floor'),
+            'dynamics_node': node_command(DYNAMICS, {
+                'robot_description_file': urdf, 'state_timeout': 10.0,
+                'effort_check': 'false'})}) as ids:
+        rclpy.init()
+        node = rclpy.create_node('bench')
         try:
-            _measure(processes)
+            _measure(node, ids)
         finally:
-            for process in processes.values():
-                process.terminate()
-            for process in processes.values():
-                process.wait()
+            rclpy.try_shutdown()
 
 
-def _measure(processes: dict[str, 'subprocess.Popen[bytes]']) -> None:
-    rclpy.init()
-    node = rclpy.create_node('bench')
+def _measure(node: Node, ids: dict[str, int]) -> None:
     askers = {
         'bare echo': Asker(node, 'echo/in', 'echo/out'),
+        'floor': Asker(node, 'floor/in', 'floor/out'),
         'dynamics_node': Asker(node, 'joint_states', 'effort_command'),
     }
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    spinning = threading.Thread(target=executor.spin, daemon=True)
-    spinning.start()
     for asker in askers.values():
         asker.connect()
+    print('gravity compensation alone:')
+    _side_by_side(askers, ids)
+    follow_on(node)
+    print('computed torque along a trajectory, and gravity compensation:')
+    _side_by_side(askers, ids)
+
+
+def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     trips: dict[str, list[float]] = {name: [] for name in askers}
     used = dict.fromkeys(askers, 0.0)
     for _ in range(ROUNDS):
         for name, asker in askers.items():
-            before = processor_seconds(processes[name].pid)
+            before = processor_seconds(ids[name])
             trips[name] += asker.series()
-            used[name] += processor_seconds(processes[name].pid) - before
+            used[name] += processor_seconds(ids[name]) - before
     medians = {name: statistics.median(values) for name, values in trips.items()}
     per_message = {name: used[name] / len(trips[name]) for name in trips}
     for name, values in trips.items():
         p99 = float(np.percentile(values, 99))
-        print(f'{name:16} round trip p50 {1e6 * medians[name]:6.0f} µs, p99 {1e6 * p99:6.0f} µs; '
-              f'processor {1e6 * per_message[name]:5.0f} µs a message; '
-              f'{ROUNDS * MESSAGES - len(values)} lost')
-    print(f'ratio of the medians {medians["dynamics_node"] / medians["bare echo"]:.2f}, '
-          f'of processor time {per_message["dynamics_node"] / per_message["bare echo"]:.2f}')
-    executor.shutdown()
-    spinning.join()
-    rclpy.try_shutdown()
+        print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, '
+              f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs a message; '
+              f'{ROUNDS * MESSAGES - len(values)} lost; of the echo: '
+              f'{medians[name] / medians["bare echo"]:.2f}, '
+              f'{per_message[name] / per_message["bare echo"]:.2f}')
 
 
-def run_echo() -> None:
-    """Be the bare echo node."""
+# ---------------------------------------------------------------------------------- the others
+
+def echo(node: Node) -> None:
+    """Do the least that an rclpy node with an executor can do."""
+    out = node.create_publisher(JointState, 'echo/out', 1)
+    node.create_subscription(JointState, 'echo/in', out.publish, STATES)
+    rclpy.spin(node)
+
+
+def floor(node: Node) -> None:
+    """Do the least that Python can do."""
+    out = node.create_publisher(JointState, 'floor/out', 1)
+    states = RawSubscription(node, 'floor/in', STATES)
+    while node.context.ok():
+        data = states.take()
+        if data is not None:
+            out.publish(data)
+
+
+NODES: dict[str, Callable[[Node], None]] = {'echo': echo, 'floor': floor}
+
+
+def run(name: str) -> None:
+    """Be one of the nodes beside which ours is measured."""
     rclpy.init()
     try:
-        rclpy.spin(Echo())
+        NODES[name](rclpy.create_node(name))
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
@@ -176,4 +217,4 @@ def run_echo() -> None:
 
 
 if __name__ == '__main__':
-    run_echo()
+    run(sys.argv[1])

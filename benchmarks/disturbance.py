@@ -229,10 +229,14 @@ def main() -> None:
                 'echo': module('benchmarks.disturbance', 'echo'),
                 'other': [*dynamics, '-r', '__node:=other', '-r', 'joint_states:=no_states',
                           '-r', 'effort_command:=no_efforts']}) as pids, \
-                bench_node() as node, calling() as call:
-            asker = Asker(node, 'joint_states', 'effort_command')
-            asker.connect()
-            _measure(asker, call, pids)
+                calling() as call:
+            rclpy.init()
+            try:
+                asker = Asker(rclpy.create_node('bench'), 'joint_states', 'effort_command')
+                asker.connect()
+                _measure(asker, call, pids)
+            finally:
+                rclpy.try_shutdown()
 
 
 def _measure(asker: Asker, call: Callable[[str], None], pids: dict[str, int]) -> None:

@@ -12,10 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast an arm of seven joints is simulated without ROS, as a multiple of real time."""
 
+"""How fast an arm is simulated: without ROS, beside other engines, and in lock-step."""
+
+from collections.abc import Callable, Mapping
+import importlib
 import time
+from typing import Any, NamedTuple, Protocol
 
+from benchmarks import lock_step
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.actuator import make_actuators
@@ -32,43 +37,144 @@ PERIOD = 2e-3
 SECONDS = 4.0
 ROUNDS = 3
 NATURAL_FREQUENCY, AMPLITUDE = 10.0, 0.3
+LARGEST_ERROR = 0.1
+"""[rad] that a simulated arm may be off its path: what flies about is not compared."""
+RIGID, ALL = 'rigid bodies', 'and backlash'
+
+_LENGTHS = [0.25] * JOINTS
+_MASSES = [5.0 * 0.7**i for i in range(JOINTS)]
+_STRENGTHS = [0.6**i for i in range(JOINTS)]
+URDF = planar_arm_urdf(
+    _MASSES, _LENGTHS, [0.5 * length for length in _LENGTHS],
+    [mass * length**2 / 12.0 for mass, length in zip(_MASSES, _LENGTHS)])
+FRICTION = {
+    'viscous': [2.0 * strength for strength in _STRENGTHS],
+    'coulomb': [3.0 * strength for strength in _STRENGTHS],
+    'static': [4.0 * strength for strength in _STRENGTHS],
+    'stribeck_velocity': [0.05],
+    'offset': [0.3 * strength for strength in _STRENGTHS],
+}
+MOTORS = {
+    'torque_constant': [0.1], 'gear_ratio': [100.0], 'resistance': [0.5], 'inductance': [5e-4],
+    'rotor_inertia': [4e-5 * strength for strength in _STRENGTHS], 'efficiency': [0.8],
+    'current_limit': [40.0], 'voltage_limit': [48.0],
+}
+BACKLASH = {'backlash': [1e-3]}
+
+
+class State(NamedTuple):
+    """Position and velocity, each (n,)."""
+
+    q: FloatArray
+    v: FloatArray
+
+
+class Stepper(Protocol):
+    """A simulated arm that takes one step a period."""
+
+    def state(self) -> State:
+        """Return what a controller sees."""
+
+    def step(self, tau: FloatArray) -> object:
+        """Go on by PERIOD under the effort tau."""
+
+
+class Library:
+    """The library: Runge–Kutta of order 5, and events where there is friction or backlash."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        self._simulation = ArmSimulation(arm, max_step=PERIOD)
+        self._simulation.release()
+
+    def state(self) -> State:
+        return State(*self._simulation.motor_state)
+
+    def step(self, tau: FloatArray) -> object:
+        return self._simulation.step(tau, PERIOD)
+
+
+class BareEngine:
+    """One aba of Pinocchio a period, and a step of the semi-implicit Euler method in numpy."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        self._model = arm.engine
+        self._data = self._model.createData()
+        self._q, self._v = np.zeros(JOINTS), np.zeros(JOINTS)
+
+    def state(self) -> State:
+        return State(self._q, self._v)
+
+    def step(self, tau: FloatArray) -> object:
+        self._v = self._v + PERIOD * pin.aba(self._model, self._data, self._q, self._v, tau)
+        self._q = self._q + PERIOD * self._v
+        return None
+
+
+class Mujoco:
+    """
+    MuJoCo's mj_step, contacts and limits off, by its Euler method or that of Runge and Kutta.
+
+    Of friction and motors it gets what it has: damping, dry friction without Stribeck's, rotors'
+    inertia. Raises ImportError without MuJoCo.
+    """
+
+    def __init__(self, arm: ArmModel, method: str = 'EULER') -> None:
+        self._mj = importlib.import_module('mujoco')
+        off = self._mj.mjtDisableBit
+        self._model = self._mj.MjModel.from_xml_string(URDF)
+        self._model.opt.disableflags = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT
+        self._model.opt.timestep = PERIOD
+        self._model.opt.integrator = getattr(self._mj.mjtIntegrator, f'mjINT_{method}')
+        self._model.dof_damping[:] = arm.friction.viscous
+        self._model.dof_frictionloss[:] = arm.friction.coulomb
+        self._model.dof_armature[:] = arm.engine.armature
+        data = self._data = self._mj.MjData(self._model)
+        self._tau = data.qfrc_applied
+        self._state = State(data.qpos, data.qvel)
+
+    def state(self) -> State:
+        return State(self._state.q.copy(), self._state.v.copy())
+
+    def step(self, tau: FloatArray) -> object:
+        self._tau[:] = tau
+        return self._mj.mj_step(self._model, self._data)
 
 
 def arms() -> dict[str, ArmModel]:
     """Return the same arm with more and more of what real joints have."""
-    masses = 5.0 * 0.7**np.arange(JOINTS)
-    lengths = np.full(JOINTS, 0.25)
-    rigid = load_arm(planar_arm_urdf(
-        masses, lengths, 0.5 * lengths, masses * lengths**2 / 12.0))
-    names, strength = rigid.joint_names, 0.6**np.arange(JOINTS)
-    friction = make_friction(
-        names, 2.0 * strength, 3.0 * strength, 4.0 * strength, [0.05], 0.3 * strength)
-    motor = {
-        'torque_constant': [0.1], 'gear_ratio': [100.0], 'resistance': [0.5],
-        'inductance': [5e-4], 'rotor_inertia': 4e-5 * strength, 'efficiency': [0.8],
-        'current_limit': [40.0], 'voltage_limit': [48.0]}
-    motors = make_actuators(names, **motor)
-    loose = make_actuators(names, **motor, backlash=[1e-3])
+    rigid = load_arm(URDF)
+    names = rigid.joint_names
+    rough = rigid.with_friction(make_friction(names, **_arrays(FRICTION)))
     return {
-        'rigid bodies': rigid,
-        'and friction': rigid.with_friction(friction),
-        'and motors': rigid.with_friction(friction).with_actuators(motors),
-        'and backlash': rigid.with_friction(friction).with_actuators(loose),
+        RIGID: rigid,
+        'and friction': rough,
+        'and motors': rough.with_actuators(make_actuators(names, **_arrays(MOTORS))),
+        ALL: rough.with_actuators(make_actuators(names, **_arrays({**MOTORS, **BACKLASH}))),
     }
 
 
-def times_real_time(arm: ArmModel) -> float:
-    """Return how many seconds of motion a second of computing gives, efforts not counted."""
-    simulation, dynamics = ArmSimulation(arm, max_step=PERIOD), ArmDynamics(arm)
-    simulation.release()
-    frequency = 2.0 * np.pi * (0.5 + 0.05 * np.arange(JOINTS))
-    spent = 0.0
-    for k in range(round(SECONDS / PERIOD)):
-        tau = _effort(dynamics, frequency, k * PERIOD, *simulation.motor_state)
+def _arrays(values: Mapping[str, list[float]]) -> dict[str, Any]:
+    return {name: np.array(value) for name, value in values.items()}
+
+
+def steps_per_second(arm: ArmModel, stepper: Stepper) -> float:
+    """Return the steps that a second of computing gives, efforts not counted."""
+    dynamics = ArmDynamics(arm)
+    frequency = np.asarray(2.0 * np.pi * (0.5 + 0.05 * np.arange(JOINTS)), dtype=np.float64)
+    spent, steps = 0.0, round(SECONDS / PERIOD)
+    for k in range(steps):
+        tau = _effort(dynamics, frequency, k * PERIOD, *stepper.state())
         start = time.perf_counter()
-        simulation.step(tau, PERIOD)
+        stepper.step(tau)
         spent += time.perf_counter() - start
-    return SECONDS / spent
+    error = np.abs(stepper.state().q - _wanted(frequency * SECONDS)).max()
+    if not error < LARGEST_ERROR:
+        raise ValueError(f'the arm is {error:g} rad off its path, expected {LARGEST_ERROR:g}')
+    return steps / spent
+
+
+def _wanted(phase: FloatArray) -> FloatArray:
+    return np.asarray(AMPLITUDE * (1.0 - np.cos(phase)))
 
 
 def _effort(
@@ -76,37 +182,47 @@ def _effort(
 ) -> FloatArray:
     """Return the computed torque that follows a sine at each joint."""
     phase = frequency * t
-    wanted = AMPLITUDE * (1.0 - np.cos(phase))
     rate = AMPLITUDE * frequency * np.sin(phase)
     a = AMPLITUDE * frequency**2 * np.cos(phase) + (
-        2.0 * NATURAL_FREQUENCY * (rate - v) + NATURAL_FREQUENCY**2 * (wanted - q))
+        2.0 * NATURAL_FREQUENCY * (rate - v) + NATURAL_FREQUENCY**2 * (_wanted(phase) - q))
     effort = dynamics.rigid_body.inverse_dynamics(q, v, a)
     return np.asarray(effort + dynamics.friction.smooth_effort(rate))
 
 
-def bare_engine(arm: ArmModel) -> float:
-    """Return the same for one aba a period with a step of Euler's method in numpy."""
-    model = arm.engine
-    data = model.createData()
-    q, v, tau = np.zeros(JOINTS), np.zeros(JOINTS), np.zeros(JOINTS)
-    steps = round(SECONDS / PERIOD)
-    start = time.perf_counter()
-    for _ in range(steps):
-        v = v + PERIOD * pin.aba(model, data, q, v, tau)
-        q = q + PERIOD * v
-    return SECONDS / (time.perf_counter() - start)
-
-
 def main() -> None:
-    """Print the multiples, each the median of rounds in turn."""
-    rows: dict[str, list[float]] = {}
+    """Print steps a second, each the median of rounds in turn, and the closed loop's speed."""
+    known = arms()
+    rows: dict[str, tuple[ArmModel, Callable[[ArmModel], Stepper]]] = {
+        name: (arm, Library) for name, arm in known.items()}
+    rows['Euler, bare aba'] = known[RIGID], BareEngine
+    try:
+        Mujoco(known[RIGID])
+        rows['mj_step, Euler'] = known[RIGID], Mujoco
+        rows['mj_step, Runge-Kutta 4'] = known[RIGID], lambda arm: Mujoco(arm, 'RK4')
+        rows['mj_step, Euler, friction'] = known['and motors'], Mujoco
+    except ImportError:
+        print('MuJoCo is left out, as it is not installed: scripts/setup peers')
+    speeds: dict[str, list[float]] = {name: [] for name in rows}
     for _ in range(ROUNDS):
-        for name, arm in arms().items():
-            rows.setdefault(name, []).append(times_real_time(arm))
-        rows.setdefault('Euler with a bare aba', []).append(bare_engine(arms()['rigid bodies']))
-    print(f'Simulated seconds a second, {JOINTS} joints, {1e3 * PERIOD:g} ms steps:')
-    for name, values in rows.items():
-        print(f'  {name:24}{np.median(values):8.1f}')
+        for name, (arm, make) in rows.items():
+            speeds[name].append(steps_per_second(arm, make(arm)))
+    print(f'{JOINTS} joints, steps of {1e3 * PERIOD:g} ms; the library takes its own by '
+          'Runge–Kutta of order 5, with six accelerations each:')
+    print(f'{"":28}{"steps a second":>16}{"× real time":>14}{"× rigid bodies":>16}')
+    medians = {name: float(np.median(values)) for name, values in speeds.items()}
+    for name, speed in medians.items():
+        print(f'{name:28}{speed:16.0f}{PERIOD * speed:14.1f}{speed / medians[RIGID]:16.2f}')
+    _print_closed_loop()
+
+
+def _print_closed_loop() -> None:
+    joints = {'joints': [f'joint{i + 1}' for i in range(JOINTS)]}
+    effects = {f'friction.{name}': value for name, value in FRICTION.items()} | {
+        f'actuator.{name}': value for name, value in {**MOTORS, **BACKLASH}.items()}
+    print('simulated_arm in lock-step with dynamics, two processes:')
+    for name, parameters in ((RIGID, joints), (ALL, {**joints, **effects})):
+        speed = lock_step.times_real_time(URDF, parameters, 1.0 / PERIOD)
+        print(f'{name:28}{speed / PERIOD:16.0f}{speed:14.2f}')
 
 
 if __name__ == '__main__':

@@ -54,6 +54,7 @@ class ArmDynamics:
         self.friction = arm.friction
         self._dry = arm.friction.static > 0.0
         self._is_dry = bool(self._dry.any())
+        self._is_frictionless = self.friction.is_zero
 
     def inverse_dynamics(
         self, q: FloatArray, v: FloatArray, a: FloatArray,
@@ -64,13 +65,15 @@ class ArmDynamics:
 
         At rest any dry friction up to F_s fits; it is taken as 0.
         """
-        return self.rigid_body.inverse_dynamics(q, v, a, wrenches) + self.friction.effort(v)
+        effort = self.rigid_body.inverse_dynamics(q, v, a, wrenches)
+        return effort if self._is_frictionless else effort + self.friction.effort(v)
 
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
     ) -> FloatArray:
         """Return the efforts of many states; all arrays are (samples, n)."""
-        return self.rigid_body.inverse_dynamics_batch(q, v, a, threads) + self.friction.effort(v)
+        effort = self.rigid_body.inverse_dynamics_batch(q, v, a, threads)
+        return effort if self._is_frictionless else effort + self.friction.effort(v)
 
     def forward_dynamics(
         self, q: FloatArray, v: FloatArray, tau: FloatArray,
@@ -85,7 +88,9 @@ class ArmDynamics:
         """
         if self._is_dry and bool((self._dry & (v == 0.0)).any()):
             return self._acceleration_from_rest(q, v, tau, wrenches)
-        return self.rigid_body.forward_dynamics(q, v, tau - self.friction.effort(v), wrenches)
+        if not self._is_frictionless:
+            tau = tau - self.friction.effort(v)
+        return self.rigid_body.forward_dynamics(q, v, tau, wrenches)
 
     def _acceleration_from_rest(
         self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Sequence[ExternalWrench],

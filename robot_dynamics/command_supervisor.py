@@ -238,6 +238,8 @@ class CommandSupervisor:
 
     def _beyond_a_limit(self, q: FloatArray) -> Fault | None:
         limits, margin = self._guard.limits, self.options.fault_margin
+        if not limits.is_near(q):
+            return None
         past = np.maximum(q - limits.upper, limits.lower - q)
         j = int(np.argmax(past))
         if not past[j] > margin:

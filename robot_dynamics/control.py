@@ -114,7 +114,7 @@ class ErrorFeedback:
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
         """Return q_ref − q, (n,) [rad] or [m]."""
         e = reference - q
-        if self._continuous is not None:
+        if self._continuous is not None and not e.dot(e) <= np.pi**2:
             e[self._continuous] = wrap_to_pi(e[self._continuous])
         return e
 

@@ -34,7 +34,7 @@ from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
 from robot_dynamics.trajectory import JointTrajectory, Reference, TrajectoryFollower
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.validation import all_finite, FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
@@ -45,8 +45,7 @@ class NonFiniteEffortError(InvalidInputError):
     """A state for which the model has no finite effort."""
 
 
-@dataclass(frozen=True, eq=False)
-class ControlOutput:
+class ControlOutput(NamedTuple):
     """
     The efforts for one state, each (n,) [N·m] or [N], or None where there is none.
 
@@ -98,6 +97,10 @@ class Controller:
         self._follower = TrajectoryFollower(arm.joint_names, continuous)
         self._waiting: tuple[JointTrajectory, int] | None = None
         self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self._zero = np.zeros(arm.joint_count)
+        self._zero.setflags(write=False)
+        self._no_joint = np.zeros(arm.joint_count, dtype=bool)
+        self._no_joint.setflags(write=False)
         self.expired = 0
         """Trajectories that waited for the first state and were over when it came."""
         self.set_options(options)
@@ -173,7 +176,7 @@ class Controller:
     ) -> ControlOutput:
         self._advance_payload(stamp_ns)
         gravity = self._dynamics.rigid_body.gravity(q)
-        zero = np.zeros_like(q)
+        zero = self._zero
         friction, reference = zero, None
         if v is not None:
             self._state = (stamp_ns, q, v)
@@ -189,13 +192,15 @@ class Controller:
         bare = self._dynamics is self._bare_dynamics
         robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
         robot = self._options.semantics
-        own = _Own(
-            robot_gravity if robot.compensates_gravity else None,
-            friction if robot.compensates_friction and follows else None)
-        hold, clamped = self._bounded(own._replace(friction=None).taken_off(gravity), own)
+        own = _NOTHING
+        if robot.compensates_gravity or robot.compensates_friction:
+            own = _Own(
+                robot_gravity if robot.compensates_gravity else None,
+                friction if robot.compensates_friction and follows else None)
+        hold, clamped = self._bounded(own.gravity_taken_off(gravity), own)
         command = self._choose(gravity, computed_torque)
         if command is None:
-            clamped = np.zeros(0, dtype=bool)
+            clamped = self._no_joint
         elif command is gravity:
             command = hold
         else:
@@ -203,8 +208,11 @@ class Controller:
         terms = None
         if with_terms:
             v_terms = v if follows and v is not None else zero
-            terms = own.taken_off_terms(self._dynamics.terms(
-                q, v_terms, a if follows else zero, friction=friction if follows else zero))
+            terms = self._dynamics.terms(
+                q, v_terms, a if follows else zero, friction=friction if follows else zero)
+            # The engine rounds g(q) differently in each algorithm; here it is that of the command.
+            terms = own.taken_off_terms(terms._replace(
+                gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
             if v is not None and not follows:
                 terms = terms._replace(
                     kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
@@ -226,14 +234,18 @@ class Controller:
             limit = self.arm.limits.effort
             low = np.maximum(low, np.minimum(-limit - own.gravity, 0.0))
             high = np.minimum(high, np.maximum(limit - own.gravity, 0.0))
-        bounded = np.clip(command, low, high)
+        bounded = np.minimum(np.maximum(command, low), high)
+        if bounded.tolist() == command.tolist():
+            return bounded, self._no_joint
         return bounded, bounded != command
 
     def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
         friction, mode = self._dynamics.friction, self._options.friction_compensation
+        if friction.is_zero:
+            return self._zero
         if mode == 'reference':
             return friction.smooth_effort(self._feedback.reference_velocity(reference, q))
-        return friction.effort(v) if mode == 'measured' else np.zeros_like(v)
+        return friction.effort(v) if mode == 'measured' else self._zero
 
     def _choose(
         self, gravity: FloatArray, computed_torque: FloatArray | None,
@@ -269,9 +281,11 @@ class _Own(NamedTuple):
     gravity: FloatArray | None
     friction: FloatArray | None
 
+    def gravity_taken_off(self, effort: FloatArray) -> FloatArray:
+        return effort if self.gravity is None else effort - self.gravity
+
     def taken_off(self, effort: FloatArray) -> FloatArray:
-        if self.gravity is not None:
-            effort = effort - self.gravity
+        effort = self.gravity_taken_off(effort)
         return effort if self.friction is None else effort - self.friction
 
     def taken_off_terms(self, terms: EffortTerms) -> EffortTerms:
@@ -283,11 +297,13 @@ class _Own(NamedTuple):
             gravity=gravity, friction=friction, effort=self.taken_off(terms.effort))
 
 
+_NOTHING = _Own(None, None)
+
+
 def _check_finite(
     q: FloatArray, gravity: FloatArray, computed_torque: FloatArray | None,
 ) -> None:
-    if np.isfinite(gravity).all() and (
-            computed_torque is None or np.isfinite(computed_torque).all()):
+    if all_finite(gravity) and (computed_torque is None or all_finite(computed_torque)):
         return
     raise NonFiniteEffortError(
         f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '

@@ -27,6 +27,8 @@ fault 0.0087 rad past a limit.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +55,25 @@ class GuardLimits:
     velocity: FloatArray
     margin: float
     rate: float
+
+    @cached_property
+    def soft_lower(self) -> FloatArray:
+        """Return where the margin before the lower limits ends, (n,)."""
+        return self.lower + self.margin
+
+    @cached_property
+    def soft_upper(self) -> FloatArray:
+        """Return where the margin before the upper limits begins, (n,)."""
+        return self.upper - self.margin
+
+    def is_near(self, q: FloatArray) -> bool:
+        """Tell whether any joint is within the margin before a position limit, or past it."""
+        return bool(((q > self.soft_upper) | (q < self.soft_lower)).any())
+
+    @cached_property
+    def no_joint(self) -> BoolArray:
+        """Return False for each joint, (n,)."""
+        return np.zeros(len(self.lower), dtype=bool)
 
 
 class GuardedEffort(NamedTuple):
@@ -83,20 +104,29 @@ class EffortGuard:
         Without a velocity (None) its limit does not act.
         """
         limits = self.limits
-        push = effort - hold
-        by_position = ((push > 0.0) & (q > limits.upper - limits.margin)) | (
-            (push < 0.0) & (q < limits.lower + limits.margin))
-        by_velocity = np.zeros(len(q), dtype=bool) if v is None else (
-            (np.abs(v) > limits.velocity) & (push * v > 0.0))
-        allowed = np.where(by_position | by_velocity, hold, effort)
+        by_position = by_velocity = by_rate = limits.no_joint
+        too_fast = None if v is None else np.abs(v) > limits.velocity
+        allowed = effort
+        if limits.is_near(q) or too_fast is not None and too_fast.any():
+            push = effort - hold
+            by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
+                (push < 0.0) & (q < limits.soft_lower))
+            if v is not None and too_fast is not None:
+                by_velocity = too_fast & (push * v > 0.0)
+            allowed = np.where(by_position | by_velocity, hold, effort)
         if self.last is None:
             self.last, dt = hold, 0.0
         moved = self.approach(allowed, dt)
-        return GuardedEffort(moved, by_position, by_velocity, moved != allowed)
+        if moved is not allowed:
+            by_rate = moved != allowed
+        return GuardedEffort(moved, by_position, by_velocity, by_rate)
 
     def approach(self, effort: FloatArray, dt: float) -> FloatArray:
         """Return the way to `effort` (n,) that the rate limit allows dt [s] after the last one."""
         last = effort if self.last is None else self.last
         step = self.limits.rate * min(max(dt, 0.0), LONGEST_STEP)
-        self.last = np.clip(effort, last - step, last + step)
+        if math.dist(effort.tolist(), last.tolist()) <= step:  # and so no joint changes by more
+            self.last = effort
+        else:
+            self.last = np.minimum(np.maximum(effort, last - step), last + step)
         return self.last

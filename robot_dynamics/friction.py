@@ -24,6 +24,7 @@ in the Gaussian form); B. Siciliano et al., *Robotics*, Springer 2009, section 7
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,13 +57,25 @@ class JointFriction:
     stribeck_velocity: FloatArray
     offset: FloatArray
 
-    @property
+    @cached_property
     def has_stribeck_effect(self) -> bool:
         """Tell whether any joint needs more effort to break away than to slide on."""
         return bool((self.static > self.coulomb).any())
 
+    @cached_property
+    def is_viscous(self) -> bool:
+        """Tell whether there is viscous friction alone, or none."""
+        return not (self.coulomb.any() or self.static.any() or self.offset.any())
+
+    @cached_property
+    def is_zero(self) -> bool:
+        """Tell whether there is no friction."""
+        return self.is_viscous and not self.viscous.any()
+
     def dry(self, v: FloatArray) -> FloatArray:
-        """Return the size of dry friction while a joint slides at v, shape (..., n)."""
+        """Return the size of dry friction while a joint slides at v, shape (..., n) or (n,)."""
+        if not self.has_stribeck_effect:
+            return self.coulomb
         ratio = v / self.stribeck_velocity
         return np.asarray(self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio))
 
@@ -72,6 +85,8 @@ class JointFriction:
 
         Dry friction has the sign of v; at rest it is taken as 0.
         """
+        if self.is_viscous:
+            return np.asarray(self.viscous * v)
         return np.asarray(self.viscous * v + self.dry(v) * np.sign(v) + self.offset)
 
     def smooth_effort(
@@ -83,6 +98,8 @@ class JointFriction:
         For a control law, whose effort must not chatter between two signs around rest, and for
         identification, where the sign of a noisy velocity says nothing.
         """
+        if self.is_viscous:
+            return np.asarray(self.viscous * v)
         return np.asarray(
             self.viscous * v + self.dry(v) * sigmoid(v, smoothing_velocity) + self.offset)
 

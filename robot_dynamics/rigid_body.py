@@ -29,7 +29,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.validation import all_finite, FloatArray
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
 """Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""
@@ -172,7 +172,9 @@ class RigidBody:
 
     def coriolis_matrix(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return C(q, v), (n, n), with C_ij = Σ_k c_ijk v_k, so that Ṁ − 2 C is skew."""
-        return np.asarray(self.christoffel_symbols(q) @ v)
+        x = self._x
+        return x.form(
+            pin.computeCoriolisMatrix(self._model, self._data, x.position(q), x.rate(v)))
 
     def christoffel_symbols(self, q: FloatArray) -> FloatArray:
         """
@@ -212,7 +214,7 @@ class RigidBody:
         Raises InvalidInputError where M(q) is singular: a joint that moves no mass.
         """
         a = self.acceleration(q, v, tau, wrenches)
-        if not np.isfinite(a).all():
+        if not all_finite(a):
             raise singular_mass_matrix(q)
         return a
 

@@ -61,6 +61,7 @@ _QUINTIC = np.array([
     [15.0, 8.0, 1.5, -15.0, 7.0, -1.0],
     [-6.0, -3.0, -0.5, 6.0, -3.0, 0.5],
 ])
+_ORDERS = np.arange(6.0)[:, np.newaxis]
 
 
 class Reference(NamedTuple):
@@ -76,7 +77,11 @@ class Reference(NamedTuple):
 
 
 class _Segment(NamedTuple):
-    """The motion from one point to the next; `coefficients` has shape (6, n)."""
+    """
+    The motion from one point to the next.
+
+    `coefficients` has shape (6, 3 n): those of position, velocity and acceleration.
+    """
 
     number: int
     begin_ns: int
@@ -100,10 +105,21 @@ def sample_segment(
     if not t0 < t1:
         raise TrajectoryError(f't1 is {t1!r} s, expected more than t0, which is {t0!r} s')
     span = min(max(t, t0), t1) - t0
-    return _evaluate(_coefficients(p0, p1, t1 - t0), span, t1 - t0)
+    return _evaluate(_coefficients(p0, p1, t1 - t0), span / (t1 - t0))
 
 
 def _coefficients(p0: TrajectoryPoint, p1: TrajectoryPoint, T: float) -> FloatArray:
+    """Return the coefficients of 1, s, …, s⁵ for s = t / T, of q, q̇ and q̈ side by side."""
+    c = _coefficients_of_position(p0, p1, T)
+    v, a = np.zeros_like(c), np.zeros_like(c)
+    v[:5] = c[1:] * (_ORDERS[1:] / T)
+    a[:4] = c[2:] * (_ORDERS[2:] * _ORDERS[1:5] / T**2)
+    return np.hstack((c, v, a))
+
+
+def _coefficients_of_position(
+    p0: TrajectoryPoint, p1: TrajectoryPoint, T: float,
+) -> FloatArray:
     c = np.zeros((6, p0.position.size))
     q0, v0, a0 = p0.position, p0.velocity, p0.acceleration
     q1, v1, a1 = p1.position, p1.velocity, p1.acceleration
@@ -116,18 +132,12 @@ def _coefficients(p0: TrajectoryPoint, p1: TrajectoryPoint, T: float) -> FloatAr
     return c
 
 
-def _evaluate(c: FloatArray, t: float, T: float) -> Reference:
-    s = t / T
+def _evaluate(c: FloatArray, s: float) -> Reference:
     s2 = s * s
     s3 = s2 * s
-    s4 = s3 * s
-    w, w2 = 1.0 / T, 1.0 / T**2
-    powers = np.array((
-        (1.0, s, s2, s3, s4, s4 * s),
-        (0.0, w, 2.0 * w * s, 3.0 * w * s2, 4.0 * w * s3, 5.0 * w * s4),
-        (0.0, 0.0, 2.0 * w2, 6.0 * w2 * s, 12.0 * w2 * s2, 20.0 * w2 * s3)))
-    q, v, a = powers @ c
-    return Reference(q, v, a)
+    values = np.array((1.0, s, s2, s3, s2 * s2, s2 * s3)) @ c
+    n = len(values) // 3
+    return Reference(values[:n], values[n:2 * n], values[2 * n:])
 
 
 class ActiveTrajectory:
@@ -182,7 +192,7 @@ class ActiveTrajectory:
         if segment is None or segment.number != index:
             segment = self._segment = self._make_segment(index)
         span = (now_ns - segment.begin_ns) / NANOSECONDS_PER_SECOND
-        return _evaluate(segment.coefficients, span, segment.duration)
+        return _evaluate(segment.coefficients, span / segment.duration)
 
     def entry_step(self) -> FloatArray:
         """

@@ -21,6 +21,7 @@ The rules are those of `joint_trajectory_controller` (ros2_controllers, branch j
 `validate_trajectory_msg`) with the differences that docs/trajectories.md lists.
 """
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -165,16 +166,16 @@ def _check_times(times: Sequence[float]) -> list[float]:
     count = len(times)
     if count == 0:
         raise TrajectoryError('points is empty, expected at least one point')
-    array = _stack('time_from_start', list(times), ())
-    for i in np.flatnonzero((array < 0.0) | (array > _LONGEST_TIME)):
+    checked = _stack('time_from_start', list(times), ())
+    for i in np.flatnonzero((checked < 0.0) | (checked > _LONGEST_TIME)):
         check_scalar(
-            f'points[{i}].time_from_start', array[i], minimum=0.0, maximum=_LONGEST_TIME)
-    steps = np.diff(np.rint(array * NANOSECONDS_PER_SECOND))
+            f'points[{i}].time_from_start', checked[i], minimum=0.0, maximum=_LONGEST_TIME)
+    steps = np.diff(np.rint(checked * NANOSECONDS_PER_SECOND))
     for i in np.flatnonzero(steps <= 0.0):
         raise TrajectoryError(
-            f'points[{i + 1}].time_from_start is {array[i + 1]} s, expected more than the '
-            f'{array[i]} s of points[{i}], by 1 ns or more')
-    return [float(t) for t in array]
+            f'points[{i + 1}].time_from_start is {checked[i + 1]} s, expected more than the '
+            f'{checked[i]} s of points[{i}], by 1 ns or more')
+    return [float(t) for t in checked]
 
 
 def _check_field(
@@ -208,16 +209,24 @@ def _stack(field: str, rows: list[Any], names: Sequence[str]) -> FloatArray:
     """
     row_shape = (len(names),) if names else ()
     try:
-        array = np.asarray(rows, dtype=np.float64)
+        stacked = _as_matrix(rows, len(names))
     except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
-    if array.shape == (len(rows), *row_shape) and np.isfinite(array).all():
-        return array
+        stacked = np.empty(0)
+    if stacked.shape == (len(rows), *row_shape) and np.isfinite(stacked).all():
+        return stacked
     labels = [f'points[{i}].{field}' for i in range(len(rows))]
     if not names:
         return np.array([check_scalar(label, row) for label, row in zip(labels, rows)])
     return np.array([
         check_vector(label, row, len(names), names) for label, row in zip(labels, rows)])
+
+
+def _as_matrix(rows: list[Any], columns: int) -> FloatArray:
+    """Return the rows as one array; those of a message, which lie in memory, are put together."""
+    if columns and all(type(row) is array and row.typecode == 'd' and len(row) == columns
+                       for row in rows):
+        return np.frombuffer(b''.join(rows), dtype=np.float64).reshape(-1, columns)
+    return np.asarray(rows, dtype=np.float64)
 
 
 def _is_absent(row: Any) -> bool:

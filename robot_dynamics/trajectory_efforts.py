@@ -14,6 +14,7 @@
 
 """The efforts that a trajectory takes at its points, and whether the arm has them."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -47,17 +48,7 @@ def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Tr
     A point's own velocity and acceleration are used; what it leaves out is what the
     interpolation has at that time.
     """
-    first = trajectory.points[0]
-    rest = Reference(first.position, np.zeros_like(first.position), np.zeros_like(first.position))
-    active = ActiveTrajectory(trajectory, 0, 0, rest)
-    motion = []
-    for point in trajectory.points:
-        sample = active.sample(round(1e9 * point.time_from_start))
-        motion.append((
-            point.position,
-            sample.velocity if point.velocity is None else point.velocity,
-            sample.acceleration if point.acceleration is None else point.acceleration))
-    q, v, a = (np.array(rows) for rows in zip(*motion))
+    q, v, a = (np.array(rows) for rows in zip(*_motion(trajectory)))
     efforts = dynamics.inverse_dynamics_batch(q, v, a)
     shares = _shares(dynamics.arm, efforts, v, a)
     ratios = np.array(list(shares.values()))
@@ -66,6 +57,19 @@ def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Tr
     return TrajectoryEfforts(
         efforts, worst <= 1.0, dynamics.arm.joint_names[joint], worst,
         trajectory.points[i].time_from_start, list(shares)[limit])
+
+
+def _motion(trajectory: JointTrajectory) -> Iterator[Reference]:
+    """Yield position, velocity and acceleration at each point."""
+    first = trajectory.points[0].position
+    at_rest = Reference(first, np.zeros_like(first), np.zeros_like(first))
+    active = ActiveTrajectory(trajectory, 0, 0, at_rest)
+    for point in trajectory.points:
+        v, a = point.velocity, point.acceleration
+        if v is None or a is None:
+            sample = active.sample(round(1e9 * point.time_from_start))
+            v, a = sample.velocity if v is None else v, sample.acceleration if a is None else a
+        yield Reference(point.position, v, a)
 
 
 def _shares(

@@ -21,6 +21,7 @@ was given and what was expected.
 """
 
 from collections.abc import Sequence
+import math
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,16 @@ def _check_size(
         f'is {value:g}, expected {_range_in_words(-largest, largest, False)}'
         if np.isfinite(value) else f'is {value}, expected a finite number')
     raise InvalidInputError(f'{_label(field, index, names)} {in_words}')
+
+
+def all_finite(values: FloatArray) -> bool:
+    """
+    Return whether the numbers of a vector, shape (n,), are all finite.
+
+    What a control path asks of every effort: their sum tells it without another array, and
+    without a warning; where that overflows the numbers are looked at one by one.
+    """
+    return math.isfinite(sum(values.tolist())) or bool(np.isfinite(values).all())
 
 
 def check_vector(

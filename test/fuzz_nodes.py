@@ -40,12 +40,14 @@ from robot_dynamics.ros.robot_description import arm_from_parameters
 from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation
+from sensor_msgs.msg import JointState
 
 PLANAR_JOINTS = ('joint1', 'joint2')
 # Apart, and in lock-step, the simulated arm waits for an effort, and disturbs nobody.
 ARGUMENTS = (
     '-p', f'joints:=[{", ".join(PLANAR_JOINTS)}]', '-p', 'lock_step:=true',
     '-r', 'simulated_arm:__ns:=/apart', '-r', '__ns:=/fuzz')
+AT_REST = JointState(name=PLANAR_JOINTS, position=[0.1, 0.2], velocity=[0.0, 0.0])
 DEFAULTS: Values = {
     spec.name: tuple(spec.default) if isinstance(spec.default, list) else spec.default
     for spec in SPECS}
@@ -96,6 +98,8 @@ class RunningNodes:
     def hear(self, topic: str, message: Any) -> None:
         """Let `dynamics` hear a message; raise RefusalError with what it says of it afterwards."""
         node = self.dynamics
+        if topic == 'joint_trajectory':  # it begins where the arm is, which is to be possible
+            callback_of(node, 'joint_states')(serialize_message(AT_REST))
         counters = node._path.counters
         answered, node._refusal, counters.last_drop = counters.states, '', ''
         failures = counters.dropped['internal error']

@@ -41,7 +41,9 @@ NANOSECONDS_PER_SECOND = 1_000_000_000
 
 def floats_to_ros(values: FloatArray) -> array:  # type: ignore[type-arg]
     """Return a message's float64[] of an array of any shape, row by row."""
-    return array('d', np.ascontiguousarray(values, dtype=np.float64).tobytes())
+    numbers = array('d')
+    numbers.frombytes(np.ascontiguousarray(values, np.float64).reshape(-1).view(np.uint8))
+    return numbers
 
 
 def stamp_from_ros(stamp: Time) -> int:

@@ -172,15 +172,15 @@ class DynamicsServices:
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
-        christoffel = body.christoffel_symbols(q)
         response.joint_names = list(order.names)
         response.mass_matrix = floats_to_ros(order.answer_form(body.mass_matrix(q)))
-        response.coriolis_matrix = floats_to_ros(order.answer_form(christoffel @ v))
+        response.coriolis_matrix = floats_to_ros(order.answer_form(body.coriolis_matrix(q, v)))
         response.gravity = floats_to_ros(order.answer(body.gravity(q)))
         response.nonlinear = floats_to_ros(order.answer(body.nonlinear(q, v)))
         response.friction = floats_to_ros(order.answer(dynamics.friction.effort(v)))
         if request.include_christoffel:
-            response.christoffel = floats_to_ros(order.answer_form(christoffel))
+            response.christoffel = floats_to_ros(
+                order.answer_form(body.christoffel_symbols(q)))
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
         response.message = '; '.join(limit_warnings(dynamics.arm, q, v))

@@ -19,8 +19,8 @@ import sys
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.serialized import SensedState
-from robot_dynamics.validation import check_unique, FloatArray, LARGEST_VALUE
+from robot_dynamics.ros.serialized import Layout, SensedState
+from robot_dynamics.validation import all_finite, check_unique, FloatArray, LARGEST_VALUE
 from sensor_msgs.msg import JointState
 
 FINITE = sys.float_info.max
@@ -37,6 +37,8 @@ class JointStateReader:
         self._joint_names = joint_names
         self._known_names: list[str] | None = None
         self._index: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self._layout: Layout | None = None
+        self._places: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """
@@ -45,8 +47,17 @@ class JointStateReader:
         Raises OtherJointsError where none of the joints is there; InvalidInputError where some
         are missing, a name stands twice, lengths differ, or a value of these joints is not finite.
         """
+        n = len(self._joint_names)
+        layout = message.layout if isinstance(message, SensedState) else None
+        if layout is not None and layout is self._layout:
+            values = message.numbers[self._places]
+            if all_finite(values):
+                return values[:n], values[n:] if len(values) > n else None
         q = self._values(message, 'position')
-        return q, self._values(message, 'velocity') if len(message.velocity) else None
+        v = self._values(message, 'velocity') if len(message.velocity) else None
+        if layout is not None:
+            self._learn_places(layout, v is not None)
+        return q, v
 
     def effort(self, message: JointState | SensedState) -> FloatArray | None:
         """Return the efforts of shape (n,) likewise, NaN where one is not measured."""
@@ -76,6 +87,14 @@ class JointStateReader:
         self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
         self._known_names = list(names)
 
+    def _learn_places(self, layout: Layout, has_velocity: bool) -> None:
+        """Find what is used of messages of a layout, of which one was read."""
+        self._places = layout.position.start + self._index
+        if has_velocity:
+            self._places = np.concatenate(
+                (self._places, layout.velocity.start + self._index))
+        self._layout = layout
+
     def _values(
         self, message: JointState | SensedState, field: str, largest: float | None = FINITE,
     ) -> FloatArray:
@@ -86,7 +105,9 @@ class JointStateReader:
             raise InvalidInputError(
                 f'{field} has {len(values)} values, expected {len(message.name)} as name has')
         used: FloatArray = np.frombuffer(values, dtype=np.float64)[self._index]
-        if largest is not None and not (np.abs(used) <= largest).all():  # nor where one is NaN
+        if largest is None or largest == FINITE and all_finite(used):
+            return used
+        if not (np.abs(used) <= largest).all():  # nor where one is NaN
             j = int(np.argmin(np.abs(used) <= largest))
             expected = 'finite number' if largest == FINITE else (
                 f'number in [{-largest:g}, {largest:g}]')

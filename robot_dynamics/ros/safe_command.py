@@ -255,11 +255,16 @@ class SafeCommand:
                 self.counters.limited_at = time.monotonic()
 
     def _publish(self, effort: FloatArray | None) -> None:
-        if effort is None or self._templates is None or not self._node.context.ok():
+        if effort is None or self._templates is None:
             return
         named, bare = self._templates
-        self._command.publish(named.filled(self._stamp, effort))
-        self._commands.publish(bare.filled(self._stamp, effort))
+        try:
+            self._command.publish(named.filled(self._stamp, effort))
+            self._commands.publish(bare.filled(self._stamp, effort))
+        except Exception:
+            if self._node.context.ok():
+                raise
+            return  # nothing goes out once the context has ended
         self.counters.published += 1
 
     # ------------------------------------------------------------------ the watch

@@ -40,6 +40,7 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 """Plain CDR, little endian, no options."""
 STAMP = slice(4, 12)
 """Where a message that begins with a std_msgs/Header has its stamp."""
+_SEC_NANOSEC = struct.Struct('<iI')
 SENTINEL = -1.2345678901234567e-89
 
 
@@ -51,19 +52,41 @@ class SerializedStamp(NamedTuple):
 
 
 def serialized_stamp(data: bytes) -> SerializedStamp:
-    """Return the stamp that these 8 bytes are."""
-    sec, nanosec = struct.unpack('<iI', data)
+    """Return the stamp of a serialized message that begins with a std_msgs/Header."""
+    return _make_stamp(data[STAMP], *_SEC_NANOSEC.unpack_from(data, STAMP.start))
+
+
+def _make_stamp(data: bytes, sec: int, nanosec: int) -> SerializedStamp:
     return SerializedStamp(data, 1_000_000_000 * sec + nanosec)
 
 
+class Layout(NamedTuple):
+    """
+    Where the numbers of a message are, counted in float64 from the first on.
+
+    They lie in one row: positions, velocities and efforts, with eight bytes for a count between
+    two of them. The same object stands for the same layout, with the same names.
+    """
+
+    position: slice
+    velocity: slice
+    effort: slice
+
+
 class SensedState(NamedTuple):
-    """What a joint state says: arrays as long as the message has them, often empty."""
+    """
+    What a joint state says: arrays as long as the message has them, often empty.
+
+    `numbers` are all of them in one row, as `layout` tells; where that is None there is no row.
+    """
 
     stamp: SerializedStamp
     name: list[str]
     position: FloatArray
     velocity: FloatArray
     effort: FloatArray
+    numbers: FloatArray = np.empty(0)
+    layout: Layout | None = None
 
 
 class JointStateDecoder:
@@ -71,49 +94,59 @@ class JointStateDecoder:
 
     def __init__(self) -> None:
         self._names: list[str] = []
-        self._end = 0
         self._texts: list[tuple[int, int, bytes]] = []
-        self._region = b''
+        self._names_end = 0
+        self._header = b''
+        self._length = self._start = self._number_count = 0
+        self._counts: list[tuple[int, int, bytes]] = []
+        self._layout: Layout | None = None
 
     def decode(self, data: bytes) -> SensedState:
         """Return what a message says; raise UnreadableMessageError."""
-        if not self._is_known(data):
+        layout = self._layout
+        if layout is None or len(data) != self._length or (
+                data[12:self._names_end] != self._header and not self._has_known_texts(data)) or (
+                data[:4] != ENCAPSULATION):
             return self._learn(data)
-        try:
-            end = self._end
-            position, end = _doubles(data, end)
-            velocity, end = _doubles(data, end)
-            effort, end = _doubles(data, end)
-        except (struct.error, ValueError):  # ends too early: let rclpy judge
-            return self._learn(data)
+        for start, end, count in self._counts:
+            if data[start:end] != count:
+                return self._learn(data)
+        numbers = np.frombuffer(data, np.float64, self._number_count, self._start)
         return SensedState(
-            serialized_stamp(data[STAMP]), self._names, position, velocity, effort)
+            serialized_stamp(data), self._names, numbers[layout.position],
+            numbers[layout.velocity], numbers[layout.effort], numbers, layout)
 
-    def _is_known(self, data: bytes) -> bool:
+    def _has_known_texts(self, data: bytes) -> bool:
         """Tell whether frame and names are those of before; what pads them may be anything."""
-        if data[12:self._end] == self._region:
-            return bool(self._region) and data[:4] == ENCAPSULATION
-        if not self._texts or data[:4] != ENCAPSULATION or not all(
-                data[start:end] == text for start, end, text in self._texts):
+        if not all(data[start:end] == text for start, end, text in self._texts):
             return False
-        self._region = data[12:self._end]
+        self._header = data[12:self._names_end]
         return True
+
+    # ------------------------------------------------------------------ any message
 
     def _learn(self, data: bytes) -> SensedState:
         message = read_message(data, JointState)
-        self._texts, self._region = [], b''
+        self._layout = None
         if data[:4] == ENCAPSULATION:
-            end = self._take_text(data, 12)
-            self._texts.append((end, end + 4, struct.pack('<I', len(message.name))))
-            end += 4
-            for _ in message.name:
-                end = self._take_text(data, end)
-            self._names, self._end = list(message.name), end
+            self._learn_names(data, message)
+            self._learn_numbers(data, message)
         stamp = message.header.stamp
+        position, velocity, effort = (np.array(values, dtype=np.float64) for values in (
+            message.position, message.velocity, message.effort))
         return SensedState(
-            serialized_stamp(struct.pack('<iI', stamp.sec, stamp.nanosec)), list(message.name),
-            *(np.array(values, dtype=np.float64) for values in (
-                message.position, message.velocity, message.effort)))
+            _make_stamp(struct.pack('<iI', stamp.sec, stamp.nanosec), stamp.sec, stamp.nanosec),
+            list(message.name), position, velocity, effort)
+
+    def _learn_names(self, data: bytes, message: JointState) -> None:
+        self._texts = []
+        end = self._take_text(data, 12)
+        self._texts.append((end, end + 4, struct.pack('<I', len(message.name))))
+        end += 4
+        for _ in message.name:
+            end = self._take_text(data, end)
+        self._names, self._names_end = list(message.name), end
+        self._header = data[12:end]
 
     def _take_text(self, data: bytes, start: int) -> int:
         """Remember a string and its length; return where the next one begins."""
@@ -122,14 +155,23 @@ class JointStateDecoder:
         self._texts.append((start, end, data[start:end]))
         return end + -end % 4
 
-
-def _doubles(data: bytes, start: int) -> tuple[FloatArray, int]:
-    """Return a sequence of float64 that begins at `start`, and where it ends."""
-    (count,) = struct.unpack_from('<I', data, start)
-    start += 4
-    if count:
-        start += (4 - start) % 8  # alignment counts from the end of the encapsulation
-    return np.frombuffer(data, np.float64, count, start), start + 8 * count
+    def _learn_numbers(self, data: bytes, message: JointState) -> None:
+        """Find the numbers, in places counted in bytes from the encapsulation on."""
+        end, places, counts = self._names_end, [], []
+        for values in (message.position, message.velocity, message.effort):
+            counts.append((end, end + 4, struct.pack('<I', len(values))))
+            start = end + 4
+            if len(values):
+                start += (4 - start) % 8  # alignment counts from the end of the encapsulation
+            end = start + 8 * len(values)
+            places.append((start, end))
+        first = self._names_end + 4
+        first += (4 - first) % 8
+        self._length, self._counts, self._start = len(data), counts, first
+        self._number_count = max(end - first, 0) // 8
+        self._layout = Layout(*(
+            slice((start - first) // 8, (end - first) // 8) if end > start else slice(0, 0)
+            for start, end in places))
 
 
 class EffortTemplate:

@@ -1,0 +1,92 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Generated arms that every engine reads: revolute chains in space, with full inertias.
+
+Every joint turns about the z axis of its frame, which is turned at random against the one before.
+There are neither meshes nor limits in reach, nor friction.
+"""
+
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from robot_dynamics.validation import FloatArray
+
+
+class ChainLink(NamedTuple):
+    """
+    A link and the joint that moves it.
+
+    `xyz` [m] and `rpy` [rad] place the joint in the link before; `mass` [kg], `com` [m] and
+    `inertia` (3, 3) [kg·m²] about the COM are in the frame of the joint.
+    """
+
+    xyz: FloatArray
+    rpy: FloatArray
+    mass: float
+    com: FloatArray
+    inertia: FloatArray
+
+
+def spatial_chain(n: int, seed: int = 0) -> list[ChainLink]:
+    """Return the links of a chain of n joints, always the same for a seed."""
+    rng = np.random.default_rng(seed)
+    return [_random_link(rng) for _ in range(n)]
+
+
+def _random_link(rng: np.random.Generator) -> ChainLink:
+    # The inertia of masses at points, so that a body can have it.
+    masses = rng.uniform(0.1, 0.5, 6)
+    points = rng.uniform(-0.1, 0.1, (6, 3))
+    mass = float(masses.sum())
+    com = masses @ points / mass
+    r = points - com
+    inertia = (masses * (r * r).sum(axis=1)).sum() * np.eye(3) - (r.T * masses) @ r
+    return ChainLink(
+        rng.uniform(-0.2, 0.2, 3), rng.uniform(-np.pi, np.pi, 3), mass, com, inertia)
+
+
+def chain_urdf(links: list[ChainLink]) -> str:
+    """Return the URDF of a chain: joints joint1, joint2, … between base_link and its links."""
+    robot = ElementTree.Element('robot', name='chain')
+    ElementTree.SubElement(robot, 'link', name='base_link')
+    parent = 'base_link'
+    for i, link in enumerate(links, 1):
+        child = f'link{i}'
+        _add_link(robot, child, link)
+        joint = ElementTree.SubElement(robot, 'joint', name=f'joint{i}', type='revolute')
+        ElementTree.SubElement(joint, 'origin', xyz=_words(link.xyz), rpy=_words(link.rpy))
+        ElementTree.SubElement(joint, 'parent', link=parent)
+        ElementTree.SubElement(joint, 'child', link=child)
+        ElementTree.SubElement(joint, 'axis', xyz='0 0 1')
+        ElementTree.SubElement(
+            joint, 'limit', lower='-3.1', upper='3.1', effort='1000', velocity='100')
+        parent = child
+    return ElementTree.tostring(robot, encoding='unicode')
+
+
+def _add_link(robot: ElementTree.Element, name: str, link: ChainLink) -> None:
+    element = ElementTree.SubElement(robot, 'link', name=name)
+    inertial = ElementTree.SubElement(element, 'inertial')
+    ElementTree.SubElement(inertial, 'origin', xyz=_words(link.com), rpy='0 0 0')
+    ElementTree.SubElement(inertial, 'mass', value=repr(link.mass))
+    ElementTree.SubElement(inertial, 'inertia', {
+        f'i{a}{b}': repr(float(link.inertia[i, j]))
+        for i, a in enumerate('xyz') for j, b in enumerate('xyz') if i <= j})
+
+
+def _words(values: FloatArray) -> str:
+    return ' '.join(repr(float(value)) for value in values)

@@ -1,0 +1,98 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What each quantity of rigid bodies costs as an arm gets more joints, through the library."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from benchmarks.chains import chain_urdf, spatial_chain
+from benchmarks.timing import medians
+import numpy as np
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.validation import FloatArray
+
+JOINTS = (2, 3, 4, 5, 7, 10, 14, 20, 30, 40, 50, 60)
+LONG = 10
+"""Joints from which the exponents are fitted: below, the cost of a call itself dominates."""
+STATES = 5
+ROUNDS = 9
+INVERSE_DYNAMICS = 'inverse dynamics'
+
+Times = Mapping[str, FloatArray]
+"""Seconds a call by quantity, one for each of JOINTS."""
+
+
+class LinearFit(NamedTuple):
+    """a + b n, and the share R² of the variance that it explains."""
+
+    a: float
+    b: float
+    r_squared: float
+
+
+def linear_fit(times: FloatArray) -> LinearFit:
+    """Return the straight line with the least squares through the times at JOINTS."""
+    n = np.array(JOINTS, dtype=np.float64)
+    b, a = np.polyfit(n, times, 1)
+    residual = times - (a + b * n)
+    return LinearFit(float(a), float(b), float(1.0 - residual.var() / times.var()))
+
+
+def exponent(times: FloatArray) -> float:
+    """Return p of times ~ n^p from LONG joints on: the slope of a line through logarithms."""
+    n = np.array(JOINTS, dtype=np.float64)
+    long = n >= LONG
+    return float(np.polyfit(np.log(n[long]), np.log(times[long]), 1)[0])
+
+
+def _calls(n: int) -> dict[str, tuple[Callable[..., object], Sequence[tuple[Any, ...]]]]:
+    """Return the quantities of a chain of n joints, with states to ask them at."""
+    body = RigidBody(load_arm(chain_urdf(spatial_chain(n))))
+    states = [tuple(state) for state in np.random.default_rng(n).uniform(-1, 1, (STATES, 3, n))]
+    positions = [state[:1] for state in states]
+    motions = [state[:2] for state in states]
+    return {
+        INVERSE_DYNAMICS: (body.inverse_dynamics, states),
+        'gravity': (body.gravity, positions),
+        'mass matrix': (body.mass_matrix, positions),
+        'Coriolis matrix': (body.coriolis_matrix, motions),
+        'all terms': (body.terms, states),
+        'forward dynamics': (body.forward_dynamics, states),
+    }
+
+
+def measure() -> Times:
+    """Return the medians of rounds in turn over the quantities of one chain."""
+    rows = [medians(_calls(n), ROUNDS) for n in JOINTS]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def main() -> None:
+    """Print µs a call and the fits."""
+    report(measure())
+
+
+def report(times: Times) -> None:
+    """Print what was measured; docs/pictures/growth.py draws it too."""
+    print(f'{"µs a call":18}' + ''.join(f'{joints:9}' for joints in JOINTS) + ' joints')
+    for name, values in times.items():
+        print(f'{name:18}' + ''.join(f'{1e6 * value:9.1f}' for value in values))
+    line = linear_fit(times[INVERSE_DYNAMICS])
+    print(f'{INVERSE_DYNAMICS}: {1e6 * line.a:.1f} µs + {1e6 * line.b:.3f} µs a joint, '
+          f'R² = {line.r_squared:.4f}')
+    powers = ', '.join(f'{name} {exponent(values):.2f}' for name, values in times.items())
+    print(f'exponents from {LONG} to {JOINTS[-1]} joints: {powers}')

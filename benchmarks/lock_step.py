@@ -1,0 +1,96 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The closed loop in lock-step: as fast as `simulated_arm` and `dynamics` answer each other."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+import statistics
+import tempfile
+import time
+from typing import Any
+
+from benchmarks.processes import DYNAMICS, node_command, running, SIMULATED_ARM
+import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.ros.conversions import stamp_from_ros
+from sensor_msgs.msg import JointState
+
+ROUNDS = 5
+WINDOW = 1.0
+"""[s] of the wall clock over which a round counts simulated time."""
+TIMEOUT = 30.0
+WARM_UP = 1.0
+"""[s] of simulated time, in which the effort ramps up and the arm settles."""
+
+
+class StampReader:
+    """
+    Reads the newest joint state when it is asked, and nothing in between.
+
+    An executor that took every message would compete with the nodes for the processors.
+    """
+
+    def __init__(self, node: Any) -> None:
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._states = node.create_subscription(
+            JointState, 'joint_states', lambda _: None, newest)
+
+    def after(self, stamp: float) -> tuple[float, float]:
+        """Return the next stamp beyond this one, and the time it was read, both [s]."""
+        deadline = time.monotonic() + TIMEOUT
+        while time.monotonic() < deadline:
+            taken = self._states.handle.take_message(JointState, False)
+            if taken is not None:
+                found = 1e-9 * stamp_from_ros(taken[0].header.stamp)
+                if found > stamp:
+                    return found, time.monotonic()
+            time.sleep(1e-3)
+        raise TimeoutError(f'no joint state beyond {stamp:g} s in {TIMEOUT:g} s')
+
+
+@contextmanager
+def _reader() -> Iterator[StampReader]:
+    rclpy.init()
+    try:
+        yield StampReader(rclpy.create_node('bench'))
+    finally:
+        rclpy.try_shutdown()
+
+
+def times_real_time(urdf: str, parameters: Mapping[str, object], rate: float) -> float:
+    """Return simulated seconds a second, the median over windows; states have this rate [Hz]."""
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory, 'arm.urdf')
+        path.write_text(urdf, encoding='utf-8')
+        arm = {'robot_description_file': path, **parameters}
+        with running({
+                'dynamics': node_command(DYNAMICS, arm),
+                'simulated_arm': node_command(
+                    SIMULATED_ARM, {**arm, 'lock_step': True, 'rate': rate}),
+        }), _reader() as reader:
+            return _speed(reader)
+
+
+def _speed(reader: StampReader) -> float:
+    stamp, now = reader.after(WARM_UP)
+    speeds = []
+    for _ in range(ROUNDS):
+        time.sleep(WINDOW)
+        later_stamp, later = reader.after(stamp)
+        speeds.append((later_stamp - stamp) / (later - now))
+        stamp, now = later_stamp, later
+    return statistics.median(speeds)

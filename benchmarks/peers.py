@@ -1,0 +1,122 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The library beside other engines, called from Python on the same arm and states."""
+
+from typing import Any
+
+from benchmarks.chains import chain_urdf, ChainLink, spatial_chain
+from benchmarks.engines import Calls, PEERS
+from benchmarks.timing import medians
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.validation import FloatArray
+
+JOINTS = 7
+STATES = 20
+ROUNDS = 15
+TOLERANCE = 1e-6
+"""Largest difference between engines, relative to the largest number of the answer."""
+QUANTITIES = {'inverse_dynamics': 3, 'gravity': 1, 'mass_matrix': 1, 'forward_dynamics': 3}
+"""The questions, and how many vectors of a state each takes: q, v, and q̈ or τ."""
+OURS = 'robot_dynamics'
+SAME = (OURS, 'Pinocchio')
+"""The library and the engine that it stands on."""
+
+
+def library(links: list[ChainLink]) -> Calls:
+    """Return the library's answers for rigid bodies, which is what the peers are asked for."""
+    body = ArmDynamics(load_arm(chain_urdf(links))).rigid_body
+    return Calls(
+        OURS, body.inverse_dynamics, body.gravity, body.mass_matrix, body.forward_dynamics)
+
+
+def library_with_friction(links: list[ChainLink]) -> Calls:
+    """Return the library's answers with the friction of the arm, which is none here."""
+    dynamics = ArmDynamics(load_arm(chain_urdf(links)))
+    body = dynamics.rigid_body
+    return Calls(
+        f'{OURS}, with friction', dynamics.inverse_dynamics, body.gravity, body.mass_matrix,
+        dynamics.forward_dynamics)
+
+
+def installed(links: list[ChainLink]) -> tuple[list[Calls], list[str]]:
+    """Return the engines that are here, and a line for each that is not."""
+    found, missing = [library(links), library_with_friction(links)], []
+    for peer in PEERS:
+        try:
+            found.append(peer.make(links))
+        except ImportError:
+            missing.append(f'{peer.name} is left out, as it is not installed: {peer.source}')
+    return found, missing
+
+
+def largest_difference(engine: Calls, ours: Calls, states: FloatArray) -> float:
+    """Return how far an engine's answers are from ours, relative to their largest number."""
+    found = []
+    for state in states:
+        for quantity in QUANTITIES:
+            arguments = _arguments(quantity, state)
+            expected = np.asarray(getattr(ours, quantity)(*arguments))
+            difference = np.asarray(getattr(engine, quantity)(*arguments)) - expected
+            found.append(np.abs(difference).max() / np.abs(expected).max())
+    return float(np.max(found))  # NaN where there is one
+
+
+def _arguments(quantity: str, state: FloatArray) -> tuple[Any, ...]:
+    return tuple(state[:QUANTITIES[quantity]])
+
+
+def main() -> None:
+    """Print the differences, and µs a call with the ratios to ours."""
+    links = spatial_chain(JOINTS)
+    engines, missing = installed(links)
+    states = np.random.default_rng(0).uniform(-1.0, 1.0, (STATES, 3, JOINTS))
+    differences = {
+        engine.engine: largest_difference(engine, engines[0], states) for engine in engines}
+    wrong = {name: value for name, value in differences.items() if not value <= TOLERANCE}
+    if wrong:
+        raise ValueError(f'these engines have other answers (relative difference): {wrong}')
+    print(f'{JOINTS} revolute joints in space with full inertias, {STATES} random states; arrays '
+          'in, arrays out, a new state each call.')
+    print(f'All answers are the same within {max(differences.values()):.0e} of the largest '
+          f'number (bound {TOLERANCE:g}).')
+    _print_times(engines, states)
+    for line in missing:
+        print(line)
+
+
+def _print_times(engines: list[Calls], states: FloatArray) -> None:
+    times: dict[str, dict[str, float]] = {}
+    for quantity in QUANTITIES:
+        arguments = [_arguments(quantity, state) for state in states]
+        times[quantity] = medians(
+            {engine.engine: (getattr(engine, quantity), arguments) for engine in engines}, ROUNDS)
+    _print_table(engines, times)
+    slower = [
+        f'{quantity.replace("_", " ")} ({name})' for quantity, found in times.items()
+        for name, time in found.items() if time < found[OURS] and not name.startswith(SAME)]
+    print(f'Faster than {OURS}: {", ".join(slower) or "none of the other engines"}.')
+
+
+def _print_table(engines: list[Calls], times: dict[str, dict[str, float]]) -> None:
+    heads = ''.join(f'{quantity.replace("_", " "):>21}' for quantity in QUANTITIES)
+    print(f'{"µs a call, and × ours":30}{heads}')
+    for engine in engines:
+        cells = [
+            f'{1e6 * found[engine.engine]:11.2f} {found[engine.engine] / found[OURS]:7.2f} ×'
+            for found in times.values()]
+        print(f'{engine.engine:30}{"".join(cells)}')

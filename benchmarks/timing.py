@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Times of short calls, taken in rounds in turn, so that a slow moment hits all that compare."""
+
+from collections.abc import Callable, Mapping, Sequence
+import statistics
+import time
+from typing import Any
+
+ROUND = 4e-3
+"""[s] that one round of one call takes, or one pass over the states where that is longer."""
+
+
+def seconds_per_call(
+    call: Callable[..., object], states: Sequence[tuple[Any, ...]], passes: int,
+) -> float:
+    """Return the mean time [s] of a call over all states, so many times."""
+    start = time.perf_counter()
+    for _ in range(passes):
+        for state in states:
+            call(*state)
+    return (time.perf_counter() - start) / (passes * len(states))
+
+
+def medians(
+    calls: Mapping[str, tuple[Callable[..., object], Sequence[tuple[Any, ...]]]], rounds: int,
+) -> dict[str, float]:
+    """Return the median time [s] of each call on its states, all in each round."""
+    passes = {}
+    for name, (call, states) in calls.items():
+        seconds_per_call(call, states, 1)  # warms up
+        once = seconds_per_call(call, states, 1) * len(states)
+        passes[name] = max(1, round(ROUND / once))
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(rounds):
+        for name, (call, states) in calls.items():
+            times[name].append(seconds_per_call(call, states, passes[name]))
+    return {name: statistics.median(values) for name, values in times.items()}
