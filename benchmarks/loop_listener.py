@@ -95,26 +95,23 @@ class LoopListener:
         self._states = Topic(node, 'joint_states')
         self._efforts = Topic(node, 'effort_command')
         self._clocks: list[tuple[int, int]] = []
-        self._late_naps: list[float] = []
 
-    def listen(self, seconds: float) -> None:
-        """Take what arrives for so long."""
+    def listen(self, seconds: float) -> FloatArray:
+        """Take what arrives for so long; return by how much [s] each of its naps ended late."""
+        late = []
         now = time.monotonic()
         end, take_at = now + seconds, now + TAKE_PERIOD
         while now < end:
             due = min(now + NAP, end)
             time.sleep(due - now)
             now = time.monotonic()
-            self._late_naps.append(now - due)
+            late.append(now - due)
             if now >= min(take_at, end):
                 self._clocks.append((time.time_ns(), time.monotonic_ns()))
                 self._states.take()
                 self._efforts.take()
                 now, take_at = time.monotonic(), now + TAKE_PERIOD
-
-    def share_of_late_naps(self, late: float) -> float:
-        """Return how many of its naps ended so late [s], as in any process that only sleeps."""
-        return float(np.mean(np.array(self._late_naps) > late))
+        return np.array(late)
 
     def close(self) -> None:
         """Hear no more."""
