@@ -12,13 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`scripts/bench [NAME …]`: run the benchmarks that are named, or all."""
+"""`scripts/bench [NAME …]`: run the benchmarks that are named, or all but the long ones."""
 
 import argparse
 from collections.abc import Callable, Sequence
 import sys
 
-from benchmarks import control_path, growth, library, peers, simulation
+from benchmarks import (
+    control_path,
+    disturbance,
+    growth,
+    library,
+    memory,
+    peers,
+    rate,
+    simulation,
+)
 
 BENCHMARKS: dict[str, Callable[[], None]] = {
     'library': library.main,
@@ -26,20 +35,29 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
     'growth': growth.main,
     'control_path': control_path.main,
     'simulation': simulation.main,
+    'rate': rate.main,
+    'disturbance': disturbance.main,
+    'memory': memory.main,
 }
+LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
+    'memory_hour': memory.hour,
+}
+"""Run only when they are named."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='scripts/bench', description=__doc__)
+    known = {**BENCHMARKS, **LONG_BENCHMARKS}
     parser.add_argument(
-        'names', nargs='*', metavar='NAME', help=f'one of {list(BENCHMARKS)}; all by default')
+        'names', nargs='*', metavar='NAME',
+        help=f'one of {list(BENCHMARKS)}, all by default; or of {list(LONG_BENCHMARKS)}')
     names = parser.parse_args(argv).names or list(BENCHMARKS)
-    unknown = [name for name in names if name not in BENCHMARKS]
+    unknown = [name for name in names if name not in known]
     if unknown:
-        parser.error(f'unknown benchmarks {unknown}, expected names out of {list(BENCHMARKS)}')
+        parser.error(f'unknown benchmarks {unknown}, expected names out of {list(known)}')
     for name in names:
         print(f'== {name}')
-        BENCHMARKS[name]()
+        known[name]()
     return 0
 
 

@@ -32,6 +32,8 @@ from robot_dynamics.planar_urdf import planar_arm_urdf
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
 
+LONGEST_END = 10.0
+"""[s] that a process gets to end by itself."""
 DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
@@ -82,9 +84,28 @@ def running(commands: Mapping[str, Sequence[str]]) -> Iterator[dict[str, int]]:
         yield {name: process.pid for name, process in processes.items()}
     finally:
         for process in processes.values():
-            process.terminate()
-        for process in processes.values():
-            process.wait()
+            _end(process)
+
+
+def _end(process: 'subprocess.Popen[bytes]') -> None:
+    """End a process, by force where it takes too long: Fast DDS may hang when others end too."""
+    process.terminate()
+    try:
+        process.wait(LONGEST_END)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def on_two_cores() -> Iterator[None]:
+    """Keep this process and those that it starts on two cores, where there are more."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(cores)[:2])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 @contextmanager

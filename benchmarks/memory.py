@@ -1,0 +1,133 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Memory of `dynamics` and `simulated_arm` in the closed loop: at rest, and after many messages.
+
+In lock-step each state waits for its effort, so that an hour of states at 500 Hz passes as fast as
+the nodes answer each other: in ten to twenty minutes. At rest is just after the first effort.
+"""
+
+from pathlib import Path
+import re
+import time
+from typing import NamedTuple
+
+from benchmarks.processes import (
+    arm_file,
+    bench_node,
+    DYNAMICS,
+    node_command,
+    running,
+    SIMULATED_ARM,
+)
+from benchmarks.slow_motion import follow_slow_motion, hanging
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.ros.message_bytes import read_message
+from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+from sensor_msgs.msg import JointState
+
+JOINTS = 7
+RATE = 500.0
+SHORT, HOUR = 120_000, 1_800_000
+"""States: four minutes at RATE, and sixty."""
+SHARES = (0.05, 0.25, 0.5, 0.75, 1.0)
+"""Of the states, at which to look."""
+LOOK = 0.05
+"""[s] between two looks at how far the loop is."""
+TIMEOUT = 30.0
+
+
+class Memory(NamedTuple):
+    """Of one process [bytes]: in RAM, and of that what no other process shares."""
+
+    resident: int
+    private: int
+
+
+def memory_of(pid: int) -> Memory:
+    """Return what Linux tells of a process."""
+    text = Path(f'/proc/{pid}/smaps_rollup').read_text(encoding='ascii')
+    found = {name: 1024 * int(kb) for name, kb in re.findall(r'^(\w+):\s+(\d+) kB', text, re.M)}
+    return Memory(found['Rss'], found['Private_Clean'] + found['Private_Dirty'])
+
+
+class Progress:
+    """Tells how many states the loop has been through, by the stamp of the newest effort."""
+
+    def __init__(self, node: Node) -> None:
+        self._subscription = node.create_subscription(
+            JointState, 'effort_command', lambda _: None,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
+            callback_group=LEFT_TO_THE_LOOP, raw=True)
+        self._states = 0
+
+    def wait_for(self, states: int) -> int:
+        """Return once at least so many states are answered; raise TimeoutError if it stops."""
+        heard_at = time.monotonic()
+        while self._states < states:
+            taken = self._subscription.handle.take_message(JointState, True)
+            if taken is not None:
+                stamp = read_message(taken[0], JointState).header.stamp
+                self._states = round(RATE * (stamp.sec + 1e-9 * stamp.nanosec))
+                heard_at = time.monotonic()
+            elif time.monotonic() - heard_at > TIMEOUT:
+                raise TimeoutError(f'no effort in {TIMEOUT:g} s')
+            time.sleep(LOOK)
+        return self._states
+
+
+def main() -> None:
+    """Print the memory over four minutes of messages."""
+    _report(SHORT)
+
+
+def hour() -> None:
+    """Print the memory over an hour of messages."""
+    _report(HOUR)
+
+
+def _report(states: int) -> None:
+    with arm_file(JOINTS) as urdf, bench_node() as node:
+        progress = Progress(node)
+        with running({
+                'dynamics': node_command(DYNAMICS, {'robot_description_file': urdf}),
+                'simulated_arm': node_command(SIMULATED_ARM, {
+                    'robot_description_file': urdf, 'rate': RATE, 'lock_step': True,
+                    'initial_position': hanging(JOINTS)})}) as pids:
+            print(f'Closed loop of {JOINTS} joints in lock-step, {states} states of {RATE:g} Hz '
+                  f'({states / RATE / 60.0:g} minutes); MB in RAM (of these private), growth:')
+            progress.wait_for(1)
+            rest = {name: memory_of(pid) for name, pid in pids.items()}
+            _print_row('at rest', rest, rest)
+            begin = time.monotonic()
+            follow_slow_motion(node, JOINTS, states / RATE)
+            for share in SHARES:
+                count = progress.wait_for(round(share * states))
+                _print_row(
+                    str(count), {name: memory_of(pid) for name, pid in pids.items()}, rest)
+            print(f'  {states / (time.monotonic() - begin):.0f} states a second')
+
+
+def _print_row(when: str, found: dict[str, Memory], rest: dict[str, Memory]) -> None:
+    columns = [
+        f'{name} {1e-6 * memory.resident:6.1f} ({1e-6 * memory.private:5.1f}) '
+        f'{1e-6 * (memory.resident - rest[name].resident):+5.1f}'
+        for name, memory in found.items()]
+    print(f'  {when:>8}: ' + '; '.join(columns), flush=True)
+
+
+if __name__ == '__main__':
+    main()
