@@ -16,17 +16,24 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+import io
 import sys
+from typing import TextIO
 
 from benchmarks import (
+    batch,
     control_path,
     disturbance,
     growth,
     library,
     memory,
+    message_profile,
+    page,
     peers,
     rate,
     simulation,
+    start_up,
 )
 
 BENCHMARKS: dict[str, Callable[[], None]] = {
@@ -34,6 +41,9 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
     'peers': peers.main,
     'growth': growth.main,
     'control_path': control_path.main,
+    'message_profile': message_profile.main,
+    'batch': batch.main,
+    'start_up': start_up.main,
     'simulation': simulation.main,
     'rate': rate.main,
     'disturbance': disturbance.main,
@@ -45,19 +55,40 @@ LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
 """Run only when they are named."""
 
 
+class Both(io.TextIOBase):
+    """Keeps what is printed, and lets it through."""
+
+    def __init__(self, through: TextIO) -> None:
+        self._through, self.text = through, ''
+
+    def write(self, words: str) -> int:
+        self.text += words
+        return self._through.write(words)
+
+    def flush(self) -> None:
+        self._through.flush()
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='scripts/bench', description=__doc__)
     known = {**BENCHMARKS, **LONG_BENCHMARKS}
     parser.add_argument(
         'names', nargs='*', metavar='NAME',
         help=f'one of {list(BENCHMARKS)}, all by default; or of {list(LONG_BENCHMARKS)}')
-    names = parser.parse_args(argv).names or list(BENCHMARKS)
+    parser.add_argument(
+        '--write', action='store_true', help='put what they print into docs/performance.md')
+    arguments = parser.parse_args(argv)
+    names = arguments.names or list(BENCHMARKS)
     unknown = [name for name in names if name not in known]
     if unknown:
         parser.error(f'unknown benchmarks {unknown}, expected names out of {list(known)}')
     for name in names:
-        print(f'== {name}')
-        known[name]()
+        print(f'== {name}', flush=True)
+        printed = Both(sys.stdout)
+        with redirect_stdout(printed):
+            known[name]()
+        if arguments.write:
+            page.write(name, printed.text)
     return 0
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Where the time of one message goes in `dynamics_node`, between taking it and publishing its answers.
+Where the time of one message of `dynamics_node` goes, from taking it to publishing its answers.
 
 The node's own functions are timed while it follows a trajectory at 500 Hz, and once more while the
 same state is given to it again and again: what the processor has at hand costs a fraction of what

@@ -36,7 +36,7 @@ from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.ros.serialized import (
     effort_template,
-    EffortTemplate,
+    MessageTemplate,
     SensedState,
     SerializedStamp,
 )
@@ -72,7 +72,7 @@ class _Served:
     controller: Controller
     reader: JointStateReader
     names: list[str]
-    template: EffortTemplate
+    template: MessageTemplate
     watch: StateWatch
     check: EffortCheck
 

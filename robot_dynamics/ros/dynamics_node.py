@@ -88,6 +88,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.count_publishers = self._loop.publisher_count
         if self._settings.values['autostart']:
             self._start()
+
+    def begin(self) -> None:
+        """Hear joint states; called when the process is ready."""
         self._loop.start()
 
     def _start(self) -> None:

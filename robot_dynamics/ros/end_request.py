@@ -20,12 +20,35 @@ last effort. Python runs its handlers in the main thread alone, which may be wai
 writes each signal to a wake-up pipe wherever it arrives: a thread reads that pipe.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import faulthandler
 import os
 import signal
+import sys
 import threading
 
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+LONGEST_END = 10.0
+"""[s] that the middleware gets to end by itself."""
+
+
+@contextmanager
+def ends_in_time(seconds: float = LONGEST_END) -> Iterator[None]:
+    """
+    End the process, with status 1 and what it was doing on stderr, where this takes longer.
+
+    Fast DDS may wait for ever for itself while it ends, where another process ends at the same
+    moment (eProsima/Fast-DDS issue 6513); no thread of Python runs then.
+    """
+    if sys.__stderr__ is None:
+        yield
+        return
+    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 class EndRequest:

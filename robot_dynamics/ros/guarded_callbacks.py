@@ -33,6 +33,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
+from robot_dynamics.ros.end_request import ends_in_time
 from robot_dynamics.ros.message_bytes import (
     LARGEST_MESSAGE,
     read_message,
@@ -102,6 +103,11 @@ class GuardedCallbacks(Node):
 
         return super().create_subscription(
             msg_type, topic, guarded if raw else read, *args, raw=True, **more)
+
+    def destroy_node(self) -> None:
+        """Destroy the node, and the process where that does not end."""
+        with ends_in_time():
+            super().destroy_node()
 
     def create_timer(
         self, timer_period_sec: float, callback: Callable[..., None], *args: Any, **more: Any,

@@ -25,7 +25,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.end_request import EndRequest
+from robot_dynamics.ros.end_request import EndRequest, ends_in_time
 from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
@@ -39,7 +39,8 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
     """
     Run a node until it is told to stop; return the exit status.
 
-    A node that cannot start says why in one line and gives status 1. One that has a method
+    A node that cannot start says why in one line and gives status 1. One that has a method `begin`
+    is called when all is set up, and not held up from then on. One that has a method
     `begin_to_end` hears at once that it is to stop, in another thread, whatever its callbacks do.
     """
     with EndRequest() as end:
@@ -56,6 +57,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
             limit_memory()
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
+            getattr(node, 'begin', lambda: None)()
             _spin(executor, node, end)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
@@ -64,7 +66,8 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
             if node is not None:
                 node.destroy_node()
             executor.shutdown()  # left to the garbage collector, it may meet its parts destroyed
-            rclpy.try_shutdown()
+            with ends_in_time():
+                rclpy.try_shutdown()
     return 0
 
 

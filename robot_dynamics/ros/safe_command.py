@@ -39,7 +39,7 @@ from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.serialized import (
     array_template,
     effort_template,
-    EffortTemplate,
+    MessageTemplate,
     SerializedStamp,
 )
 from robot_dynamics.validation import any_of, FloatArray
@@ -77,7 +77,7 @@ class SafeCommand:
         self._changed = threading.Condition(threading.RLock())
         self._supervisor: CommandSupervisor | None = None
         self._names: list[str] = []
-        self._templates: tuple[EffortTemplate, EffortTemplate] | None = None
+        self._templates: tuple[MessageTemplate, MessageTemplate] | None = None
         self._stamp = bytes(8)
         self._is_active = self._ends = False
         self._is_wanted = True

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Joint states and efforts as bytes, for the control path.
+Joint states and efforts as bytes, for the control path and the simulated arm.
 
 In rclpy, making one `JointState` object and converting it costs more than the dynamics of an arm:
 checked setters, lists of strings, copies number by number. But a publisher of joint states sends
@@ -207,40 +207,55 @@ class CdrWriter:
         return len(self.data) - 8 * n
 
 
-class EffortTemplate:
-    """A serialized message that ends with n numbers, which are still to be filled in."""
+class MessageTemplate:
+    """A serialized message whose numbers are replaced, and the stamp that it begins with."""
 
-    def __init__(self, writer: CdrWriter, n: int, has_stamp: bool) -> None:
-        """Take what was written before the numbers; `has_stamp` where that begins with a time."""
-        self._has_stamp = has_stamp
-        start = writer.floats(n)
-        self._data = writer.data
-        self._numbers = np.frombuffer(self._data, np.float64, n, start)
+    def __init__(self, data: bytearray, starts: Sequence[int], n: int, has_stamp: bool) -> None:
+        """Take the places of n numbers each, and whether the message begins with a stamp."""
+        self._data, self._has_stamp = data, has_stamp
+        self._numbers = [np.frombuffer(data, np.float64, n, start) for start in starts]
 
-    def filled(self, stamp: bytes, numbers: FloatArray) -> bytes:
-        """Return the message with these numbers (n,), and this stamp of 8 bytes."""
+    def filled(self, stamp: bytes, *numbers: FloatArray) -> bytes:
+        """Return the message with these numbers, (n,) for each place, and this stamp."""
         if self._has_stamp:
             self._data[STAMP] = stamp
-        self._numbers[:] = numbers
+        for place, values in zip(self._numbers, numbers):
+            place[:] = values
         return bytes(self._data)
 
 
-def effort_template(joint_names: Sequence[str]) -> EffortTemplate:
+def effort_template(joint_names: Sequence[str]) -> MessageTemplate:
     """Return the template of a `sensor_msgs/JointState` with efforts alone."""
+    return state_template(joint_names, has_motion=False)
+
+
+def state_template(
+    joint_names: Sequence[str], has_motion: bool = True, has_effort: bool = True,
+) -> MessageTemplate:
+    """Return the template of a `sensor_msgs/JointState`, filled with what it has in its order."""
+    n = len(joint_names)
     writer = CdrWriter()
     writer.data += bytes(8)  # header.stamp
     writer.text('')  # header.frame_id
-    writer.uint32(len(joint_names))
+    writer.uint32(n)
     for name in joint_names:
         writer.text(name)
-    writer.uint32(0)  # position
-    writer.uint32(0)  # velocity
-    return EffortTemplate(writer, len(joint_names), has_stamp=True)
+    starts = []
+    for is_there in (has_motion, has_motion, has_effort):  # position, velocity, effort
+        start = writer.floats(n if is_there else 0)
+        if is_there:
+            starts.append(start)
+    return MessageTemplate(writer.data, starts, n, has_stamp=True)
 
 
-def array_template(n: int) -> EffortTemplate:
+def array_template(n: int) -> MessageTemplate:
     """Return the template of a `std_msgs/Float64MultiArray` of n numbers, without a layout."""
     writer = CdrWriter()
     writer.uint32(0)  # layout.dim
     writer.uint32(0)  # layout.data_offset
-    return EffortTemplate(writer, n, has_stamp=False)
+    return MessageTemplate(writer.data, [writer.floats(n)], n, has_stamp=False)
+
+
+def stamp_bytes(nanoseconds: int) -> bytes:
+    """Return a time of ROS as its 8 bytes."""
+    return _SEC_NANOSEC.pack(*divmod(nanoseconds, 1_000_000_000))

@@ -133,6 +133,9 @@ class SimulatedArmNode(GuardedCallbacks):
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
         self.get_logger().info(
             f'Model {self._arm.name!r}: joints {list(self._arm.joint_names)}')
+
+    def begin(self) -> None:
+        """Let time pass; called when the process is ready."""
         self._loop.start()
 
     def destroy_node(self) -> None:

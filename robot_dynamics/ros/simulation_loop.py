@@ -25,18 +25,17 @@ import math
 import threading
 import time
 
-from builtin_interfaces.msg import Time
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.plant import Measured, Plant
-from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.joint_states import JointStateReader
-from robot_dynamics.ros.message_bytes import read_message
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
+from robot_dynamics.ros.serialized import JointStateDecoder, stamp_bytes, state_template
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -44,8 +43,8 @@ from sensor_msgs.msg import JointState
 NEWEST_ONLY = QoSProfile(depth=1)
 NANOSECONDS_PER_SECOND = 1_000_000_000
 MAX_LAG = 0.1
-"""[s] that the simulation may run late before it says so."""
-FASTEST_PERIOD = 0.8
+"""[s] that the simulation may run late before it says so, and lets go of it."""
+FASTEST_PERIOD = 0.5
 """Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """[s] after which lock-step says its state again: the first time nobody may have listened."""
@@ -56,8 +55,9 @@ class ArmTopics:
 
     def __init__(self, node: Node, joint_names: tuple[str, ...], with_clock: bool) -> None:
         self._node = node
-        self._names = list(joint_names)
-        self._reader = JointStateReader(joint_names)
+        self._decoder, self._reader = JointStateDecoder(), JointStateReader(joint_names)
+        self._with_effort = state_template(joint_names)
+        self._without_effort = state_template(joint_names, has_effort=False)
         self._states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
@@ -75,32 +75,23 @@ class ArmTopics:
             taken = self.efforts.handle.take_message(JointState, True)
             if taken is None:
                 return None
-            message = read_message(taken[0], JointState)
-            effort = self._reader.finite_effort(message)
+            state = self._decoder.decode(taken[0])
+            effort = self._reader.finite_effort(state)
         except Exception as error:  # nothing that arrives may end the simulation
             self._node.get_logger().warning(
                 f'Refused an effort: {reason_of(error)}', throttle_duration_sec=LOG_PERIOD)
             return None
-        stamp = message.header.stamp
-        return effort, stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec
+        return effort, state.stamp.nanoseconds
 
     def publish(self, stamp_ns: int, measured: Measured) -> None:
         """Publish what is measured, after the time that it is of."""
-        stamp = stamp_to_ros(stamp_ns)
         if self._clock is not None:
-            self._clock.publish(Clock(clock=stamp))
-        self._states.publish(self._message(stamp, *measured[:3]))
+            self._clock.publish(Clock(clock=stamp_to_ros(stamp_ns)))
+        template = self._with_effort if len(measured.effort) else self._without_effort
+        stamp = stamp_bytes(stamp_ns)
+        self._states.publish(template.filled(stamp, *measured[:3]))
         if self._motors.get_subscription_count() > 0:
-            self._motors.publish(self._message(stamp, *measured.motors, measured.effort))
-
-    def _message(
-        self, stamp: Time, position: FloatArray, velocity: FloatArray, effort: FloatArray,
-    ) -> JointState:
-        message = JointState(name=self._names)
-        message.header.stamp = stamp
-        message.position, message.velocity, message.effort = (
-            floats_to_ros(values) for values in (position, velocity, effort))
-        return message
+            self._motors.publish(template.filled(stamp, *measured.motors, measured.effort))
 
 
 class _Loop:
@@ -167,8 +158,9 @@ class WallTimeLoop(_Loop):
     A state every period of the wall clock.
 
     Stamps are whole periods apart, as the simulated time is. A late loop catches up at no more
-    than 1 / FASTEST_PERIOD times real time, so that the controller still answers every state. With
-    a time of its own it lets go of what it lags behind beyond MAX_LAG.
+    than 1 / FASTEST_PERIOD times real time, so that the controller still answers every state. What
+    it lags behind beyond MAX_LAG it lets go: a time of its own stands still for that long, and by
+    the computer's clock, where a state would soon be too old to be answered, the arm does.
     """
 
     def _run(self) -> None:
@@ -191,6 +183,8 @@ class WallTimeLoop(_Loop):
                     throttle_duration_sec=LOG_PERIOD)
                 if own_time:
                     start += before - due
+                else:
+                    tick += math.ceil((before - due) / self._period)
             self._watch_commands(passed, stamp_ns)
             measured = self._advance()
 
