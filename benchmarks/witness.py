@@ -1,0 +1,76 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the computer takes away from a process that never waits: gaps in which it does not run.
+
+On a shared machine another may have the core for milliseconds. No program misses fewer cycles than
+this one, which does nothing but read the clock, on each core at the same time.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from typing import NamedTuple
+
+from benchmarks.processes import module
+
+SHORTEST = 2e-4
+"""[s] of a gap that is noted."""
+
+
+class Gaps(NamedTuple):
+    """Gaps [s] of all the cores, and the time [s] that these watched together."""
+
+    gaps: list[float]
+    watched: float
+
+    def missed(self, period: float) -> float:
+        """Return the share of periods [s] that lay in gaps."""
+        return sum(gap // period for gap in self.gaps) / (self.watched / period)
+
+    @property
+    def longest(self) -> float:
+        """Return the longest gap [s]."""
+        return max(self.gaps, default=0.0)
+
+
+def watch(seconds: float) -> Gaps:
+    """Keep all the cores of this process busy for so long, and return their gaps."""
+    cores = sorted(os.sched_getaffinity(0))
+    witnesses = [
+        subprocess.Popen(module('benchmarks.witness', str(core), str(seconds)),
+                         stdout=subprocess.PIPE, text=True) for core in cores]
+    gaps = [gap for witness in witnesses for gap in json.loads(witness.communicate()[0])]
+    return Gaps(gaps, seconds * len(cores))
+
+
+def main(core: int, seconds: float) -> None:
+    """Read the clock on one core for so long; print the gaps."""
+    os.sched_setaffinity(0, {core})
+    gaps = []
+    before = time.perf_counter()
+    end = before + seconds
+    while before < end:
+        now = time.perf_counter()
+        if now - before > SHORTEST:
+            gaps.append(now - before)
+        before = now
+    print(json.dumps(gaps))
+
+
+if __name__ == '__main__':
+    main(int(sys.argv[1]), float(sys.argv[2]))
