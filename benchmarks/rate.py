@@ -67,8 +67,8 @@ def main() -> None:
     with on_two_cores(), arm_file(JOINTS) as urdf:
         gaps = watch(WATCHED)
         print(f'The machine itself, two cores for {WATCHED:g} s: processes that only read the '
-              f'clock could not do so in {100.0 * gaps.missed(1.0 / RATE):.3f} % of the periods of '
-              f'{RATE:g} Hz, for {1e3 * gaps.longest:.1f} ms at the longest')
+              f'clock could not do so in {100.0 * gaps.missed(1.0 / RATE):.3f} % of the periods '
+              f'of {RATE:g} Hz, for {1e3 * gaps.longest:.1f} ms at the longest')
         with bench_node() as node:
             _measure(node, urdf)
 
