@@ -112,6 +112,7 @@ class Controller:
         limit[np.isfinite(limit)] *= options.effort_scale
         with self._lock:
             self._options, self._feedback, self._effort_limit = options, feedback, limit
+            self._least_limit = float(limit.min(initial=np.inf))
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """
@@ -229,14 +230,15 @@ class Controller:
         lost on the way.) Where gravity alone is beyond the limit, the command need not push
         against it: it may be 0, or take load off.
         """
+        values = command.tolist()  # finite: that was checked
+        if own.gravity is None and max(map(abs, values), default=0.0) <= self._least_limit:
+            return command, self._no_joint
         low, high = -self._effort_limit, self._effort_limit
         if own.gravity is not None:
             limit = self.arm.limits.effort
             low = np.maximum(low, np.minimum(-limit - own.gravity, 0.0))
             high = np.minimum(high, np.maximum(limit - own.gravity, 0.0))
         bounded = np.minimum(np.maximum(command, low), high)
-        if bounded.tolist() == command.tolist():
-            return bounded, self._no_joint
         return bounded, bounded != command
 
     def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
