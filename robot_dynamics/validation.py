@@ -58,7 +58,7 @@ def _check_size(
     field: str, array: FloatArray, names: Sequence[str] | None, largest: float,
 ) -> FloatArray:
     """Return the array; raise InvalidInputError where an entry is not finite, or beyond."""
-    good = np.isfinite(array) & (np.abs(array) <= largest)
+    good = np.isfinite(array) if np.isinf(largest) else np.abs(array) <= largest  # nor is NaN
     if good.all():
         return array
     index = tuple(int(i) for i in np.argwhere(~good)[0])
