@@ -15,44 +15,14 @@
 """`scripts/bench [NAME …]`: run the benchmarks that are named, or all but the long ones."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 import io
 import sys
 from typing import TextIO
 
-from benchmarks import (
-    batch,
-    control_path,
-    disturbance,
-    growth,
-    library,
-    memory,
-    message_profile,
-    page,
-    peers,
-    rate,
-    simulation,
-    start_up,
-)
-
-BENCHMARKS: dict[str, Callable[[], None]] = {
-    'library': library.main,
-    'peers': peers.main,
-    'growth': growth.main,
-    'control_path': control_path.main,
-    'message_profile': message_profile.main,
-    'batch': batch.main,
-    'start_up': start_up.main,
-    'simulation': simulation.main,
-    'rate': rate.main,
-    'disturbance': disturbance.main,
-    'memory': memory.main,
-}
-LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
-    'memory_hour': memory.hour,
-}
-"""Run only when they are named."""
+from benchmarks import page
+from benchmarks.catalogue import BENCHMARKS, LONG_BENCHMARKS
 
 
 class Both(io.TextIOBase):
