@@ -45,7 +45,7 @@ PASSED_OVER = 'passed over, as nobody can answer it; control goes on'
 RAW_TYPES = {
     **SERVICES, 'set_parameters': SetParameters, 'get_parameters': GetParameters,
     'set_parameters_atomically': SetParametersAtomically, 'change_state': ChangeState}
-MOST_MEMORY = 2.5 * 2**30
+MOST_MEMORY = 1.5 * 2**30
 """[bytes]: the limit of a node, what it starts with, and some air."""
 
 
@@ -235,7 +235,7 @@ def test_truncated_requests(control: ControlGoesOn, raw: RawRequests) -> None:
 
 
 @fault(GROUP, 'requests that claim to hold 4 billion, or 500 million, entries',
-       f'{PASSED_OVER}; the node takes at most 2 GiB of memory')
+       f'{PASSED_OVER}; the node takes at most 1 GiB of memory')
 def test_counts_that_no_memory_holds(
     control: ControlGoesOn, raw: RawRequests, seen: Any,
 ) -> None:

@@ -25,7 +25,7 @@ from pathlib import Path
 import re
 import resource
 
-MEMORY_LIMIT = 2**31
+MEMORY_LIMIT = 2**30
 """[bytes] that a node may take beyond what it has at its start."""
 FULL_PASSES_APART = 1000
 """Passes of Python's garbage collector over young objects before one over all."""
