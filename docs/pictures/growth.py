@@ -64,6 +64,7 @@ def main(directory: Path) -> None:
                   title='What a call costs as the arm grows')
         every.set_xticks(JOINTS, [str(joints) for joints in JOINTS])
         every.minorticks_off()
+        every.set_ylim(top=20.0 * every.get_ylim()[1])  # room for the legend
         every.legend(frameon=False)
 
         values = times[INVERSE_DYNAMICS]
