@@ -33,7 +33,7 @@ from robot_dynamics.validation import all_finite, FloatArray
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
 """Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""
-_BATCH = 500
+_BATCH = 100
 """Samples that are worked on in one go."""
 
 

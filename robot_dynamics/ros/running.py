@@ -30,7 +30,7 @@ from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
-LONGEST_TURN = 0.0005
+LONGEST_TURN = 0.0001
 """[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""
 MiddlewareError = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
