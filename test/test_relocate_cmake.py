@@ -42,7 +42,7 @@ def relocate(environment: Path) -> None:
     ('/opt/python/cp312-cp312/include/python3.12',
      '/opt/python/cp312-cp312/lib/python3.12/site-packages/numpy/_core/include'),
     ('/usr/include/python3.11',
-     '/home/u/other/.venv/lib/python3.11/site-packages/numpy/core/include'),
+     '/srv/other/.venv/lib/python3.11/site-packages/numpy/core/include'),
 ])
 def test_a_file_that_other_environments_share_is_replaced_and_not_changed(
     tmp_path: Path, python: str, numpy: str,
