@@ -55,7 +55,7 @@ def main() -> None:
     cases: dict[str, tuple[Callable[[], object], Callable[[], object]]] = {
         'inverse dynamics': (
             lambda: body.inverse_dynamics(q, v, a), lambda: pin.rnea(model, data, q, v, a)),
-        'inverse dynamics with friction': (
+        'inverse dynamics, ArmDynamics': (
             lambda: dynamics.inverse_dynamics(q, v, a), lambda: pin.rnea(model, data, q, v, a)),
         'gravity': (
             lambda: body.gravity(q), lambda: pin.computeGeneralizedGravity(model, data, q)),

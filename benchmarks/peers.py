@@ -49,7 +49,7 @@ def library_with_friction(links: list[ChainLink]) -> Calls:
     dynamics = ArmDynamics(load_arm(chain_urdf(links)))
     body = dynamics.rigid_body
     return Calls(
-        f'{OURS}, with friction', dynamics.inverse_dynamics, body.gravity, body.mass_matrix,
+        f'{OURS}, ArmDynamics', dynamics.inverse_dynamics, body.gravity, body.mass_matrix,
         dynamics.forward_dynamics)
 
 
