@@ -38,8 +38,10 @@ LAYERS = {
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
         'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
         'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',
-        'gravity_verdict', 'link_bodies', 'mesh_bounds', 'model_finding', 'payload',
-        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
+        'gravity_verdict', 'joint_series', 'joint_state_bytes', 'link_bodies',
+        'mesh_bounds', 'model_finding', 'payload',
+        'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'recording_loss',
+        'runge_kutta',
         'set_point_stream', 'state_watch',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
     ),
@@ -48,7 +50,8 @@ LAYERS = {
     # and whatever is not ROS
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
-        'effort_residual',
+        'effort_residual', 'mcap_salvage', 'recorded_topic', 'recording_files', 'recording_writer',
+        'sqlite_salvage', 'stored_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
