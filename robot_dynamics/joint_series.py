@@ -16,9 +16,11 @@
 A series of joint states: samples on strictly increasing stamps, and what was wrong with the rest.
 
 A recording may have lost messages, have some twice, or out of order. None of that is mended here:
-samples whose stamp does not advance are left out, and all of it is counted, with the times.
+of repeated stamps the first message is kept, of those out of order as few are left out as make
+the rest increase, and all of it is counted, with the times.
 """
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -33,7 +35,7 @@ from robot_dynamics.joint_state_bytes import (
     JointStateBlock,
     NANOSECONDS_PER_SECOND,
 )
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.validation import FloatArray, LARGEST_VALUE
 
 GAP = 1.5
 """Median periods between two samples beyond which some are missing."""
@@ -55,7 +57,7 @@ class SampleFaults:
     What was wrong with the messages of a series.
 
     `gaps` are those beyond GAP median periods; `duplicated_ns` the stamps that came again,
-    `backward_ns` those that came after a later one. `other_joints`, `incomplete` and `unreadable`
+    `backward_ns` those out of order, behind or ahead of the others around them. `other_joints`, `incomplete` and `unreadable`
     count messages without the wanted joints, without a finite number in a field that others have,
     and with bytes that are no joint state. With `arrival_times` no message had a stamp, so that
     the times are those at which they were recorded.
@@ -90,7 +92,8 @@ class SampleFaults:
                 f'{1e-6 * self.period_ns:.3g} ms, the longest '
                 f'{1e-6 * (longest.end_ns - longest.start_ns):.3g} ms; '
                 + self._at([gap.start_ns for gap in self.gaps]))
-        for what, stamps in (('duplicated', self.duplicated_ns), ('backward', self.backward_ns)):
+        for what, stamps in (
+                ('duplicated', self.duplicated_ns), ('out of order', self.backward_ns)):
             if len(stamps):
                 lines.append(f'{what}: {_counted(len(stamps), "sample")} left out; '
                              + self._at(stamps.tolist()))
@@ -120,8 +123,8 @@ class JointSeries:
 
     `stamps_ns` (m,) are strictly increasing. `position`, `velocity` and `effort` are (m, n)
     [rad or m, per second, N·m or N], or None where no message has the field. `passed_over` counts
-    messages left out: other joints, a stamp that does not advance, or a field that is missing
-    or not finite while others have it; `faults` says which.
+    messages left out: other joints, a stamp twice or out of order, or a field that is missing,
+    not finite or beyond LARGEST_VALUE while others have it; `faults` says which.
     """
 
     joint_names: tuple[str, ...]
@@ -224,25 +227,28 @@ class RecordedJointStates:
         arrival_times: bool,
     ) -> JointSeries:
         """Return the series of what advances and is finite, and count the rest."""
-        finite = {f: np.isfinite(values).all(axis=1) for f, values in columns.items()}
+        finite = {f: (np.abs(values) <= LARGEST_VALUE).all(axis=1)  # nor is NaN
+                  for f, values in columns.items()}
         fields = [f for f in FIELDS if finite[f].any()]
         whole = np.logical_and.reduce([finite[f] for f in fields]) if fields else (
-            np.ones(len(stamps), dtype=np.bool_))
-        advancing, repeated = _advancing(stamps)
-        keep = advancing & whole
-        if not keep.any() or not fields:
+            np.zeros(len(stamps), dtype=np.bool_))
+        if not whole.any():
             raise RecordingError(
                 f'no message of {self.source} has all its fields finite at the joints '
                 f'{list(names)}')
+        places = np.flatnonzero(whole)
+        advancing, repeated = _advancing(stamps[whole])
+        keep = places[advancing]
         kept = stamps[keep]
         count = len(self.times_ns)
         periods = np.diff(kept)
         period = int(np.median(periods)) if len(periods) else 0
         faults = SampleFaults(
             message_count=count, period_ns=period, gaps=_gaps(kept, periods, period),
-            duplicated_ns=stamps[repeated], backward_ns=stamps[~advancing & ~repeated],
+            duplicated_ns=stamps[places[repeated]],
+            backward_ns=stamps[places[~advancing & ~repeated]],
             other_joints=count - len(stamps) - len(self.decoded.unreadable),
-            incomplete=int((advancing & ~whole).sum()),
+            incomplete=int((~whole).sum()),
             unreadable=len(self.decoded.unreadable), arrival_times=arrival_times,
             start_ns=int(kept[0]))
 
@@ -266,10 +272,39 @@ def _column(blocks: Sequence[JointStateBlock], name: str, joints: Sequence[str])
 
 
 def _advancing(stamps: IntArray) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Return which stamps are beyond all before them, and which equal the latest of those."""
-    before = np.maximum.accumulate(stamps)[:-1]
-    return (np.concatenate(([True], stamps[1:] > before)),
-            np.concatenate(([False], stamps[1:] == before)))
+    """Return which stamps make the longest increasing series, and which came before."""
+    repeated = np.zeros(len(stamps), dtype=np.bool_)
+    if (np.diff(stamps) > 0).all():
+        return ~repeated, repeated
+    repeated[:] = True
+    repeated[np.unique(stamps, return_index=True)[1]] = False
+    places = np.flatnonzero(~repeated)
+    advancing = np.zeros(len(stamps), dtype=np.bool_)
+    advancing[places[_longest_increasing(stamps[places].tolist())]] = True
+    return advancing, repeated
+
+
+def _longest_increasing(values: Sequence[int]) -> list[int]:
+    """
+    Return the places of a longest increasing subsequence of distinct values.
+
+    Source: M. L. Fredman, *Discrete Mathematics* 11(1), 1975: patience sorting, m log m steps.
+    """
+    ends: list[int] = []
+    places: list[int] = []
+    before: list[int] = []
+    for place, value in enumerate(values):
+        length = bisect_left(ends, value)
+        before.append(places[length - 1] if length else -1)
+        if length == len(ends):
+            ends.append(value)
+            places.append(place)
+        else:
+            ends[length], places[length] = value, place
+    chain = [places[-1]]
+    while before[chain[-1]] >= 0:
+        chain.append(before[chain[-1]])
+    return chain[::-1]
 
 
 def _gaps(stamps: IntArray, periods: IntArray, period: int) -> tuple[Gap, ...]:

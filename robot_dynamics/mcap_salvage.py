@@ -31,6 +31,7 @@ from robot_dynamics.recording_loss import Loss
 
 MAGIC = b'\x89MCAP0\r\n'
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 1, 2, 3, 4, 5, 6, 15
+_IN_CHUNKS = (_SCHEMA, _CHANNEL, _MESSAGE)
 _LAST_OPCODE = 0x0F
 _RECORD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
@@ -77,7 +78,7 @@ class SalvagedMcap:
         size = self.path.stat().st_size
         with self.path.open('rb') as file:
             if size == 0:
-                self._lose('is empty', lost_bytes=0)
+                self._lose('is empty')
                 return
             if file.read(len(MAGIC)) != MAGIC:
                 self._lose('does not begin as an MCAP file', lost_bytes=size)
@@ -104,8 +105,7 @@ class SalvagedMcap:
                     newest = message[1]
                     yield message
             if not whole:
-                self._lose(f'cut off inside the record at byte {start}',
-                           lost_bytes=0 if code == _CHUNK else size - start, start_ns=newest)
+                self._lose(f'cut off inside the record at byte {start}', start_ns=newest)
                 return
             file.seek(start + _RECORD.size + length)
         if not ended:
@@ -162,18 +162,45 @@ class SalvagedMcap:
             self._lose(f'the chunk at byte {start} fails its checksum: all of it is left out',
                        lost_bytes=len(body), **times)
             return
-        at = 0
+        yield from self._records_of_chunk(data, whole and sound, start, (first, last))
+
+    def _records_of_chunk(
+        self, data: bytes, complete: bool, start: int, span: tuple[int, int],
+    ) -> Iterator[tuple[Channel, int, bytes]]:
+        """Yield the messages in a chunk; noise between them is passed over."""
+        at, newest = 0, None
         while at + _RECORD.size <= len(data):
             code, length = _RECORD.unpack_from(data, at)
             end = at + _RECORD.size + length
-            if end > len(data) or not 0 < code <= _LAST_OPCODE:
-                if whole and sound:
+            if end > len(data) or code not in _IN_CHUNKS or (
+                    code == _MESSAGE and not self._is_message(data, at, span)):
+                found = self._next_message(data, at + 1, span)
+                if complete or found < len(data):
                     self._lose(f'no record at byte {at} of the chunk at byte {start}',
-                               lost_bytes=len(data) - at, **times)
-                return
-            if code in (_SCHEMA, _CHANNEL, _MESSAGE):
-                yield from self._record(code, data[at + _RECORD.size:end], True, start)
+                               lost_bytes=found - at, start_ns=newest)
+                at = found
+                continue
+            for message in self._record(code, data[at + _RECORD.size:end], True, start):
+                newest = message[1]
+                yield message
             at = end
+
+    def _is_message(self, data: bytes, at: int, span: tuple[int, int]) -> bool:
+        """Tell whether what is there looks like a message of this chunk."""
+        if at + _RECORD.size + _MESSAGE_HEAD.size > len(data):
+            return False
+        _, length = _RECORD.unpack_from(data, at)
+        number, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, at + _RECORD.size)
+        return (number in self.channels and span[0] <= time_ns <= span[1]
+                and _MESSAGE_HEAD.size <= length <= len(data) - at - _RECORD.size)
+
+    def _next_message(self, data: bytes, at: int, span: tuple[int, int]) -> int:
+        """Return where the next record is that looks like a message of this chunk."""
+        while (at := data.find(bytes([_MESSAGE]), at)) >= 0:
+            if self._is_message(data, at, span):
+                return at
+            at += 1
+        return len(data)
 
 
 def _text(body: bytes, at: int) -> tuple[str, int]:

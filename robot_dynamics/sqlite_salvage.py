@@ -48,7 +48,7 @@ class SalvagedSqlite:
         self._missing_to: int | None = None
         size = path.stat().st_size
         if size == 0:
-            self.losses.append(Loss(path.name, 'is empty', lost_bytes=0))
+            self.losses.append(Loss(path.name, 'is empty'))
             return
         with path.open('rb') as file:
             head = file.read(100)

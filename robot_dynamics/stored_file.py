@@ -136,7 +136,9 @@ class _File:
     def _salvage(self) -> None:
         self.close()
         self._salvaged = self._salvager()
-        self.losses += [loss._replace(file=self._name) for loss in self._salvaged.losses]
+        for loss in self._salvaged.losses:
+            named = loss._replace(file=self._name)
+            self.losses += [named] if named not in self.losses else []
         self.topics = self._salvaged_topics()
 
     def _salvager(self) -> Any:
@@ -206,7 +208,7 @@ def _decompress(path: Path, out: Path) -> list[Loss]:
                                         f'{size} on ({error})', lost_bytes=size - done)]
             done = source.tell()
     if size == 0:
-        return [Loss(path.name, 'is empty', lost_bytes=0)]
+        return [Loss(path.name, 'is empty')]
     return [] if decompressor.eof else [Loss(path.name, 'compressed, and cut off')]
 
 
