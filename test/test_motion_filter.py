@@ -57,7 +57,7 @@ def test_acceleration_of_a_noisy_motion(rate, quantum, has_velocity):
     assert 3.0 < found.cutoff_hz <= 0.2001 * rate
     use = found.usable
     assert np.all(relative_error(found.velocity[use], v[use]) < 0.01)
-    assert np.all(relative_error(found.acceleration[use], a[use]) < 0.06)
+    assert np.all(relative_error(found.acceleration[use], a[use]) < 0.1)
 
 
 def test_the_filter_has_no_phase_and_halves_at_its_cutoff():
