@@ -109,11 +109,13 @@ class _File:
         if self._reader is not None:
             wanted = [c for c in self._reader.connections if c.topic == topic]
             try:
-                return self._plain([
-                    (time_ns, data) for _, time_ns, data in self._reader.messages(wanted)
-                ] if wanted else [])
+                messages = [(time_ns, data) for _, time_ns, data in self._reader.messages(wanted)
+                            ] if wanted else []
             except Exception:  # as above
-                self._salvage()
+                messages = []
+            if len(messages) >= sum(connection.msgcount for connection in wanted):
+                return self._plain(messages)
+            self._salvage()  # noise may look like the end to the library
         found = self._salvaged.messages(topic)
         found.sort(key=lambda message: message[0])
         return self._plain(found)
