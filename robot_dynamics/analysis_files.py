@@ -23,11 +23,12 @@ from robot_dynamics.bag_analysis import BagAnalysis
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.message_tables import (
     DYNAMICS_TERMS,
-    DYNAMICS_TERMS_TEXT,
     dynamics_terms_messages,
+    DYNAMICS_TERMS_TEXT,
     joint_state_messages,
 )
 from robot_dynamics.recording import JOINT_STATE, RecordingWriter
+from robot_dynamics.recording_files import METADATA
 from robot_dynamics.validation import FloatArray
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
@@ -108,14 +109,24 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     """
     Write a recording of the model's terms, and of the residual, on the original stamps.
 
-    Topics are those of `dynamics_node`. Raises RecordingError where the directory exists.
+    Topics are those of `dynamics_node`. A recording of this name that this wrote before is
+    replaced. Raises RecordingError where the directory has anything else.
     """
+    _remove_recording(directory)
     with RecordingWriter(directory, {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT}) as writer:
         stamps = analysis.motion.stamps_ns.tolist()
         for topic, kind, messages in _messages(analysis):
             writer.add_topic(topic, kind)
             for stamp, message in zip(stamps, messages):
                 writer.write(topic, stamp, message)
+
+
+def _remove_recording(directory: Path) -> None:
+    names = {METADATA, f'{directory.name}.mcap'}
+    if directory.is_dir() and {entry.name for entry in directory.iterdir()} <= names:
+        for name in names:
+            (directory / name).unlink(missing_ok=True)
+        directory.rmdir()
 
 
 def _messages(analysis: BagAnalysis) -> Iterator[tuple[str, str, list[bytes]]]:

@@ -29,7 +29,6 @@ from robot_dynamics.plotting import (
     joint_figure,
     Panel,
     residual_panel,
-    save_figure,
     scatter_figure,
 )
 from robot_dynamics.validation import FloatArray
@@ -86,13 +85,20 @@ def _with_gaps(analysis: BagAnalysis, values: FloatArray) -> FloatArray:
     return broken
 
 
-def write_picture(analysis: BagAnalysis, path: Path) -> None:
-    """Write the picture of efforts; raise OSError, MissingDependencyError without matplotlib."""
-    save_figure(effort_figure(analysis), path)
-
-
 def write_report(analysis: BagAnalysis, path: Path) -> None:
-    """Write the page; raise OSError, MissingDependencyError without matplotlib."""
+    """
+    Write the page, and the picture of efforts beside it, under the same name as PNG.
+
+    Raises OSError, MissingDependencyError without matplotlib.
+    """
+    efforts = _png(effort_figure(analysis))
+    path.with_suffix('.png').write_bytes(efforts)
+    scatter = friction_figure(analysis)
+    path.write_text(
+        _page(analysis, efforts, None if scatter is None else _png(scatter)), encoding='utf-8')
+
+
+def _page(analysis: BagAnalysis, efforts: bytes, scatter: bytes | None) -> str:
     read = analysis.recording
     title = f'{read.path.name}: measured effort and model' if analysis.measured is not None else (
         f'{read.path.name}: effort of the model')
@@ -107,15 +113,14 @@ def write_report(analysis: BagAnalysis, path: Path) -> None:
                  '<p>relative: RMS of the residual by RMS of the measured effort; R²: share of '
                  'the variance that the model explains.</p>']
     body += ['<h2>Use of limits</h2>', _table(limit_rows(analysis))]
-    body += ['<h2>Effort over time</h2>', _image(effort_figure(analysis))]
-    scatter = friction_figure(analysis)
+    body += ['<h2>Effort over time</h2>', _image(efforts, 'Measured and model effort')]
     if scatter is not None:
-        body += ['<h2>Residual over velocity</h2>', _image(scatter)]
-    path.write_text(
+        body += ['<h2>Residual over velocity</h2>', _image(scatter, 'Residual over velocity')]
+    return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
         f'<title>{escape(title)}</title><style>{_STYLE}</style></head>\n<body>\n'
-        + '\n'.join(body) + '\n</body></html>\n', encoding='utf-8')
+        + '\n'.join(body) + '\n</body></html>\n')
 
 
 def _table(rows: Sequence[Sequence[str]], has_head: bool = True) -> str:
@@ -132,8 +137,13 @@ def _list(lines: Iterable[str], kind: str) -> str:
     return f'<ul class="{kind}">' + ''.join(f'<li>{escape(line)}</li>' for line in lines) + '</ul>'
 
 
-def _image(figure: Any) -> str:
+def _image(png: bytes, what: str) -> str:
+    encoded = b64encode(png).decode('ascii')
+    return (f'<div class="wide"><img alt="{escape(what)}" '
+            f'src="data:image/png;base64,{encoded}"></div>')
+
+
+def _png(figure: Any) -> bytes:
     data = BytesIO()
     figure.savefig(data, format='png')
-    encoded = b64encode(data.getvalue()).decode('ascii')
-    return f'<div class="wide"><img alt="" src="data:image/png;base64,{encoded}"></div>'
+    return data.getvalue()

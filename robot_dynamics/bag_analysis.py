@@ -20,7 +20,7 @@ that of inverse dynamics at the filtered motion (`effort_residual`). Samples nea
 where the filter has to guess, are given but do not count.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -38,10 +38,12 @@ from robot_dynamics.effort_semantics import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.parameter_file import described_arm, described_semantics
-from robot_dynamics.recording import JointSeries, Recording, RecordedTopic
+from robot_dynamics.recording import JointSeries, RecordedTopic, Recording
 from robot_dynamics.validation import FloatArray
 
 ROBOT_DESCRIPTION = '/robot_description'
+IMPLAUSIBLE = 10.0
+"""Times a limit of position, velocity or effort: what is beyond is noise of a damaged file."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,12 @@ class LimitUse:
 
 @dataclass(frozen=True, eq=False)
 class BagAnalysis:
-    """A recording beside the model; `measured` (m, n) [N·m] or [N] and what needs it may be None."""
+    """
+    A recording beside the model.
+
+    `measured` (m, n) [N·m] or [N] is None where no effort was recorded, and so are `residual` and
+    `statistics`, which are of the samples that `motion.usable` marks.
+    """
 
     recording: ReadRecording
     motion: FilteredMotion
@@ -132,6 +139,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         origin = int(series.stamps_ns[0])
         losses = tuple(loss.words(origin) for loss in recording.losses)
         remarks = [*recording.notes, *series.faults.words()]
+    arm = described_arm(urdf, joints, settings.parameters)
+    series, wild = _plausible(series, arm, settings.parameters)
     series, held = _with_motors_on(series)
     locked = [name for name in whole.joint_names if name not in joints]
     if locked:
@@ -143,18 +152,27 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     if held:
         remarks.append(f'the first {held} samples have no effort at all, as with brakes on, and '
                        'are left out')
-    arm = described_arm(urdf, joints, settings.parameters)
+    if wild:
+        remarks.append(f'left out: {wild} samples beyond {IMPLAUSIBLE:g} times a limit of the arm')
     return ReadRecording(path, topic, arm, series, losses, tuple(remarks))
 
 
-def analyze_recording(path: Path, settings: AnalysisSettings) -> BagAnalysis:
+STEPS = ('read', 'filtered', 'compared')
+"""What `analyze_recording` tells of, in this order."""
+
+
+def analyze_recording(
+    path: Path, settings: AnalysisSettings, on_step: Callable[[str], None] = lambda _: None,
+) -> BagAnalysis:
     """
-    Return a recording beside the model.
+    Return a recording beside the model; `on_step` hears of each of STEPS when it is done.
 
     Raises RecordingError, ModelError, or InvalidInputError where they do not fit.
     """
     read = read_for_arm(path, settings)
+    on_step('read')
     motion = filter_motion(read.series, settings.cutoff_hz)
+    on_step('filtered')
     terms = model_terms(
         ArmDynamics(read.arm), motion.position, motion.velocity, motion.acceleration)
     measured, remark = _joint_effort(motion, terms, read.arm, settings.parameters)
@@ -167,6 +185,7 @@ def analyze_recording(path: Path, settings: AnalysisSettings) -> BagAnalysis:
     statistics = None if measured is None else residual_statistics(
         measured[usable], terms.effort[usable], read.arm.joint_names)
     use = _limit_use(read.arm, motion, terms.effort if measured is None else measured)
+    on_step('compared')
     return BagAnalysis(read, motion, terms, measured, statistics, use)
 
 
@@ -196,6 +215,27 @@ def _renamed(
                 f"--map {'='.join(pair)} fits no joint, expected one name of the recording, "
                 f'{list(recorded)}, and one of the arm, {list(arm.joint_names)}')
     return names
+
+
+def _plausible(
+    series: JointSeries, arm: ArmModel, parameters: Mapping[str, Any],
+) -> tuple[JointSeries, int]:
+    """Return the samples within IMPLAUSIBLE times the limits, and how many are not: noise."""
+    good = np.ones(len(series.stamps_ns), dtype=np.bool_)
+    is_motor_side = parameters.get('measured_effort') in MOTOR_SIDE
+    reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
+    for values, limit in (
+            (series.position, reach), (series.velocity, arm.limits.velocity),
+            (None if is_motor_side else series.effort, arm.limits.effort)):
+        if values is not None:
+            bound = np.where(limit > 0.0, IMPLAUSIBLE * limit, np.inf)
+            good &= (np.abs(values) <= bound).all(axis=1)
+    if not good.any():
+        raise RecordingError(
+            f'every sample is beyond {IMPLAUSIBLE:g} times a limit of the arm {arm.name!r}, '
+            'expected its own description')
+    return (series, 0) if good.all() else (
+        series.at(np.flatnonzero(good)), int((~good).sum()))
 
 
 def _with_motors_on(series: JointSeries) -> tuple[JointSeries, int]:

@@ -31,6 +31,7 @@ import json
 import multiprocessing
 import os
 from pathlib import Path
+import signal
 import threading
 from typing import Any
 
@@ -61,10 +62,12 @@ def run_tasks(
     workers: int | None = None, cache: Path | None = None, dask: str | None = None,
     on_done: Callable[[TaskOutcome], None] | None = None,
     is_valid: Callable[[Path, Result], bool] | None = None,
+    each: Sequence[Configuration] | None = None,
 ) -> list[TaskOutcome]:
     """
     Return what `function(bag, configuration)` gives for each recording, in their order.
 
+    `each` has more of the configuration for every single recording, in the same order.
     `workers` processes share the work, one a core by default; with 1, this one does it. With
     `dask`, the address of a scheduler, its workers do, which must see the same files and have
     this package. `cache` is a directory for results, None to keep none; `is_valid` says of a kept
@@ -75,14 +78,15 @@ def run_tasks(
     scheduler cannot be reached.
     """
     one = partial(
-        _execute, function, configuration=dict(configuration), cache=cache, is_valid=is_valid,
-        code=_code_digest())
+        _execute, function, cache=cache, is_valid=is_valid, code=_code_digest())
+    jobs = [(bag, {**configuration, **(each[i] if each else {})}) for i, bag in enumerate(bags)]
+    processes = min(workers or os.cpu_count() or 1, len(bags))
     if dask is not None:
-        done = _on_dask(one, bags, dask)
-    elif (workers or os.cpu_count() or 1) == 1 or len(bags) <= 1:
-        done = ((i, one(bag)) for i, bag in enumerate(bags))
+        done = _on_dask(one, jobs, dask)
+    elif processes <= 1:
+        done = ((i, one(job)) for i, job in enumerate(jobs))
     else:
-        done = _in_processes(one, bags, min(workers or os.cpu_count() or 1, len(bags)))
+        done = _in_processes(one, jobs, processes)
     outcomes: dict[int, TaskOutcome] = {}
     for i, outcome in done:
         outcomes[i] = outcome
@@ -91,11 +95,17 @@ def run_tasks(
     return [outcomes[i] for i in range(len(bags))]
 
 
+Job = tuple[Path, dict[str, Any]]
+"""A recording, and its configuration."""
+Numbered = tuple[int, TaskOutcome]
+
+
 def _execute(
-    function: Task, bag: Path, *, configuration: dict[str, Any], cache: Path | None,
+    function: Task, job: Job, *, cache: Path | None,
     is_valid: Callable[[Path, Result], bool] | None, code: str,
 ) -> TaskOutcome:
     """Return the outcome of one recording, from before where it is kept."""
+    bag, configuration = job
     try:
         if cache is None:
             return TaskOutcome(bag, function(bag, configuration))
@@ -116,7 +126,8 @@ def task_key(function: Task, bag: Path, configuration: Configuration, code: str 
     """Return the key of a result: a digest of all that it depends on; raise OSError."""
     digest = hashlib.blake2b(digest_size=20)
     # The path, too: it stands in what is written.
-    about = (function.__module__, function.__qualname__, str(bag.resolve()), code, configuration)
+    name = function.func if isinstance(function, partial) else function
+    about = (name.__module__, name.__qualname__, str(bag.resolve()), code, configuration)
     digest.update(json.dumps(about, sort_keys=True).encode())
     for file in _files_of(bag):
         digest.update(f'\0{file.name}\0{file.stat().st_size}\0'.encode())
@@ -147,13 +158,10 @@ def _code_digest() -> str:
 
 # ---------------------------------------------------------------------- processes
 
-Numbered = tuple[int, TaskOutcome]
-
-
 def _in_processes(
-    one: Callable[[Path], TaskOutcome], bags: Sequence[Path], workers: int,
+    one: Callable[[Job], TaskOutcome], jobs: Sequence[Job], workers: int,
 ) -> Iterator[Numbered]:
-    left = dict(enumerate(bags))
+    left = dict(enumerate(jobs))
     try:
         for i, outcome in _in_pool(one, left, workers):
             del left[i]
@@ -161,32 +169,33 @@ def _in_processes(
     except BrokenProcessPool:
         # A process died, and all that was under way with it: which one killed it, each tells in
         # a process of its own.
-        for i, bag in left.items():
+        for i, job in left.items():
             try:
-                yield from _in_pool(one, {i: bag}, 1)
+                yield from _in_pool(one, {i: job}, 1)
             except BrokenProcessPool:
-                yield i, TaskOutcome(bag, error='its process died, by a signal or for lack of '
+                yield i, TaskOutcome(job[0], error='its process died, by a signal or for lack of '
                                                 'memory')
 
 
 def _in_pool(
-    one: Callable[[Path], TaskOutcome], bags: Mapping[int, Path], workers: int,
+    one: Callable[[Job], TaskOutcome], jobs: Mapping[int, Job], workers: int,
 ) -> Iterator[Numbered]:
     with _one_thread_each():
         # Not forked: the engines' threads would not survive that.
         pool = ProcessPoolExecutor(
-            workers, multiprocessing.get_context('spawn'), initializer=_end_with_parent)
+            workers, multiprocessing.get_context('spawn'), initializer=_begin_process)
         try:
             futures: dict[Future[TaskOutcome], int] = {
-                pool.submit(one, bag): i for i, bag in bags.items()}
+                pool.submit(one, job): i for i, job in jobs.items()}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _end_with_parent() -> None:
-    """End this process when its parent does, however that ended."""
+def _begin_process() -> None:
+    """Finish what is under way at Ctrl-C, but end with the parent, however that ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -215,7 +224,7 @@ def _one_thread_each() -> Iterator[None]:
 # ---------------------------------------------------------------------- Dask
 
 def _on_dask(
-    one: Callable[[Path], TaskOutcome], bags: Sequence[Path], scheduler: str,
+    one: Callable[[Job], TaskOutcome], jobs: Sequence[Job], scheduler: str,
 ) -> Iterator[Numbered]:
     distributed = require_dask()
     try:
@@ -225,12 +234,13 @@ def _on_dask(
             f'no Dask scheduler answers at {scheduler!r}: {error}') from None
     with client:
         futures = {
-            client.submit(one, bag.resolve(), pure=False): i for i, bag in enumerate(bags)}
+            client.submit(one, (bag.resolve(), configuration), pure=False): i
+            for i, (bag, configuration) in enumerate(jobs)}
         for future in distributed.as_completed(futures):
             i = futures[future]
-            error = future.exception()
-            yield i, future.result() if error is None else TaskOutcome(
-                bags[i], error=f'{type(error).__name__}: {error}')
+            failure = future.exception()
+            yield i, future.result() if failure is None else TaskOutcome(
+                jobs[i][0], error=f'{type(failure).__name__}: {failure}')
 
 
 def require_dask() -> Any:

@@ -29,7 +29,6 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import FloatArray
 
-
 _ROUNDING = 1e-12
 """Of the mean square: a variance below it is that of a constant."""
 
@@ -154,11 +153,11 @@ def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics
         return np.asarray(share @ np.array([getattr(part, field) for part in parts]))
 
     def root(field: str) -> FloatArray:
-        return np.sqrt(share @ np.array([getattr(part, field)**2 for part in parts]))
+        return np.asarray(np.sqrt(share @ np.array([getattr(part, field)**2 for part in parts])))
 
     return ResidualStatistics(
         names[0], int(counts.sum()), root('rms_measured'), mean('mean_measured'), root('rms'),
-        mean('mean'), np.max([part.largest for part in parts], axis=0))
+        mean('mean'), np.asarray(np.array([part.largest for part in parts]).max(axis=0)))
 
 
 def _rms(values: FloatArray) -> FloatArray:

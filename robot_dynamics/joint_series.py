@@ -57,10 +57,10 @@ class SampleFaults:
     What was wrong with the messages of a series.
 
     `gaps` are those beyond GAP median periods; `duplicated_ns` the stamps that came again,
-    `backward_ns` those out of order, behind or ahead of the others around them. `other_joints`, `incomplete` and `unreadable`
-    count messages without the wanted joints, without a finite number in a field that others have,
-    and with bytes that are no joint state. With `arrival_times` no message had a stamp, so that
-    the times are those at which they were recorded.
+    `backward_ns` those out of order, behind or ahead of the others around them. `other_joints`,
+    `incomplete` and `unreadable` count messages without the wanted joints, without a finite
+    number in a field that others have, and with bytes that are no joint state. With
+    `arrival_times` no message had a stamp: the times are those at which they were recorded.
     """
 
     message_count: int = 0
@@ -148,6 +148,10 @@ class JointSeries:
     def after(self, count: int) -> 'JointSeries':
         """Return the samples without so many first ones."""
         rows = np.arange(count, len(self.stamps_ns))
+        return self._chosen(rows, np.arange(len(self.joint_names)))
+
+    def at(self, rows: npt.NDArray[np.intp]) -> 'JointSeries':
+        """Return the samples at these places."""
         return self._chosen(rows, np.arange(len(self.joint_names)))
 
     def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':

@@ -71,11 +71,11 @@ def decode_joint_states(messages: Sequence[bytes]) -> DecodedJointStates:
     lengths = np.fromiter(map(len, messages), dtype=np.int64, count=len(messages))
     for length in np.unique(lengths):
         rows = np.flatnonzero(lengths == length)
-        table = np.frombuffer(
-            b''.join([messages[row] for row in rows]), np.uint8).reshape(len(rows), int(length))
+        together = b''.join([messages[row] for row in rows.tolist()])
+        table = np.frombuffer(together, np.uint8).reshape(len(rows), int(length))
         while len(rows):
             try:
-                layout = _read_layout(messages[rows[0]])
+                layout = _read_layout(messages[int(rows[0])])
             except _UnreadableError:
                 alike = _same_bytes(table)
                 unreadable += rows[alike].tolist()

@@ -101,8 +101,10 @@ def described_arm(
         by_name = dict(zip(whole.joint_names, value))
         return [by_name[name] for name in names]
 
+    viscous, coulomb, static, stribeck_velocity, offset = (
+        of_joints(f'friction.{field}') for field in FRICTION_FIELDS)
     arm = arm.with_friction(make_friction(
-        names, *(of_joints(f'friction.{field}') for field in FRICTION_FIELDS), arm.friction))
+        names, viscous, coulomb, static, stribeck_velocity, offset, arm.friction))
     motors = [of_joints(f'actuator.{field}') for field in ACTUATOR_FIELDS]
     if not any(motors):
         return arm

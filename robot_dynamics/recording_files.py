@@ -155,12 +155,7 @@ def _with_metadata(path: Path, stated: Any) -> RecordingFiles:
         if file.is_file():
             present.append(file)
             continue
-        about = by_file.get(file.name)
-        first = None if about is None else int(about['starting_time']['nanoseconds_since_epoch'])
-        losses.append(Loss(
-            file.name, f'listed in {METADATA} and missing',
-            lost_messages=None if about is None else int(about['message_count']), start_ns=first,
-            end_ns=None if first is None else first + int(about['duration']['nanoseconds'])))
+        losses.append(_missing(file.name, by_file.get(file.name)))
     others = [file for group in storage_groups(path) for file in group if file not in listed]
     if not present and not others:
         raise RecordingError(
@@ -172,6 +167,17 @@ def _with_metadata(path: Path, stated: Any) -> RecordingFiles:
     return RecordingFiles(
         (*present, *others), counts, end_ns if sum(counts.values()) else None, tuple(losses),
         notes)
+
+
+def _missing(name: str, about: Any) -> Loss:
+    """Return the loss of a file, `about` which the metadata may have more to say."""
+    reason = f'listed in {METADATA} and missing'
+    if about is None:
+        return Loss(name, reason)
+    first = int(about['starting_time']['nanoseconds_since_epoch'])
+    return Loss(
+        name, reason, lost_messages=int(about['message_count']), start_ns=first,
+        end_ns=first + int(about['duration']['nanoseconds']))
 
 
 def _stem_and_number(path: Path) -> tuple[str, int]:

@@ -35,13 +35,14 @@ _REST = 'json'
 
 def save_result(directory: Path, key: str, result: Mapping[str, Any]) -> None:
     """Keep a result; raise OSError, or TypeError for what JSON cannot write."""
-    arrays = {name: value for name, value in result.items() if isinstance(value, np.ndarray)}
-    rest = {name: value for name, value in result.items() if name not in arrays}
-    text = np.frombuffer(json.dumps(rest).encode(), np.uint8)
+    rest = {name: value for name, value in result.items() if not isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {
+        f'array_{name}': value for name, value in result.items() if name not in rest}
+    arrays[_REST] = np.frombuffer(json.dumps(rest).encode(), np.uint8)
     directory.mkdir(parents=True, exist_ok=True)
     unfinished = directory / f'{key}.{os.getpid()}.part'
     with unfinished.open('wb') as file:
-        np.savez(file, **{_REST: text}, **{f'array_{name}': a for name, a in arrays.items()})
+        np.savez(file, **arrays)
     unfinished.replace(_place(directory, key))
 
 

@@ -52,7 +52,8 @@ LAYERS = {
     'uses': (
         'motion_filter',
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
-        'analysis_files', 'analysis_report', 'analysis_words', 'bag_tasks', 'effort_residual',
+        'analysis_files', 'analysis_report', 'analysis_task', 'analysis_words', 'bag_tasks',
+        'effort_residual',
         'mcap_salvage', 'parameter_file', 'recorded_topic', 'recording_files', 'recording_writer',
         'sqlite_salvage', 'stored_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
