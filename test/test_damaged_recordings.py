@@ -233,9 +233,9 @@ def test_a_chunk_that_fails_its_checksum_is_left_out(tmp_path):
 
 def test_without_any_message_left_it_is_said_why(copied):
     path = copied('mcap')
-    cut(stored_file(path), 0.001)
-    with pytest.raises(RecordingError, match=r'cannot be read: .*mcap\.mcap: cut off'):
-        Recording(path)
+    stored_file(path).write_bytes(stored_file(path).read_bytes()[:300])
+    with pytest.raises(RecordingError, match=r'can.* be read.*mcap\.mcap: cut off'):
+        read(path)
 
 
 def test_a_page_of_noise_in_a_database(copied):
