@@ -23,7 +23,8 @@ pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
 from recordings import KnownMotion, write_recording  # noqa: E402
 from robot_dynamics.actuator import make_actuators  # noqa: E402
-from robot_dynamics.bag_analysis import AnalysisSettings, analyze_recording  # noqa: E402
+from robot_dynamics.arm_recording import AnalysisSettings  # noqa: E402
+from robot_dynamics.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
 from robot_dynamics.message_tables import joint_state_messages  # noqa: E402
 from robot_dynamics.parameter_file import described_arm, read_parameter_file  # noqa: E402
@@ -173,7 +174,10 @@ def test_motor_currents_are_converted_by_the_parameters(tmp_path):
   ros__parameters:
     joints: [joint2, joint1]
     measured_effort: motor_current
-    actuator: {torque_constant: [0.2, 0.1], gear_ratio: [100.0, 50.0], rotor_inertia: [2.0e-4, 1.0e-4]}
+    actuator:
+      torque_constant: [0.2, 0.1]
+      gear_ratio: [100.0, 50.0]
+      rotor_inertia: [2.0e-4, 1.0e-4]
 """)
     analysis = analyze_recording(recorded(tmp_path, messages), AnalysisSettings(
         URDF, parameters=read_parameter_file(file)))
