@@ -35,7 +35,9 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
-        'tools': ['matplotlib', 'rosbags', 'scipy'],
+        'tools': ['matplotlib', 'pyyaml', 'rosbags', 'scipy'],
+        'parquet': ['pyarrow'],  # of analyze_bag
+        'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
@@ -49,6 +51,7 @@ setup(
         'console_scripts': [
             'dynamics_node = robot_dynamics.ros.start:dynamics_node',
             'simulated_arm = robot_dynamics.ros.start:simulated_arm',
+            'analyze_bag = robot_dynamics.tools.analyze_bag:main',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
