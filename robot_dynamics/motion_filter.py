@@ -213,6 +213,17 @@ def zero_phase(
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
 
 
+def samples_a_sample(cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER) -> float:
+    """
+    Return how many filtered samples of white noise tell as much as one independent sample.
+
+    What the filter passes of the band up to the Nyquist frequency, in power: the mean of |H|⁴, as
+    it runs twice.
+    """
+    ratio = np.linspace(0.0, 0.5 * rate_hz, 4096) / cutoff_hz
+    return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * order))**2))
+
+
 def _scipy(module: str) -> Any:
     try:
         import importlib
