@@ -97,6 +97,8 @@ class Controller:
         self._follower = TrajectoryFollower(arm.joint_names, continuous)
         self._waiting: tuple[JointTrajectory, int] | None = None
         self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self._answered: _Answered | None = None
+        """The last state, and what its command was made of."""
         self._zero = np.zeros(arm.joint_count)
         self._zero.setflags(write=False)
         self._no_joint = np.zeros(arm.joint_count, dtype=bool)
@@ -170,57 +172,75 @@ class Controller:
         NonFiniteEffortError: such a state is outside anything the model can answer.
         """
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            return self._update(stamp_ns, q, v, with_terms)
+            output = self._update(stamp_ns, q, v)
+            return output._replace(terms=self._terms()) if with_terms else output
 
-    def _update(
-        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, with_terms: bool,
-    ) -> ControlOutput:
-        self._advance_payload(stamp_ns)
-        gravity = self._dynamics.rigid_body.gravity(q)
-        zero = self._zero
+    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
+        """Do as `update` does without terms; numpy may warn of what is not finite."""
+        with self._lock:
+            return self._update(stamp_ns, q, v)
+
+    def terms(self) -> EffortTerms | None:
+        """Return the terms of the last command; None where there is none, or it is not finite."""
+        with self._lock, np.errstate(over='ignore', invalid='ignore'):
+            return self._terms()
+
+    def _update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
+        if self._transition is not None:
+            self._advance_payload(self._transition, stamp_ns)
+        dynamics, zero = self._dynamics, self._zero
+        gravity = dynamics.rigid_body.gravity(q)
         friction, reference = zero, None
         if v is not None:
             self._state = (stamp_ns, q, v)
-            self._start_waiting()
+            if self._waiting is not None:
+                self._start_waiting()
             reference = self._follower.sample(stamp_ns)
         computed_torque, a = None, zero
         if reference is not None and v is not None:
             a = self._feedback.acceleration(reference, q, v)
-            friction = self._friction(reference, q, v)
-            computed_torque = self._dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
+            computed_torque = dynamics.rigid_body.inverse_dynamics(q, v, a)
+            if not dynamics.friction.is_zero:
+                friction = self._friction(reference, q, v)
+                computed_torque = computed_torque + friction
         _check_finite(q, gravity, computed_torque)
         follows = computed_torque is not None and self._options.command == 'computed_torque'
-        bare = self._dynamics is self._bare_dynamics
+        bare = dynamics is self._bare_dynamics
         robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
         robot = self._options.semantics
         own = _NOTHING
-        if robot.compensates_gravity or robot.compensates_friction:
+        if robot.robot_compensates:
             own = _Own(
                 robot_gravity if robot.compensates_gravity else None,
                 friction if robot.compensates_friction and follows else None)
-        hold, clamped = self._bounded(own.gravity_taken_off(gravity), own)
+        helps = own is not _NOTHING
+        hold, clamped = self._bounded(own.gravity_taken_off(gravity) if helps else gravity, own)
         command = self._choose(gravity, computed_torque)
         if command is None:
             clamped = self._no_joint
         elif command is gravity:
             command = hold
         else:
-            command, clamped = self._bounded(own.taken_off(command), own)
-        terms = None
-        if with_terms:
-            v_terms = v if follows and v is not None else zero
-            terms = self._dynamics.terms(
-                q, v_terms, a if follows else zero, friction=friction if follows else zero)
-            # The engine rounds g(q) differently in each algorithm; here it is that of the command.
-            terms = own.taken_off_terms(terms._replace(
-                gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
-            if v is not None and not follows:
-                terms = terms._replace(
-                    kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
-            if not all(np.isfinite(part).all() for part in terms):
-                terms = None  # an energy beyond all numbers is no reason to withhold the effort
+            command, clamped = self._bounded(own.taken_off(command) if helps else command, own)
+        self._answered = dynamics, q, v, a, gravity, friction, follows, own
         return ControlOutput(
-            gravity, robot_gravity, computed_torque, command, hold, clamped, reference, terms)
+            gravity, robot_gravity, computed_torque, command, hold, clamped, reference, None)
+
+    def _terms(self) -> EffortTerms | None:
+        if self._answered is None:
+            return None
+        dynamics, q, v, a, gravity, friction, follows, own = self._answered
+        zero = self._zero
+        v_terms = v if follows and v is not None else zero
+        terms = dynamics.terms(
+            q, v_terms, a if follows else zero, friction=friction if follows else zero)
+        # The engine rounds g(q) differently in each algorithm; here it is that of the command.
+        terms = own.taken_off_terms(terms._replace(
+            gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
+        if v is not None and not follows:
+            terms = terms._replace(kinetic_energy=dynamics.rigid_body.kinetic_energy(q, v))
+        # An energy beyond all numbers is no reason to withhold the effort.
+        return terms if all(np.isfinite(part).all() for part in terms) else None
 
     def _bounded(self, command: FloatArray, own: '_Own') -> tuple[FloatArray, BoolArray]:
         """
@@ -243,8 +263,6 @@ class Controller:
 
     def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
         friction, mode = self._dynamics.friction, self._options.friction_compensation
-        if friction.is_zero:
-            return self._zero
         if mode == 'reference':
             return friction.smooth_effort(self._feedback.reference_velocity(reference, q))
         return friction.effort(v) if mode == 'measured' else self._zero
@@ -267,10 +285,7 @@ class Controller:
         except TrajectoryError:  # over before the first state came: nothing to follow
             self.expired += 1
 
-    def _advance_payload(self, stamp_ns: int) -> None:
-        transition = self._transition
-        if transition is None:
-            return
+    def _advance_payload(self, transition: PayloadTransition, stamp_ns: int) -> None:
         self._dynamics = ArmDynamics(self.arm.with_payloads(transition.payloads(stamp_ns)))
         if transition.done:
             self._transition = None
@@ -300,6 +315,11 @@ class _Own(NamedTuple):
 
 
 _NOTHING = _Own(None, None)
+
+
+# dynamics, q, v, a, gravity, friction, whether it follows the reference, the robot's own share
+_Answered = tuple[
+    ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray, FloatArray, bool, _Own]
 
 
 def _check_finite(

@@ -80,10 +80,12 @@ class _Segment(NamedTuple):
     """
     The motion from one point to the next.
 
+    It is in force from `since_ns` until before `end_ns`, and began at `begin_ns`; `duration` [s].
     `coefficients` has shape (6, 3 n): those of position, velocity and acceleration.
     """
 
-    number: int
+    since_ns: int
+    end_ns: int
     begin_ns: int
     duration: float
     coefficients: FloatArray
@@ -183,13 +185,13 @@ class ActiveTrajectory:
 
         A time before the arrival gives the state before the trajectory.
         """
-        if now_ns >= self.end_ns:
-            return self._final
-        if now_ns < self._arrival_ns:
-            return self._state_before
-        index = bisect_right(self._times, now_ns) - 1
         segment = self._segment
-        if segment is None or segment.number != index:
+        if segment is None or not segment.since_ns <= now_ns < segment.end_ns:
+            if now_ns >= self.end_ns:
+                return self._final
+            if now_ns < self._arrival_ns:
+                return self._state_before
+            index = bisect_right(self._times, now_ns) - 1
             segment = self._segment = self._make_segment(index)
         span = (now_ns - segment.begin_ns) / NANOSECONDS_PER_SECOND
         return _evaluate(segment.coefficients, span / segment.duration)
@@ -207,7 +209,9 @@ class ActiveTrajectory:
         begin_ns, end_ns = self._times[index:index + 2]
         duration = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND
         p0, p1 = self._points[index:index + 2]
-        return _Segment(index, begin_ns, duration, _coefficients(p0, p1, duration))
+        return _Segment(
+            max(begin_ns, self._arrival_ns), end_ns, begin_ns, duration,
+            _coefficients(p0, p1, duration))
 
 
 def _held(trajectory: JointTrajectory) -> Reference:

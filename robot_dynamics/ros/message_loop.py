@@ -26,6 +26,7 @@ from collections.abc import Callable
 import threading
 from typing import Any
 
+import numpy as np
 from rclpy.callback_groups import CallbackGroup
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -65,7 +66,7 @@ class MessageLoop:
         refuse: Callable[[UnreadableMessageError], None], in_thread: bool = True,
     ) -> None:
         """
-        Subscribe; `callback` gets what `read` makes of a message.
+        Subscribe; `callback` gets what `read` makes of a message, without numpy's warnings.
 
         `refuse` hears of what `read` calls unreadable. Neither of the two may raise.
         """
@@ -74,7 +75,7 @@ class MessageLoop:
         self._stop = False
         group = LEFT_TO_THE_LOOP if in_thread else None
         self._subscription = node.create_subscription(
-            message_type, topic, self._deliver, qos, callback_group=group, raw=True)
+            message_type, topic, self._deliver_in_executor, qos, callback_group=group, raw=True)
         self._wake = GuardCondition(lambda: None, None, context=node.context)
         self._thread = threading.Thread(
             target=self._run, name=f'{topic} loop', daemon=True) if in_thread else None
@@ -96,6 +97,10 @@ class MessageLoop:
         return int(self._subscription.get_publisher_count())
 
     def _run(self) -> None:
+        with np.errstate(over='ignore', invalid='ignore'):  # once, and not for every message
+            self._wait_and_deliver()
+
+    def _wait_and_deliver(self) -> None:
         subscription, wake = self._subscription.handle, self._wake.handle
         wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, self._context.handle)
         while not self._stop and self._context.ok():
@@ -103,11 +108,13 @@ class MessageLoop:
             wait_set.add_subscription(subscription)
             wait_set.add_guard_condition(wake)
             wait_set.wait(FOREVER)
-            if self._stop or not wait_set.get_ready_entities('subscription'):
-                continue
-            data = self._take()
-            if data is not None:
+            data = None if self._stop else self._take()
+            if data is not None:  # it may have been the guard condition alone
                 self._deliver(data)
+
+    def _deliver_in_executor(self, data: bytes) -> None:
+        with np.errstate(over='ignore', invalid='ignore'):
+            self._deliver(data)
 
     def _deliver(self, data: bytes) -> None:
         try:

@@ -74,7 +74,8 @@ class SafeCommand:
         self.counters = CommandCounters()
         self._command = self._publisher(JointState, 'effort_command', qos)
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
-        self._changed = threading.Condition(threading.RLock())
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
         self._supervisor: CommandSupervisor | None = None
         self._names: list[str] = []
         self._templates: tuple[MessageTemplate, MessageTemplate] | None = None
@@ -208,7 +209,7 @@ class SafeCommand:
 
         Where no command is wanted any more, the effort ramps out, as at deactivation.
         """
-        with self._changed:
+        with self._lock:
             supervisor = self._supervisor
             if supervisor is None:
                 return None
@@ -219,12 +220,12 @@ class SafeCommand:
                 if supervisor.acts_alone:
                     self._changed.notify()
                 return None
-            if self._is_active:
+            if self._is_active and supervisor.mode is Mode.INACTIVE:
                 supervisor.activate()
             self._stamp = stamp.data
             effort = supervisor.answer(now, q, v, output.command, output.hold, dt)
-            self._count(output)
             self._publish(effort)
+            self._count(output)
             self._look_for_faults()
             return effort
 
