@@ -248,6 +248,11 @@ class RigidBody:
         """Return −Σ m gᵀ c [J], from the origin of the base frame."""
         return float(pin.computePotentialEnergy(self._model, self._data, self._x.position(q)))
 
+    def potential_energy_batch(self, q: FloatArray) -> FloatArray:
+        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
+        model, data, compute = self._model, self._data, pin.computePotentialEnergy
+        return np.array([compute(model, data, row) for row in self._x.position(q)])
+
     def _joint_forces(self, wrenches: Sequence[ExternalWrench]) -> pin.StdVec_Force:
         """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""
         forces = [pin.Force.Zero() for _ in range(self._model.njoints)]

@@ -48,6 +48,7 @@ LAYERS = {
     # and whatever is not ROS
     'uses': (
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
+        'effort_residual',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',

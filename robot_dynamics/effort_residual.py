@@ -1,0 +1,140 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the model says of a measured motion, and what it leaves unexplained: measured − model.
+
+The terms come from the recursive Newton–Euler algorithm alone (R. Featherstone, *Rigid Body
+Dynamics Algorithms*, Springer 2008, section 5.3), τ = ID(q, q̇, q̈): g = ID(q, 0, 0),
+C q̇ = ID(q, q̇, 0) − g and M q̈ = ID(q, q̇, q̈) − ID(q, q̇, 0); kinetic energy is ½ q̇ᵀ M q̇ with
+M q̇ = ID(q, 0, q̇) − g. So the engine's call for many states serves them all.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TermSeries:
+    """
+    The model's effort at m states by term, each (m, n) [N·m] or [N]; energies (m,) [J].
+
+    Friction is that of `JointFriction.smooth_effort`: the sign of a measured velocity says nothing
+    around rest.
+    """
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+    friction: FloatArray
+    kinetic_energy: FloatArray
+    potential_energy: FloatArray
+
+    @property
+    def effort(self) -> FloatArray:
+        """The sum of the terms: what the actuators must deliver, (m, n)."""
+        return np.asarray(self.inertial + self.coriolis + self.gravity + self.friction)
+
+    @property
+    def by_name(self) -> dict[str, FloatArray]:
+        """The four terms, (m, n) each, by name."""
+        return {'inertial': self.inertial, 'coriolis': self.coriolis, 'gravity': self.gravity,
+                'friction': self.friction}
+
+
+def model_terms(
+    dynamics: ArmDynamics, position: FloatArray, velocity: FloatArray, acceleration: FloatArray,
+) -> TermSeries:
+    """
+    Return the model's effort, split by term, and the energies, at m states.
+
+    `position`, `velocity` and `acceleration` are (m, n) [rad or m, per second, per second²] in the
+    order of `dynamics.arm.joint_names`, finite.
+    """
+    body, zero = dynamics.rigid_body, np.zeros_like(position)
+    q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))
+    gravity = body.inverse_dynamics_batch(q, zero, zero)
+    nonlinear = body.inverse_dynamics_batch(q, v, zero)
+    whole = body.inverse_dynamics_batch(q, v, a)
+    momentum = body.inverse_dynamics_batch(q, zero, v) - gravity
+    return TermSeries(
+        inertial=whole - nonlinear,
+        coriolis=nonlinear - gravity,
+        gravity=gravity,
+        friction=dynamics.friction.smooth_effort(v),
+        kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
+        potential_energy=body.potential_energy_batch(q))
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualStatistics:
+    """
+    The residual measured − model of m samples at n joints, each (n,).
+
+    RMS, mean and largest size are [N·m] or [N]; `relative` is the RMS of the residual by that of
+    the measured effort; `r_squared` is 1 − Σ r² / Σ (τ − mean τ)², the share of the variance that
+    the model explains (1 at best, negative where the mean explains more). Both are NaN where the
+    measured effort is zero, or constant. `largest_at` is the sample of the largest residual.
+    """
+
+    joint_names: tuple[str, ...]
+    sample_count: int
+    rms_measured: FloatArray
+    rms_model: FloatArray
+    rms: FloatArray
+    mean: FloatArray
+    largest: FloatArray
+    largest_at: tuple[int, ...]
+    relative: FloatArray
+    r_squared: FloatArray
+
+
+def residual_statistics(
+    measured: FloatArray, model: FloatArray, joint_names: tuple[str, ...],
+) -> ResidualStatistics:
+    """
+    Return what the residual measured − model, both (m, n) [N·m] or [N], is like at each joint.
+
+    Raises InvalidInputError where the shapes differ, or there is no sample.
+    """
+    if measured.shape != model.shape or measured.shape[1:] != (len(joint_names),) or (
+            len(measured) == 0):
+        raise InvalidInputError(
+            f'measured and model effort have the shapes {measured.shape} and {model.shape}, '
+            f'expected both (m, {len(joint_names)}) with m > 0, one column for each of '
+            f'{list(joint_names)}')
+    residual = measured - model
+    squares = np.sum(residual**2, axis=0)
+    power = np.sum(measured**2, axis=0)
+    variation = np.sum((measured - measured.mean(axis=0))**2, axis=0)
+    m = len(measured)
+    return ResidualStatistics(
+        joint_names=tuple(joint_names), sample_count=m,
+        rms_measured=np.asarray(np.sqrt(power / m)),
+        rms_model=np.asarray(np.sqrt(np.mean(model**2, axis=0))),
+        rms=np.asarray(np.sqrt(squares / m)), mean=np.asarray(residual.mean(axis=0)),
+        largest=np.asarray(np.abs(residual).max(axis=0)),
+        largest_at=tuple(int(i) for i in np.abs(residual).argmax(axis=0)),
+        relative=np.sqrt(_ratio(squares, power)),
+        r_squared=np.asarray(1.0 - _ratio(squares, variation)))
+
+
+def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
+    """Return part / whole, NaN where the whole is 0."""
+    safe = np.where(whole > 0.0, whole, 1.0)
+    return np.asarray(np.where(whole > 0.0, part / safe, np.nan))
