@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The generalised-momentum observer: which effort does the environment exert on the joints?
+The generalised-momentum observer: which effort the environment exerts on the joints.
 
 With the momentum p = M(q) q̇, the manipulator equation reads ṗ = τ + Cᵀ q̇ − g − τ_f + τ_ext: of
 all that changes the momentum, only τ_ext is not known. The residual

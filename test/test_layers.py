@@ -42,6 +42,7 @@ LAYERS = {
         'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'runge_kutta',
         'set_point_stream', 'state_watch',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
+        'fourier_series', 'low_pass', 'momentum_observer',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
@@ -53,6 +54,7 @@ LAYERS = {
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
         'trajectory_efforts',
+        'excitation', 'external_effort', 'live_residual', 'trajectory_file',
     ),
     # and ROS
     'ros': ('ros.',),

@@ -27,7 +27,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.controller import Controller
 from robot_dynamics.effort_semantics import EffortSemantics, joint_from_measured
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.external_effort import ExternalEffort
 from robot_dynamics.live_residual import LiveResidual
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
@@ -71,7 +71,7 @@ class Estimates:
         dynamics = ArmDynamics(self._arm)
         self._external = ExternalEffort(dynamics, values['external_effort_bandwidth'])
         self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
-        self._all = (self._external, self._residual)
+        self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
 
     def set_bandwidths(self, values: Values) -> None:
         """Go on from where the estimates are at the bandwidths of the parameters."""
@@ -92,7 +92,7 @@ class Estimates:
             self._controller.arm.actuators)
 
     def update(
-        self, wanted: tuple[bool, ...], dt: float, q: FloatArray, v: FloatArray,
+        self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
         effort: FloatArray,
     ) -> list[FloatArray | None]:
         """Return each estimate (n,) that is wanted, and there yet; what is not begins anew."""
@@ -120,9 +120,9 @@ class LiveEstimates:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._publishers = [
-            node.create_publisher(JointState, topic, NEWEST_ONLY)
-            for topic in ('~/external_effort', '~/residual')]
+        self._publishers = (
+            node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
+            node.create_publisher(JointState, '~/residual', NEWEST_ONLY))
         self._estimates: Estimates | None = None
         self._is_on = self._is_lacking = False
         self._words = UNHEARD
@@ -143,8 +143,9 @@ class LiveEstimates:
         v: FloatArray | None, judgement: Judgement, robot_gravity: FloatArray,
     ) -> None:
         """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
-        wanted = tuple(
-            publisher.get_subscription_count() > 0 for publisher in self._publishers)
+        external, residual = self._publishers
+        wanted = (
+            external.get_subscription_count() > 0, residual.get_subscription_count() > 0)
         estimates = self._estimates
         if estimates is None or not any(wanted):
             self._is_on, self._is_lacking, self._words = False, False, UNHEARD
@@ -157,23 +158,23 @@ class LiveEstimates:
                 self._lack(repr(error))
 
     def _take(
-        self, estimates: Estimates, wanted: tuple[bool, ...], reader: JointStateReader,
+        self, estimates: Estimates, wanted: tuple[bool, bool], reader: JointStateReader,
         state: SensedState, q: FloatArray, v: FloatArray | None, judgement: Judgement,
         robot_gravity: FloatArray,
     ) -> None:
-        if estimates.semantics.measured_effort == 'none':
-            return self._lack("measured_effort is 'none'")
         measured = reader.effort(state)
+        if estimates.semantics.measured_effort == 'none':
+            raise InvalidInputError("measured_effort is 'none'")
         if measured is None or not all_finite(measured):
-            return self._lack('joint states have no effort')
+            raise InvalidInputError('joint states have no effort')
         if v is None:
-            return self._lack('joint states have no velocity')
+            raise InvalidInputError('joint states have no velocity')
         dt = self._begin_where_needed(estimates, judgement)
         with np.errstate(over='ignore', invalid='ignore'):
             effort = estimates.joint_effort(measured, v, robot_gravity)
             found = estimates.update(wanted, dt, q, v, effort)
         if not all(estimate is None or all_finite(estimate) for estimate in found):
-            return self._lack('they are beyond all numbers')
+            raise InvalidInputError('they are beyond all numbers')
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp.data, estimate))
