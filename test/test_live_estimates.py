@@ -92,7 +92,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
         first = estimates.wait_count(20, LONG)[-1]
         wrenches.publish(push(True))
         seen = estimates.wait_for(lambda m: np.abs(m.effort).max() > 1.0, LONG)
-        end = stamp_from_ros(seen.header.stamp) + round(8e9 / K)
+        end = stamp_from_ros(seen.header.stamp) + round(12e9 / K)
         estimates.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
         residuals.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
         states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
@@ -100,7 +100,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
     assert not len(first.position)
     assert np.abs(first.effort).max() < 1e-6
     q, r = by_stamp(states.messages, 'position'), by_stamp(estimates.messages, 'effort')
-    steps = [t for t in r if t - step in r and {t, t - step} <= q.keys() and t <= end]
+    steps = [t for t in r if t - step in r and {t, t - step} <= q.keys()]
     assert len(steps) > 50  # an observer may miss some
     decay, wrench = math.exp(-K / RATE), ExternalWrench('tool0', FORCE, np.zeros(3))
     for t in steps:
@@ -108,13 +108,12 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
         true = -BODY.external(0.5 * (q[t] + q[t - step]), [wrench])
         acts = np.abs(found).max() > 1.0
         assert found == pytest.approx(true if acts else 0.0 * true, abs=0.05)
-    last = max(t for t in r if t <= end and t in q)
-    true = -BODY.external(q[last], [wrench])
+    true = -BODY.external(q[max(q)], [wrench])  # it stands by now
     assert np.abs(true).max() > 20.0
-    assert r[last] == pytest.approx(true, abs=0.1)
+    assert r[max(r)] == pytest.approx(true, abs=0.05)
     # measured − model is what the environment takes off the actuators
     left = by_stamp(residuals.messages, 'effort')
-    assert left[max(t for t in left if t <= end)] == pytest.approx(-true, abs=0.5)
+    assert left[max(left)] == pytest.approx(-true, abs=0.1)
 
 
 # ------------------------------------------------------------------------------ a robot of its own
