@@ -35,6 +35,7 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
+        'cutoff',
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
         'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
         'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',
@@ -48,6 +49,7 @@ LAYERS = {
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
     # and whatever is not ROS
     'uses': (
+        'motion_filter',
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
         'effort_residual',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',

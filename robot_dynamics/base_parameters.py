@@ -1,0 +1,106 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Base parameters: the combinations of parameters that efforts tell, and no others.
+
+Columns of a regressor that depend linearly on columns before them are regrouped into those:
+τ = Y φ = Y_b (φ_b + K φ_d). Taken from the base to the tip, parameters of outer links so join those
+of inner ones, as in M. Gautier, "Numerical calculation of the base inertial parameters of robots",
+J. Robotic Systems 8(4), 1991 (QR decomposition of the regressor at random states).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.validation import FloatArray
+
+TOLERANCE = 1e-6
+"""Of a column, relative to its own size, that is left beside the columns before it."""
+_SHOWN = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """
+    The base parameters of p parameters: β = B φ, r of them, with Y φ = Y[:, columns] β.
+
+    `columns` (r,) are the parameters after which the base parameters are named; `matrix` B (r, p).
+    """
+
+    names: tuple[str, ...]
+    columns: tuple[int, ...]
+    matrix: FloatArray
+
+    @property
+    def rank(self) -> int:
+        return len(self.columns)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Each base parameter as a sum, as 'Izz(a) + Iyy(b) - 0.32·mx(b)'."""
+        return tuple(
+            _expression(row, self.names, column)
+            for row, column in zip(self.matrix, self.columns))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The parameter after which each is named, with * where others are regrouped into it."""
+        several = (np.abs(self.matrix) > _SHOWN).sum(axis=1) > 1
+        return tuple(
+            self.names[column] + ('*' if more else '')
+            for column, more in zip(self.columns, several))
+
+
+def base_parameters(regressor: FloatArray, names: Sequence[str]) -> BaseParameters:
+    """
+    Return the base parameters that a regressor (rows, p) at many random states tells.
+
+    `names` (p,) are those of its columns.
+    """
+    # The R factor has the same dependencies between columns, and few rows.
+    R = np.asarray(np.linalg.qr(regressor, mode='r'))
+    size = np.linalg.norm(R, axis=0)
+    largest = float(size.max()) if size.size else 0.0
+    basis: list[FloatArray] = []
+    columns: list[int] = []
+    for i in range(R.shape[1]):
+        if size[i] <= TOLERANCE * largest:
+            continue
+        rest = R[:, i] / size[i]
+        for _ in range(2):  # once more for what rounding leaves
+            for unit in basis:
+                rest = rest - unit * (unit @ rest)
+        left = float(np.linalg.norm(rest))
+        if left > TOLERANCE:
+            basis.append(rest / left)
+            columns.append(i)
+    matrix = np.zeros((len(columns), R.shape[1]))
+    if columns:
+        scaled = R[:, columns] / size[columns]
+        matrix = np.asarray(np.linalg.lstsq(scaled, R, rcond=None)[0]) / size[columns, np.newaxis]
+        matrix[np.abs(matrix) < _SHOWN] = 0.0
+        matrix[:, columns] = np.eye(len(columns))
+    return BaseParameters(tuple(names), tuple(columns), matrix)
+
+
+def _expression(row: FloatArray, names: Sequence[str], first: int) -> str:
+    others = [i for i in np.flatnonzero(np.abs(row) > _SHOWN) if i != first]
+    text = names[first]
+    for i in others:
+        size = abs(float(row[i]))
+        factor = '' if abs(size - 1.0) < 1e-6 else f'{size:.4g}·'
+        text += f' {"-" if row[i] < 0.0 else "+"} {factor}{names[i]}'
+    return text

@@ -1,0 +1,102 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A full set of parameters that some arm could really have: every body a mass distribution.
+
+Minimised is what `pulled_least_squares` minimises, but over the relative log-Cholesky coordinates
+of each body (`pseudo_inertia`), which reach physically consistent bodies alone, with friction and
+rotors not below 0, and with the entropic divergence itself in place of its second order. What the
+efforts do not tell stays at the URDF. Solved by Gauss–Newton steps within a trust region, from the
+URDF.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from robot_dynamics.friction_columns import COLUMN_COUNT, FrictionStructure
+from robot_dynamics.pseudo_inertia import (
+    COUNT,
+    divergence_residuals,
+    from_coordinates,
+    jacobian,
+)
+from robot_dynamics.pulled_least_squares import bounded_problem, Fit, Prior
+from robot_dynamics.validation import FloatArray
+
+MOST_EVALUATIONS = 100
+LEAST_PULL = 1.0
+"""κ, at least: bodies that the data pull to the edge of what is possible are no model."""
+
+
+def consistent_fit(
+    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior, pull: float, start: Fit,
+) -> Fit:
+    """
+    Return the physically consistent fit to factors R (n, k, k), by weights w (n,) and pull κ.
+
+    `start` gives friction and rotors to start from. Needs scipy.
+    """
+    from scipy.optimize import least_squares
+    p, bodies = prior.count, prior.count // COUNT
+    pull = max(pull, LEAST_PULL)
+    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, pull)
+    n, k, _ = factors.shape
+    # the pull on φ itself gives way to the divergence
+    A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
+    R = np.linalg.qr(np.column_stack([A, b]), mode='r')
+    A, b = np.vstack([R[:, :-1], np.zeros((p, len(low)))]), np.append(R[:, -1], np.zeros(p))
+    data = len(R)
+    root = np.sqrt(2.0 * pull)
+
+    def bodies_of(x: FloatArray) -> FloatArray:
+        return np.concatenate([
+            from_coordinates(L0, x[COUNT * i:COUNT * (i + 1)])
+            for i, L0 in enumerate(prior.roots)])
+
+    def residuals(x: FloatArray) -> FloatArray:
+        r = A @ np.concatenate([bodies_of(x), x[p:]]) - b
+        for i in range(bodies):
+            part = slice(COUNT * i, COUNT * (i + 1))
+            r[data + COUNT * i:data + COUNT * (i + 1)] = root * divergence_residuals(x[part])[0]
+        return np.asarray(r)
+
+    def derivative(x: FloatArray) -> FloatArray:
+        J = A.copy()
+        for i, L0 in enumerate(prior.roots):
+            part = slice(COUNT * i, COUNT * (i + 1))
+            rows = slice(data + COUNT * i, data + COUNT * (i + 1))
+            J[:, part] = A[:, part] @ jacobian(L0, x[part])
+            J[rows, part] = root * np.diag(divergence_residuals(x[part])[1])
+        return J
+
+    values = np.concatenate([
+        start.joint_values[j, columns - p] for j, columns in enumerate(own)])
+    x0 = np.concatenate([np.zeros(p), values])
+    low, high = low.copy(), high.copy()
+    low[:p], high[:p] = -np.inf, np.inf
+    x0 = np.clip(x0, low + 1e-9 * (low == 0.0), high)
+    found = least_squares(
+        residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
+        max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
+    x = np.asarray(found.x)
+    joint_values = np.zeros((n, COLUMN_COUNT))
+    first = p
+    for j, columns in enumerate(own):
+        own_values = x[first:first + len(columns)]
+        # the solver stays off its bounds by a hair
+        joint_values[j, columns - p] = np.where(np.abs(own_values) < 1e-8, 0.0, own_values)
+        first += len(columns)
+    return Fit(bodies_of(x), joint_values, tuple(structures))

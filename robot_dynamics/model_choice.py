@@ -1,0 +1,148 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which friction each joint has, and how far the URDF is trusted: chosen by cross-validation.
+
+Every block of the training samples is left out once, with the gaps beside it, and predicted from
+the others. Blocks are contiguous in time: neighbouring samples are nearly the same, so that a
+sample left out of their midst would prove nothing. (P. Burman, E. Chow, D. Nolan, "A
+cross-validatory method for dependent data", Biometrika 81(2), 1994.) Of friction structures that
+predict as well as the best, to within the standard error between blocks, the simplest is taken.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.friction_columns import FrictionStructure, SIMPLEST, structures
+from robot_dynamics.information import BLOCKS, Information
+from robot_dynamics.pulled_least_squares import Fit, grams_of, is_physical, Prior, solve
+from robot_dynamics.validation import FloatArray
+
+PULLS = tuple(10.0**exponent for exponent in range(-3, 7))
+"""κ on offer; the last leaves the URDF as it is."""
+SWEEPS = 2
+LARGEST_LOSS = 0.05
+"""By which the residual of a simpler structure may be larger than that of the best."""
+_FIRST_PULL = 1.0
+_FIRST_SIGMA = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class ModelChoice:
+    """
+    What cross-validation chose.
+
+    `structures` of the n joints, `pull` κ, `weights` (n,) of their residuals, `validated` (n,):
+    the RMS of the residual on blocks left out, relative to that of the effort, and `by_pull`
+    (len(PULLS), n) the same for each κ.
+    """
+
+    structures: tuple[FrictionStructure, ...]
+    pull: float
+    weights: FloatArray
+    validated: FloatArray
+    by_pull: FloatArray
+
+
+class CrossValidation:
+    """Sums of squares on blocks left out, for any model."""
+
+    def __init__(self, information: Information, prior: Prior) -> None:
+        self.information, self.prior = information, prior
+        self._train = [grams_of(information.all_but(i)) for i in range(BLOCKS)]
+        self._block = [grams_of(information.block(i)) for i in range(BLOCKS)]
+        self.all = grams_of(information.together())
+        rows = information.rows[::2].sum()
+        self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
+        self.rows = max(float(rows), 1.0)
+
+    def squares(
+        self, chosen: Sequence[FrictionStructure], weights: FloatArray, pull: float,
+    ) -> FloatArray:
+        """Return the sum of squared residuals on each block left out, (BLOCKS, n)."""
+        return np.stack([
+            solve(train, chosen, weights, self.prior, pull).squares(block)
+            for train, block in zip(self._train, self._block)])
+
+    def relative(self, squares: FloatArray) -> FloatArray:
+        """Return RMS of residual over RMS of effort, (n,), of squares (BLOCKS, n)."""
+        power = np.where(self.effort_power > 0.0, self.effort_power, 1.0)
+        return np.asarray(np.sqrt(squares.sum(axis=0) / power))
+
+    def weights(self, squares: FloatArray) -> FloatArray:
+        """Return w = 1 / (σ² × samples that count as one), (n,)."""
+        variance = squares.sum(axis=0) / self.rows
+        least = 1e-12 * max(float(self.effort_power.max()) / self.rows, 1e-30)
+        return np.asarray(
+            1.0 / (np.maximum(variance, least) * self.information.samples_a_sample))
+
+
+def choose_model(
+    information: Information, prior: Prior,
+    first: Sequence[FrictionStructure] | None = None,
+) -> ModelChoice:
+    """Return the structures and the pull that predict best what was left out."""
+    validation = CrossValidation(information, prior)
+    n = len(information.joint_names)
+    chosen = list(first or [SIMPLEST] * n)
+    pull = _FIRST_PULL
+    weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
+    for _ in range(SWEEPS):
+        for joint in range(n):
+            chosen[joint] = _best_structure(validation, chosen, joint, weights, pull)
+        weights = validation.weights(validation.squares(chosen, weights, pull))
+        by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
+        pull = PULLS[int(np.argmin([_score(squares) for squares in by_pull]))]
+        weights = validation.weights(by_pull[PULLS.index(pull)])
+    by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
+    best = int(np.argmin([_score(squares) for squares in by_pull]))
+    return ModelChoice(
+        tuple(chosen), PULLS[best], weights, validation.relative(by_pull[best]),
+        np.stack([validation.relative(squares) for squares in by_pull]))
+
+
+def _score(squares: FloatArray) -> float:
+    """Return the sum over joints of the logarithm of the residual: a percent counts the same."""
+    return float(np.log(np.maximum(squares.sum(axis=0), 1e-300)).sum())
+
+
+def _best_structure(
+    validation: CrossValidation, chosen: Sequence[FrictionStructure], joint: int,
+    weights: FloatArray, pull: float,
+) -> FrictionStructure:
+    offered: list[tuple[FrictionStructure, FloatArray]] = []
+    for structure in structures():
+        trial = [*chosen[:joint], structure, *chosen[joint + 1:]]
+        if is_physical(_of_joint(
+                solve(validation.all, trial, weights, validation.prior, pull), joint)):
+            offered.append((structure, validation.squares(trial, weights, pull)[:, joint]))
+    if not offered:
+        return chosen[joint]
+    _, best = min(offered, key=lambda pair: float(pair[1].sum()))
+    good = [pair for pair in offered if _is_as_good(pair[1], best)]
+    return min(good, key=lambda pair: (len(pair[0].columns), float(pair[1].sum())))[0]
+
+
+def _is_as_good(squares: FloatArray, best: FloatArray) -> bool:
+    difference = squares - best
+    error = float(difference.std(ddof=1)) / np.sqrt(len(difference))
+    return bool(difference.mean() <= error
+                and squares.sum() <= (1.0 + LARGEST_LOSS)**2 * best.sum())
+
+
+def _of_joint(fit: Fit, joint: int) -> Fit:
+    return Fit(
+        fit.parameters, fit.joint_values[joint:joint + 1], fit.structures[joint:joint + 1])

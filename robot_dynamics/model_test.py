@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How well models predict the samples that they were not trained with.
+
+A residual is given relative to the effort, RMS to RMS. It is computed twice: along the motion, with
+the memory of presliding, and sample by sample, as an answer that knows one state alone must be.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.motion_filter import FilteredMotion
+from robot_dynamics.motion_regression import parts_of, regression_rows
+from robot_dynamics.pulled_least_squares import Fit, without_memory
+from robot_dynamics.validation import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ModelTest:
+    """
+    Sums of squares over samples, each (n,): of a model's residual, and of the effort itself.
+
+    `train`, `test` along the motion; `test_by_sample` sample by sample; `train_effort` and
+    `test_effort` of the measured effort; `samples` of (training, test).
+    """
+
+    train: FloatArray
+    test: FloatArray
+    test_by_sample: FloatArray
+    train_effort: FloatArray
+    test_effort: FloatArray
+    samples: tuple[int, int]
+
+    def relative(self, which: str = 'test') -> FloatArray:
+        """Return RMS of residual over RMS of effort, (n,), of 'train', 'test', …; NaN of none."""
+        effort = self.train_effort if which == 'train' else self.test_effort
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return np.asarray(np.sqrt(getattr(self, which) / effort))
+
+    def rms(self, which: str = 'test') -> FloatArray:
+        """Return the RMS of the residual, (n,) [N·m] or [N]."""
+        count = max(self.samples[0 if which == 'train' else 1], 1)
+        return np.asarray(np.sqrt(getattr(self, which) / count))
+
+
+def try_motion(
+    arm: ArmModel, motion: FilteredMotion, train_fraction: float, models: Mapping[str, Fit],
+) -> dict[str, ModelTest]:
+    """Return how well each model predicts the samples of one recording."""
+    parts = parts_of(motion, train_fraction)
+    tests = {}
+    for name, fit in models.items():
+        rows = regression_rows(arm, motion, slice(None), fit.parameters)
+        residual = rows.y - rows.model(fit)
+        effort = motion.effort if motion.effort is not None else rows.y
+        by_sample = rows.y[parts.test] - rows.model(without_memory(fit))[parts.test]
+        tests[name] = ModelTest(
+            _squares(residual[parts.train]), _squares(residual[parts.test]), _squares(by_sample),
+            _squares(effort[parts.train]), _squares(effort[parts.test]),
+            (len(residual[parts.train]), len(residual[parts.test])))
+    return tests
+
+
+def merge_tests(tests: Sequence[Mapping[str, ModelTest]]) -> dict[str, ModelTest]:
+    """Return the tests of several recordings together, for each model."""
+    return {name: _sum([of_one[name] for of_one in tests]) for name in tests[0]}
+
+
+def _sum(tests: Sequence[ModelTest]) -> ModelTest:
+    def total(field: str) -> FloatArray:
+        return np.asarray(np.sum([getattr(test, field) for test in tests], axis=0))
+
+    return ModelTest(
+        total('train'), total('test'), total('test_by_sample'), total('train_effort'),
+        total('test_effort'), (
+            sum(test.samples[0] for test in tests), sum(test.samples[1] for test in tests)))
+
+
+def _squares(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(values**2, axis=0))

@@ -1,0 +1,233 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A recorded motion without its noise, and its acceleration, which no recording has.
+
+Position, velocity and effort pass the same Butterworth filter forward and backward (zero phase),
+so that the equation of motion between them is kept; the acceleration is the derivative of a spline
+through the filtered velocity. Sources: M. Gautier, "Numerical calculation of the base inertial
+parameters of robots", J. Robotic Systems 8(4), 1991; J. Swevers, W. Verdonck, J. De Schutter,
+"Dynamic model identification for industrial robots", IEEE Control Systems Magazine 27(5), 2007.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
+from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, RecordingError
+from robot_dynamics.recording import IntArray, JointSeries, NANOSECONDS_PER_SECOND
+from robot_dynamics.sticking import BoolArray
+from robot_dynamics.validation import check_scalar, FloatArray
+
+FILTER_ORDER = 4
+LONGEST_HOLE = 0.05
+"""[s] without samples that is bridged, if at least `LONGEST_HOLE_SAMPLES` intervals are longer."""
+LONGEST_HOLE_SAMPLES = 2.5
+SHORTEST_SEGMENT = 2.0
+"""Periods of the cut-off frequency that a segment between two gaps must last to be of use."""
+EDGE = 0.5
+"""Periods of the cut-off frequency at each end of a segment where the filter has to guess."""
+_EVEN = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredMotion:
+    """
+    A filtered motion of n joints at m of the original stamps.
+
+    `stamps_ns` (m,) are strictly increasing; `position`, `velocity`, `acceleration` and `effort`
+    are (m, n) [rad or m, its derivatives, N·m or N], `effort` None where none was recorded.
+    `segment` (m,) numbers the stretches without gaps, which were filtered each by itself, and
+    `usable` (m,) is false near their ends. `left_out` counts the samples of segments that were
+    too short to filter, which are in no array.
+    """
+
+    joint_names: tuple[str, ...]
+    stamps_ns: IntArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    effort: FloatArray | None
+    cutoff_hz: float
+    sample_rate_hz: float
+    cutoff_reason: str
+    velocity_was_recorded: bool
+    segment: IntArray
+    usable: BoolArray
+    left_out: int
+
+    @property
+    def times(self) -> FloatArray:
+        """Seconds since the first sample, (m,)."""
+        return np.asarray((self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS_PER_SECOND)
+
+
+class _Signals(NamedTuple):
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    effort: FloatArray | None
+
+
+def filter_motion(
+    series: JointSeries, cutoff_hz: float | None = None, order: int = FILTER_ORDER,
+) -> FilteredMotion:
+    """
+    Return a recorded motion, filtered, with velocity and acceleration, at its own stamps.
+
+    `cutoff_hz` [Hz] is where the filter of this `order`, run forward and backward, halves an
+    amplitude; None chooses it from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled
+    to the median interval between gaps and read back at the stamps. Velocity that was not
+    recorded is differentiated from position.
+
+    Raises RecordingError where there is no position or too few samples, InvalidInputError for a
+    cut-off that the sampling rate cannot bear, MissingDependencyError without scipy.
+    """
+    if series.position is None:
+        raise RecordingError('the recording has no position, expected joint states with position')
+    if len(series.stamps_ns) < 4 * (order + 1):
+        raise RecordingError(
+            f'the recording has {len(series.stamps_ns)} samples, expected at least '
+            f'{4 * (order + 1)} to filter')
+    interval = float(np.median(np.diff(series.times)))
+    rate = 1.0 / interval
+    segments = _between_gaps(series.times, interval)
+    if cutoff_hz is None:
+        chosen = choose_cutoff(
+            [_acceleration(series, rows, interval) for rows in segments], rate)
+    else:
+        highest = HIGHEST_SHARE * rate / 2.0
+        given = check_scalar('cutoff', cutoff_hz, 0.0, exclusive_minimum=True)
+        if given > highest:
+            raise InvalidInputError(
+                f'cutoff is {given:g} Hz, expected at most {highest:.3g} Hz for joint states at '
+                f'{rate:.4g} Hz')
+        chosen = Cutoff(given, 'as given')
+    shortest = SHORTEST_SEGMENT / chosen.hz
+    kept = [rows for rows in segments if series.times[rows[-1]] - series.times[rows[0]] > shortest
+            and len(rows) >= 4 * (order + 1)]
+    if not kept:
+        raise RecordingError(
+            f'the recording has no {shortest:.3g} s without a gap, expected at least that much '
+            f'for a cut-off of {chosen.hz:.3g} Hz')
+    return _join(series, kept, chosen, rate, order)
+
+
+def _join(
+    series: JointSeries, segments: list[IntArray], cutoff: Cutoff, rate: float, order: int,
+) -> FilteredMotion:
+    parts = [_filter_segment(series, rows, cutoff.hz, rate, order) for rows in segments]
+    rows = np.concatenate(segments)
+    ends = [series.times[part[[0, -1]]] for part in segments]
+    usable = np.concatenate([
+        (series.times[part] - first >= EDGE / cutoff.hz)
+        & (last - series.times[part] >= EDGE / cutoff.hz)
+        for part, (first, last) in zip(segments, ends)])
+    return FilteredMotion(
+        joint_names=series.joint_names,
+        stamps_ns=series.stamps_ns[rows],
+        position=np.concatenate([part.position for part in parts]),
+        velocity=np.concatenate([part.velocity for part in parts]),
+        acceleration=np.concatenate([part.acceleration for part in parts]),
+        effort=None if series.effort is None else np.concatenate(
+            [part.effort for part in parts if part.effort is not None]),
+        cutoff_hz=cutoff.hz,
+        sample_rate_hz=rate,
+        cutoff_reason=cutoff.reason,
+        velocity_was_recorded=series.velocity is not None,
+        segment=np.repeat(np.arange(len(segments)), [len(part) for part in segments]),
+        usable=usable,
+        left_out=len(series.stamps_ns) - len(rows))
+
+
+def _between_gaps(times: FloatArray, interval: float) -> list[IntArray]:
+    """Return the rows of each stretch of samples without a gap."""
+    longest = max(LONGEST_HOLE, LONGEST_HOLE_SAMPLES * interval)
+    breaks = np.flatnonzero(np.diff(times) > longest) + 1
+    return np.split(np.arange(len(times)), breaks)
+
+
+def _acceleration(series: JointSeries, rows: IntArray, interval: float) -> FloatArray:
+    """Return the acceleration with all its noise, on an even grid."""
+    known, order = (series.position, 2) if series.velocity is None else (series.velocity, 1)
+    assert known is not None
+    values = _on_grid(series.times[rows], known[rows], interval)[1]
+    return np.asarray(np.diff(values, order, axis=0) / interval**order)
+
+
+def _on_grid(times: FloatArray, values: FloatArray, interval: float) -> (
+        tuple[FloatArray, FloatArray]):
+    """Return an even grid from the first to about the last time, and the values on it."""
+    count = max(int(round((times[-1] - times[0]) / interval)), 1) + 1
+    grid = np.linspace(times[0], times[-1], count)
+    if count == len(times) and np.abs(times - grid).max() < _EVEN * interval:
+        return grid, values
+    return grid, np.stack([np.interp(grid, times, column) for column in values.T], axis=1)
+
+
+def _filter_segment(
+    series: JointSeries, rows: IntArray, cutoff_hz: float, rate: float, order: int,
+) -> _Signals:
+    times = series.times[rows]
+    make_spline = _scipy('interpolate').make_interp_spline
+
+    def smooth(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        grid, even = _on_grid(times, values[rows], 1.0 / rate)
+        return grid, zero_phase(even, cutoff_hz, (len(grid) - 1) / (grid[-1] - grid[0]), order)
+
+    assert series.position is not None
+    position = make_spline(*smooth(series.position), k=5)
+    velocity = position.derivative() if series.velocity is None else make_spline(
+        *smooth(series.velocity), k=5)
+    effort = None if series.effort is None else make_spline(*smooth(series.effort), k=3)(times)
+    return _Signals(
+        np.asarray(position(times)), np.asarray(velocity(times)),
+        np.asarray(velocity.derivative()(times)), effort)
+
+
+def zero_phase(
+    values: FloatArray, cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER,
+) -> FloatArray:
+    """
+    Return evenly sampled signals, (m, n), after a Butterworth filter forward and backward.
+
+    Beyond the ends the signals are continued by their point reflection, for three periods of the
+    cut-off frequency where they last that long. Raises MissingDependencyError without scipy.
+    """
+    signal = _scipy('signal')
+    sections = signal.butter(order, cutoff_hz, fs=rate_hz, output='sos')
+    padding = min(len(values) - 1, int(np.ceil(3.0 * rate_hz / cutoff_hz)))
+    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
+
+
+def samples_a_sample(cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER) -> float:
+    """
+    Return how many filtered samples of white noise tell as much as one independent sample.
+
+    What the filter passes of the band up to the Nyquist frequency, in power: the mean of |H|⁴, as
+    it runs twice.
+    """
+    ratio = np.linspace(0.0, 0.5 * rate_hz, 4096) / cutoff_hz
+    return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * order))**2))
+
+
+def _scipy(module: str) -> Any:
+    try:
+        import importlib
+        return importlib.import_module(f'scipy.{module}')
+    except ImportError:
+        raise MissingDependencyError(
+            'filtering needs scipy (pip install scipy)') from None

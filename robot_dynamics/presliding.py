@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Coulomb friction where a motion turns round: contacts yield like a spring before they slide.
+
+The sign of velocity gives way to a state z in [−1, 1] that follows the *displacement*: dz = dq / d
+within the bounds, d the presliding distance. It is Maxwell's slip element, or the stop operator of
+Prandtl and Ishlinskii, whatever the speed. Source: F. Al-Bender, V. Lampaert, J. Swevers, "The
+generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11), 2005.
+"""
+
+import numpy as np
+from robot_dynamics.validation import FloatArray
+
+
+def presliding(
+    position: FloatArray, velocity: FloatArray, distance: FloatArray,
+    state: FloatArray | None = None,
+) -> FloatArray:
+    """
+    Return z along a motion, (m, n): what the sign of Coulomb friction is at each sample.
+
+    `position` (m, n) [rad] or [m] and `velocity` are in the order of time, `distance` (n,) is d.
+    A joint with d = 0 has the sign of its velocity. `state` (n,) is z before the first sample;
+    None takes the sign of the first velocity, as nothing is known of what was before.
+    """
+    z = np.sign(velocity)
+    if len(z) == 0:
+        return z
+    for joint in np.flatnonzero(distance > 0.0):
+        step = np.diff(position[:, joint]) / distance[joint]
+        value = float(z[0, joint] if state is None else state[joint])
+        values = [value]
+        for change in step.tolist():
+            value += change
+            value = 1.0 if value > 1.0 else -1.0 if value < -1.0 else value
+            values.append(value)
+        z[:, joint] = values
+    return z

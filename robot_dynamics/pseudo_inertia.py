@@ -1,0 +1,114 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The pseudo-inertia of a body, and coordinates of it that are always physically consistent.
+
+A body has the parameters φ = (m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), the tensor about the
+origin of its frame, as the engine orders them. There is a mass distribution with them if and only
+if P = [[Σ, m c], [m cᵀ, m]], Σ = ½ tr(I) 1 − I, is positive definite: P. M. Wensing, S. Kim,
+J.-J. E. Slotine, "Linear matrix inequalities for physically consistent inertial parameter
+identification", IEEE Robotics and Automation Letters 3(1), 2018.
+
+P = L₀ U Uᵀ L₀ᵀ with P₀ = L₀ L₀ᵀ a prior and U upper triangular with the diagonal exp d reaches all
+such P, and no others, from any d and u: the log-Cholesky coordinates of C. Rucker, P. M. Wensing,
+"Smooth parameterization of rigid-body inertia", IEEE Robotics and Automation Letters 7(2), 2022,
+taken relative to the prior. The entropic divergence of T. Lee, P. M. Wensing, F. C. Park,
+"Geometric robot dynamic identification: a convex programming approach", IEEE Trans. Robotics
+36(2), 2020, tr(P₀⁻¹ P) − log |P₀⁻¹ P| − 4, then is a sum of squares of functions of one
+coordinate each: Σ (exp 2d_i − 2 d_i − 1) + Σ u_ij².
+"""
+
+import numpy as np
+from robot_dynamics.validation import FloatArray
+
+COUNT = 10
+"""Parameters of a body."""
+NAMES = ('m', 'mx', 'my', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
+_UPPER = np.triu_indices(4, 1)
+_DIAGONAL = np.diag_indices(4)
+
+
+def pseudo_inertia(parameters: FloatArray) -> FloatArray:
+    """Return P (4, 4) of the parameters φ (10,)."""
+    m, mx, my, mz, xx, xy, yy, xz, yz, zz = parameters
+    half = 0.5 * (xx + yy + zz)
+    return np.array([
+        [half - xx, -xy, -xz, mx], [-xy, half - yy, -yz, my], [-xz, -yz, half - zz, mz],
+        [mx, my, mz, m]])
+
+
+def parameters_of(P: FloatArray) -> FloatArray:
+    """Return the parameters φ (..., 10) of pseudo-inertias P (..., 4, 4)."""
+    xx, yy, zz = P[..., 0, 0], P[..., 1, 1], P[..., 2, 2]
+    return np.stack([
+        P[..., 3, 3], P[..., 0, 3], P[..., 1, 3], P[..., 2, 3], yy + zz, -P[..., 0, 1], xx + zz,
+        -P[..., 0, 2], -P[..., 1, 2], xx + yy], axis=-1)
+
+
+def is_consistent(parameters: FloatArray) -> bool:
+    """Return whether there is a mass distribution with the parameters φ (10,)."""
+    return bool(np.linalg.eigvalsh(pseudo_inertia(parameters)).min() > 0.0)
+
+
+def relative_rows(L0: FloatArray) -> FloatArray:
+    """
+    Return W (10, 10) with |W δφ|² = tr((P₀⁻¹ δP)²): the entropic divergence near the prior, twice.
+
+    It does not change with the unit or frame of the parameters. `L0` (4, 4) is P₀'s Cholesky
+    factor.
+    """
+    inverse = np.linalg.inv(L0)
+    rows = []
+    for unit in np.eye(COUNT):
+        relative = inverse @ pseudo_inertia(unit) @ inverse.T
+        rows.append(np.concatenate([relative[_DIAGONAL], np.sqrt(2.0) * relative[_UPPER]]))
+    return np.asarray(np.array(rows).T)
+
+
+def from_coordinates(L0: FloatArray, coordinates: FloatArray) -> FloatArray:
+    """Return φ (10,) of the coordinates (d, u): 4 of the diagonal, 6 above it; 0 is the prior."""
+    LU = L0 @ _factor(coordinates)
+    return parameters_of(LU @ LU.T)
+
+
+def jacobian(L0: FloatArray, coordinates: FloatArray) -> FloatArray:
+    """Return ∂φ / ∂(d, u), (10, 10)."""
+    U = _factor(coordinates)
+    columns = []
+    for i, j in zip(*(np.concatenate(pair) for pair in zip(_DIAGONAL, _UPPER))):
+        dU = np.zeros((4, 4))
+        dU[i, j] = U[i, i] if i == j else 1.0
+        change = L0 @ (dU @ U.T + U @ dU.T) @ L0.T
+        columns.append(parameters_of(change))
+    return np.asarray(np.array(columns).T)
+
+
+def divergence_residuals(coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return r (10,) with r·r the entropic divergence from the prior, and ∂r_i / ∂x_i (10,)."""
+    d, u = coordinates[:4], coordinates[4:]
+    square = np.maximum(np.expm1(2.0 * d) - 2.0 * d, 0.0)
+    root = np.sign(d) * np.sqrt(square)
+    near = np.abs(d) < 1e-5
+    with np.errstate(divide='ignore', invalid='ignore'):
+        slope = np.where(near, np.sqrt(2.0), np.expm1(2.0 * d) / root)
+    return (
+        np.concatenate([np.where(near, np.sqrt(2.0) * d, root), u]),
+        np.concatenate([slope, np.ones_like(u)]))
+
+
+def _factor(coordinates: FloatArray) -> FloatArray:
+    U = np.diag(np.exp(coordinates[:4]))
+    U[_UPPER] = coordinates[4:]
+    return U

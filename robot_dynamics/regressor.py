@@ -1,0 +1,99 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The torque regressor: the efforts of rigid bodies as linear in the bodies' inertial parameters.
+
+τ = Y(q, q̇, q̈) φ, φ the ten parameters of each body (`pseudo_inertia`), one body a moving joint of
+the engine, to which the links that are fixed to it belong. Source: C. G. Atkeson, C. H. An,
+J. M. Hollerbach, "Estimation of inertial parameters of manipulator loads and links", Int. J.
+Robotics Research 5(3), 1986. Reflected inertia of rotors is no part of it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.pseudo_inertia import COUNT, is_consistent, NAMES
+from robot_dynamics.validation import FloatArray
+
+
+def body_names(arm: ArmModel) -> tuple[str, ...]:
+    """Return the link that moves with each joint of the engine, by which its body is named."""
+    names = list(arm.engine.names)
+    for frame in arm.engine.frames:
+        if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(1e-12):
+            index = frame.parentJoint
+            if names[index] == arm.engine.names[index]:
+                names[index] = frame.name
+    return tuple(names[1:])
+
+
+def parameter_names(arm: ArmModel) -> tuple[str, ...]:
+    """Return the names of φ, as 'Ixx(forearm_link)'."""
+    return tuple(f'{name}({body})' for body in body_names(arm) for name in NAMES)
+
+
+def inertial_parameters(arm: ArmModel) -> FloatArray:
+    """Return φ (10 × bodies,) of the arm, with its payload."""
+    inertias = list(arm.engine.inertias)[1:]
+    return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
+
+
+def with_inertial_parameters(arm: ArmModel, parameters: FloatArray) -> ArmModel:
+    """
+    Return the arm with these φ (10 × bodies,), without a payload of its own.
+
+    Bodies whose parameters no mass distribution has are kept as they are given: fit to compute
+    efforts with, but not to simulate.
+    """
+    engine = arm.bare_engine.copy()
+    for i, phi in enumerate(parameters.reshape(-1, COUNT)):
+        engine.inertias[i + 1] = (
+            pin.Inertia.FromDynamicParameters(phi) if is_consistent(phi) or phi[0] != 0.0 else
+            pin.Inertia.Zero())
+    return replace(arm, engine=engine, bare_engine=engine, payloads=())
+
+
+class TorqueRegressor:
+    """The regressor Y of one arm; not for two threads, as it holds the engine's scratch memory."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        self.arm = arm
+        self.parameter_count = COUNT * (arm.engine.njoints - 1)
+        self._data = arm.engine.createData()
+
+    def __call__(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return Y, (m, n, parameters), at m samples of shape (m, n)."""
+        x, engine, data = self.arm.coordinates, self.arm.engine, self._data
+        states = zip(x.position(q), x.rate(v), x.rate(a))
+        tree = np.empty((len(q), engine.nv, self.parameter_count))
+        for row, state in zip(tree, states):
+            row[:] = pin.computeJointTorqueRegressor(engine, data, *state)
+        if x.is_identity:
+            return tree
+        return np.asarray(np.einsum('mtp,tj->mjp', tree, x.G, optimize=True))
+
+
+def random_states(arm: ArmModel, count: int, seed: int = 0) -> (
+        tuple[FloatArray, FloatArray, FloatArray]):
+    """Return positions within the limits, velocities and accelerations, each (count, n)."""
+    rng = np.random.default_rng(seed)
+    n = arm.joint_count
+    low = np.where(np.isfinite(arm.limits.lower), arm.limits.lower, -np.pi)
+    high = np.where(np.isfinite(arm.limits.upper), arm.limits.upper, np.pi)
+    return (
+        rng.uniform(low, high, (count, n)), rng.normal(size=(count, n)),
+        rng.normal(scale=3.0, size=(count, n)))

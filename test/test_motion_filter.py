@@ -1,0 +1,132 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The filter of recorded motions: acceleration, cut-off, gaps, uneven stamps."""
+
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.motion_filter import filter_motion, zero_phase
+from robot_dynamics.recording import JointSeries
+
+JOINTS = ('a', 'b')
+FREQUENCIES = (0.1, 0.23, 0.5)
+
+
+def motion(times):
+    """Return position and its derivatives of a sum of sines, all joints in motion."""
+    q, v, a = (np.zeros((len(times), len(JOINTS))) for _ in range(3))
+    for joint in range(len(JOINTS)):
+        for k, frequency in enumerate(FREQUENCIES):
+            w, phase = 2.0 * np.pi * frequency, 1.3 * k + 2.0 * joint
+            q[:, joint] += np.sin(w * times + phase) / (k + 1)
+            v[:, joint] += w * np.cos(w * times + phase) / (k + 1)
+            a[:, joint] -= w**2 * np.sin(w * times + phase) / (k + 1)
+    return q, v, a
+
+
+def series(times, position, velocity=None, effort=None):
+    stamps = np.asarray(np.round(times * 1e9), dtype=np.int64)
+    return JointSeries(JOINTS, stamps, position, velocity, effort, 0)
+
+
+def relative_error(found, true):
+    return np.sqrt(np.mean((found - true)**2, axis=0) / np.mean(true**2, axis=0))
+
+
+@pytest.mark.parametrize('rate', [30.0, 125.0, 500.0, 1000.0])
+@pytest.mark.parametrize('quantum', [0.0, 1e-3])
+@pytest.mark.parametrize('has_velocity', [True, False])
+def test_acceleration_of_a_noisy_motion(rate, quantum, has_velocity):
+    times = np.arange(0.0, 25.0, 1.0 / rate)
+    q, v, a = motion(times)
+    noise = np.random.default_rng(1).normal(scale=1e-5 + 0.3 * quantum, size=q.shape)
+    measured = q + noise if quantum == 0.0 else np.round((q + noise) / quantum) * quantum
+    found = filter_motion(series(times, measured, v if has_velocity else None))
+    assert 3.0 < found.cutoff_hz <= 0.2001 * rate
+    use = found.usable
+    assert np.all(relative_error(found.velocity[use], v[use]) < 0.01)
+    assert np.all(relative_error(found.acceleration[use], a[use]) < 0.1)
+
+
+def test_the_filter_has_no_phase_and_halves_at_its_cutoff():
+    rate, cutoff = 200.0, 5.0
+    times = np.arange(0.0, 20.0, 1.0 / rate)
+    middle = slice(1000, 3000)
+    for frequency, gain in ((0.5, 1.0), (5.0, 0.5), (20.0, 0.0)):
+        signal = np.sin(2.0 * np.pi * frequency * times)
+        found = zero_phase(signal[:, np.newaxis], cutoff, rate)[:, 0]
+        assert found[middle] == pytest.approx(gain * signal[middle], abs=2e-4)
+
+
+def test_the_equation_of_motion_is_kept():
+    # A linear law between the signals is the same law between the filtered ones.
+    times = np.arange(0.0, 20.0, 0.01)
+    q, v, a = motion(times)
+    found = filter_motion(series(times, q, v, 3.0 * a + 0.5 * v), cutoff_hz=4.0)
+    expected = 3.0 * found.acceleration + 0.5 * found.velocity
+    use = found.usable
+    assert np.all(relative_error(found.effort[use], expected[use]) < 1e-3)
+
+
+def test_uneven_stamps():
+    rate = 100.0
+    rng = np.random.default_rng(2)
+    times = np.arange(0.0, 20.0, 1.0 / rate) + rng.uniform(-0.3, 0.3, 2000) / rate
+    times = np.delete(times, rng.choice(np.arange(1, 1999), 100, replace=False))
+    q, v, a = motion(times)
+    found = filter_motion(series(times, q))
+    assert len(found.stamps_ns) == len(times)
+    use = found.usable
+    assert np.all(relative_error(found.acceleration[use], a[use]) < 0.02)
+
+
+def test_a_gap_parts_the_motion():
+    times = np.concatenate([
+        np.arange(0.0, 10.0, 0.01), np.arange(13.0, 13.1, 0.01), np.arange(15.0, 25.0, 0.01)])
+    q, v, _ = motion(times)
+    found = filter_motion(series(times, q, v), cutoff_hz=5.0)
+    assert found.left_out == len(times) - len(found.stamps_ns) == 10
+    assert set(found.segment) == {0, 1}
+    ends = np.flatnonzero(np.diff(found.segment))
+    assert not found.usable[[0, ends[0], ends[0] + 1, -1]].any()
+    true = motion(found.times)[2]
+    use = found.usable
+    assert np.all(relative_error(found.acceleration[use], true[use]) < 0.01)
+
+
+def test_what_was_not_recorded_is_said():
+    times = np.arange(0.0, 20.0, 0.01)
+    q, v, _ = motion(times)
+    assert filter_motion(series(times, q, v)).velocity_was_recorded
+    found = filter_motion(series(times, q))
+    assert not found.velocity_was_recorded
+    assert found.effort is None
+
+
+def test_bad_input():
+    times = np.arange(0.0, 20.0, 0.01)
+    q, v, _ = motion(times)
+    with pytest.raises(RecordingError, match='has no position'):
+        filter_motion(series(times, None, v))
+    with pytest.raises(RecordingError, match='has 10 samples, expected at least'):
+        filter_motion(series(times[:10], q[:10]))
+    with pytest.raises(RecordingError, match='no joint moves'):
+        filter_motion(series(times, np.zeros_like(q)))
+    with pytest.raises(RecordingError, match='without a gap'):
+        filter_motion(series(times[:50], q[:50]), cutoff_hz=1.0)
+    with pytest.raises(InvalidInputError, match='cutoff is 40 Hz, expected at most 20 Hz'):
+        filter_motion(series(times, q), cutoff_hz=40.0)
+    with pytest.raises(InvalidInputError, match='cutoff is -1'):
+        filter_motion(series(times, q), cutoff_hz=-1.0)
