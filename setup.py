@@ -49,6 +49,7 @@ setup(
         'console_scripts': [
             'dynamics_node = robot_dynamics.ros.start:dynamics_node',
             'simulated_arm = robot_dynamics.ros.start:simulated_arm',
+            'analyze_bag = robot_dynamics.tools.analyze_bag:main',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',

@@ -21,12 +21,16 @@ C q̇ = ID(q, q̇, 0) − g and M q̈ = ID(q, q̇, q̈) − ID(q, q̇, 0); kinet
 M q̇ = ID(q, 0, q̇) − g. So the engine's call for many states serves them all.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import FloatArray
+
+_ROUNDING = 1e-12
+"""Of the mean square: a variance below it is that of a constant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,22 +90,29 @@ class ResidualStatistics:
     """
     The residual measured − model of m samples at n joints, each (n,).
 
-    RMS, mean and largest size are [N·m] or [N]; `relative` is the RMS of the residual by that of
+    RMS, means and largest size are [N·m] or [N]; `relative` is the RMS of the residual by that of
     the measured effort; `r_squared` is 1 − Σ r² / Σ (τ − mean τ)², the share of the variance that
     the model explains (1 at best, negative where the mean explains more). Both are NaN where the
-    measured effort is zero, or constant. `largest_at` is the sample of the largest residual.
+    measured effort is zero, or constant.
     """
 
     joint_names: tuple[str, ...]
     sample_count: int
     rms_measured: FloatArray
-    rms_model: FloatArray
+    mean_measured: FloatArray
     rms: FloatArray
     mean: FloatArray
     largest: FloatArray
-    largest_at: tuple[int, ...]
-    relative: FloatArray
-    r_squared: FloatArray
+
+    @property
+    def relative(self) -> FloatArray:
+        return np.sqrt(_ratio(self.rms**2, self.rms_measured**2))
+
+    @property
+    def r_squared(self) -> FloatArray:
+        variance = self.rms_measured**2 - self.mean_measured**2
+        constant = variance <= _ROUNDING * self.rms_measured**2
+        return np.asarray(1.0 - _ratio(self.rms**2, np.where(constant, 0.0, variance)))
 
 
 def residual_statistics(
@@ -119,19 +130,38 @@ def residual_statistics(
             f'expected both (m, {len(joint_names)}) with m > 0, one column for each of '
             f'{list(joint_names)}')
     residual = measured - model
-    squares = np.sum(residual**2, axis=0)
-    power = np.sum(measured**2, axis=0)
-    variation = np.sum((measured - measured.mean(axis=0))**2, axis=0)
-    m = len(measured)
     return ResidualStatistics(
-        joint_names=tuple(joint_names), sample_count=m,
-        rms_measured=np.asarray(np.sqrt(power / m)),
-        rms_model=np.asarray(np.sqrt(np.mean(model**2, axis=0))),
-        rms=np.asarray(np.sqrt(squares / m)), mean=np.asarray(residual.mean(axis=0)),
-        largest=np.asarray(np.abs(residual).max(axis=0)),
-        largest_at=tuple(int(i) for i in np.abs(residual).argmax(axis=0)),
-        relative=np.sqrt(_ratio(squares, power)),
-        r_squared=np.asarray(1.0 - _ratio(squares, variation)))
+        tuple(joint_names), len(measured), _rms(measured), np.asarray(measured.mean(axis=0)),
+        _rms(residual), np.asarray(residual.mean(axis=0)),
+        np.asarray(np.abs(residual).max(axis=0)))
+
+
+def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics:
+    """
+    Return the statistics of all samples of some parts together.
+
+    Raises InvalidInputError without a part, or where their joints differ.
+    """
+    names = [part.joint_names for part in parts]
+    if not parts or any(joint_names != names[0] for joint_names in names):
+        raise InvalidInputError(
+            f'residuals to merge are of the joints {names}, expected the same in all')
+    counts = np.array([part.sample_count for part in parts], dtype=np.float64)
+    share = counts / counts.sum()
+
+    def mean(field: str) -> FloatArray:
+        return np.asarray(share @ np.array([getattr(part, field) for part in parts]))
+
+    def root(field: str) -> FloatArray:
+        return np.asarray(np.sqrt(share @ np.array([getattr(part, field)**2 for part in parts])))
+
+    return ResidualStatistics(
+        names[0], int(counts.sum()), root('rms_measured'), mean('mean_measured'), root('rms'),
+        mean('mean'), np.asarray(np.array([part.largest for part in parts]).max(axis=0)))
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:

@@ -64,6 +64,10 @@ COLUMN_WIDTH, ROW_HEIGHT = 5.0, 2.1
 """[inch]"""
 MAX_POINTS = 2000
 """Points of a line; a picture shows no more."""
+MAX_DOTS = 5000
+"""Dots of a field; likewise."""
+SCATTER_COLUMNS = 3
+"""Fields beside one another."""
 
 
 class Panel(NamedTuple):
@@ -100,6 +104,11 @@ def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray])
     return Panel(title, 'effort', times, lines, ('N·m', 'N'))
 
 
+def residual_panel(times: FloatArray, residual: FloatArray) -> Panel:
+    """Return the panel of measured less modelled efforts, (m, n) [N·m] or [N]."""
+    return Panel('Measured − model', 'residual', times, {'error': residual}, ('N·m', 'N'))
+
+
 def joint_figure(
     title: str, joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
 ) -> Any:
@@ -130,6 +139,40 @@ def joint_figure(
     return figure
 
 
+def scatter_figure(
+    title: str, joint_names: Sequence[str], joint_kinds: Sequence[str], velocity: FloatArray,
+    residual: FloatArray,
+) -> Any:
+    """
+    Return a matplotlib figure of residual efforts over velocity, both (m, n), a field a joint.
+
+    Raises MissingDependencyError without matplotlib.
+    """
+    matplotlib, figure_type = _matplotlib()
+    n = len(joint_names)
+    columns = min(n, SCATTER_COLUMNS)
+    rows = -(-n // columns)
+    step = max(1, len(velocity) // MAX_DOTS)
+    with matplotlib.rc_context(STYLE):
+        figure = figure_type(
+            figsize=(2.0 * COLUMN_WIDTH, 2.6 * rows + 0.6), layout='constrained')
+        figure.suptitle(title, fontsize=11)
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        for field in axes[n:]:
+            field.set_visible(False)
+        for j, (field, name) in enumerate(zip(axes, joint_names)):
+            prismatic = joint_kinds[j] == 'prismatic'
+            field.axhline(0.0, color=GREY, linewidth=0.8)
+            field.axvline(0.0, color=GREY, linewidth=0.8)
+            field.plot(
+                velocity[::step, j], residual[::step, j], '.', color=BLUE, markersize=2.0,
+                alpha=0.4, rasterized=True)
+            field.set_title(name, loc='left', fontweight='bold')
+            field.set_xlabel(f'velocity [{"m/s" if prismatic else "rad/s"}]')
+            field.set_ylabel(f'residual [{"N" if prismatic else "N·m"}]')
+    return figure
+
+
 def save_figure(figure: Any, path: Path) -> None:
     """Write a figure to a file, whose suffix tells the format; raise OSError."""
     figure.savefig(path)
@@ -148,7 +191,7 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
     low, high = axes.get_ylim()
     if row == 0 and len(panel.lines) > 1:
         axes.set_ylim(low - 0.28 * (high - low), high)  # room for the legend
-    largest = max(float(np.abs(values[:, row]).max()) for values in panel.lines.values())
+    largest = max(float(np.nanmax(np.abs(values[:, row]))) for values in panel.lines.values())
     if panel.scale * largest < 1e-9:
         axes.set_ylim(-1.0, 1.0)  # nothing but zeros, and rounding
 

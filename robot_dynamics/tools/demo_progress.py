@@ -65,5 +65,5 @@ class Progress:
         self.close()
 
     def _figures(self, share: float) -> str:
-        digits = 0 if float(self._total).is_integer() and self._total >= 100 else 1
+        digits = 0 if isinstance(self._total, int) else 1
         return f'{share * self._total:.{digits}f} / {self._total:.{digits}f} {self._unit}'

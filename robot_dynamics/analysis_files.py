@@ -1,0 +1,141 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The samples of an analysis as files: a table (CSV or Parquet) and a recording of the terms."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from robot_dynamics.bag_analysis import BagAnalysis
+from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.message_tables import (
+    DYNAMICS_TERMS,
+    dynamics_terms_messages,
+    DYNAMICS_TERMS_TEXT,
+    joint_state_messages,
+)
+from robot_dynamics.recording import JOINT_STATE, RecordingWriter
+from robot_dynamics.recording_files import METADATA
+from robot_dynamics.validation import FloatArray
+
+TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
+_ROWS = 1000
+"""Lines that are put together at a time."""
+
+
+def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
+    """
+    Return the samples by the names of their columns, (m,) each, units in the names.
+
+    A joint's columns begin with its name: `shoulder_pan_joint.position [rad]`.
+    """
+    arm, motion = analysis.arm, analysis.motion
+    columns: dict[str, FloatArray] = {'time [s]': motion.times}
+    efforts: dict[str, FloatArray | None] = {
+        'measured': analysis.measured, 'model': analysis.terms.effort,
+        'residual': analysis.residual, **analysis.terms.by_name}
+    for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
+        unit, effort_unit = ('m', 'N') if kind == 'prismatic' else ('rad', 'N m')
+        columns[f'{name}.position [{unit}]'] = motion.position[:, j]
+        columns[f'{name}.velocity [{unit}/s]'] = motion.velocity[:, j]
+        columns[f'{name}.acceleration [{unit}/s^2]'] = motion.acceleration[:, j]
+        for what, values in efforts.items():
+            if values is not None:
+                columns[f'{name}.{what} [{effort_unit}]'] = values[:, j]
+    columns['kinetic_energy [J]'] = analysis.terms.kinetic_energy
+    columns['potential_energy [J]'] = analysis.terms.potential_energy
+    return columns
+
+
+def write_csv(analysis: BagAnalysis, path: Path) -> None:
+    """Write a line for each sample: stamp [ns], whether it counts, and numbers; raise OSError."""
+    columns = sample_columns(analysis)
+    line = '%d,%d' + len(columns) * ',%.10g' + '\n'
+    names = ('stamp [ns]', 'counts', *columns)
+    with path.open('w', encoding='utf-8', newline='') as file:
+        file.write(','.join(_quoted(name) for name in names) + '\n')
+        motion, values = analysis.motion, list(columns.values())
+        for at in range(0, len(motion.stamps_ns), _ROWS):
+            part = slice(at, at + _ROWS)
+            numbers = np.column_stack([column[part] for column in values]).tolist()
+            file.writelines(
+                line % (stamp, counts, *row) for stamp, counts, row in zip(
+                    motion.stamps_ns[part].tolist(), motion.usable[part].tolist(), numbers))
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n') else name
+
+
+def write_parquet(analysis: BagAnalysis, path: Path) -> None:
+    """Write the same as Parquet; raise OSError, MissingDependencyError without pyarrow."""
+    pyarrow, parquet = _pyarrow()
+    motion = analysis.motion
+    parquet.write_table(pyarrow.table({
+        'stamp [ns]': motion.stamps_ns, 'counts': motion.usable, **sample_columns(analysis)}),
+        path)
+
+
+def require_parquet() -> None:
+    """Raise MissingDependencyError where Parquet cannot be written."""
+    _pyarrow()
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise MissingDependencyError(
+            'Parquet needs the library pyarrow: pip install pyarrow, or this package with its '
+            'extra parquet, robot_dynamics[parquet]') from None
+    return pyarrow, parquet
+
+
+def write_terms(analysis: BagAnalysis, directory: Path) -> None:
+    """
+    Write a recording of the model's terms, and of the residual, on the original stamps.
+
+    Topics are those of `dynamics_node`. A recording of this name that this wrote before is
+    replaced. Raises RecordingError where the directory has anything else.
+    """
+    _remove_recording(directory)
+    with RecordingWriter(directory, {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT}) as writer:
+        stamps = analysis.motion.stamps_ns.tolist()
+        for topic, kind, messages in _messages(analysis):
+            writer.add_topic(topic, kind)
+            for stamp, message in zip(stamps, messages):
+                writer.write(topic, stamp, message)
+
+
+def _remove_recording(directory: Path) -> None:
+    names = {METADATA, f'{directory.name}.mcap'}
+    if directory.is_dir() and {entry.name for entry in directory.iterdir()} <= names:
+        for name in names:
+            (directory / name).unlink(missing_ok=True)
+        directory.rmdir()
+
+
+def _messages(analysis: BagAnalysis) -> Iterator[tuple[str, str, list[bytes]]]:
+    motion, terms, names = analysis.motion, analysis.terms, analysis.arm.joint_names
+    yield TERMS_TOPIC, DYNAMICS_TERMS, dynamics_terms_messages(
+        motion.stamps_ns, names,
+        (terms.inertial, terms.coriolis, terms.gravity, terms.friction,
+         np.zeros_like(terms.gravity), terms.effort),
+        terms.kinetic_energy, terms.potential_energy)
+    if analysis.residual is not None:
+        yield RESIDUAL_TOPIC, JOINT_STATE, joint_state_messages(
+            motion.stamps_ns, names, effort=analysis.residual)

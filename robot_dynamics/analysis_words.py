@@ -1,0 +1,111 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an analysis says, in rows of words: for the console and for the report."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.bag_analysis import BagAnalysis, LimitUse
+from robot_dynamics.effort_residual import ResidualStatistics
+
+Rows = list[tuple[str, ...]]
+
+
+def facts(analysis: BagAnalysis) -> Rows:
+    """Return what was compared and how, a name and a value in each row."""
+    read, motion = analysis.recording, analysis.motion
+    measured = [field for field in ('position', 'velocity', 'effort')
+                if getattr(read.series, field) is not None]
+    counted = int(motion.usable.sum())
+    return [
+        ('recording', str(read.path)),
+        ('topic', f'{read.topic}, with {", ".join(measured)}'),
+        ('arm', f'{read.arm.name}, {read.arm.joint_count} joints'),
+        ('samples', f'{len(read.series.stamps_ns)} in {read.series.times[-1]:.2f} s at '
+                    f'{motion.sample_rate_hz:.4g} Hz; {counted} count, without those near gaps '
+                    'and ends'),
+        ('filter', f'Butterworth, order 4, forward and backward, {motion.cutoff_hz:.3g} Hz: '
+                   f'{motion.cutoff_reason}'),
+    ]
+
+
+def residual_rows(statistics: ResidualStatistics, joint_kinds: Sequence[str]) -> Rows:
+    """Return the residual of each joint, after a row of titles."""
+    rows: Rows = [(
+        'joint', 'RMS measured', 'RMS residual', 'relative', 'mean residual', 'largest residual',
+        'R²')]
+    for j, (name, kind) in enumerate(zip(statistics.joint_names, joint_kinds)):
+        unit = 'N' if kind == 'prismatic' else 'N·m'
+        rows.append((
+            name, f'{statistics.rms_measured[j]:.3f} {unit}', f'{statistics.rms[j]:.3f} {unit}',
+            percent(statistics.relative[j]), f'{statistics.mean[j]:+.3f} {unit}',
+            f'{statistics.largest[j]:.3f} {unit}', _number(statistics.r_squared[j])))
+    return rows
+
+
+def limit_rows(analysis: BagAnalysis) -> Rows:
+    """Return the use of the limits at each joint, after a row of titles."""
+    use, arm = analysis.limit_use, analysis.arm
+    whose = 'measured' if analysis.measured is not None else 'model'
+    return limit_use_rows(use, arm.joint_names, arm.joint_kinds, whose)
+
+
+def limit_use_rows(
+    use: LimitUse, joint_names: Sequence[str], joint_kinds: Sequence[str], whose: str,
+) -> Rows:
+    """Return the same of any recordings; `whose` effort it is."""
+    rows: Rows = [('joint', f'largest {whose} effort', 'largest velocity', 'to position limit')]
+    for j, (name, kind) in enumerate(zip(joint_names, joint_kinds)):
+        unit = 'm' if kind == 'prismatic' else 'rad'
+        distance = use.position[j]
+        rows.append((
+            name, of_limit(use.effort[j]), of_limit(use.velocity[j]),
+            'no limit' if np.isnan(distance) else f'{distance:.3f} {unit}'))
+    return rows
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows as text, the first column to the left and the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return '\n'.join(
+        '  '.join([row[0].ljust(widths[0]),
+                   *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))]).rstrip()
+        for row in rows)
+
+
+def fact_lines(rows: Sequence[Sequence[str]]) -> str:
+    """Return names and values as text."""
+    width = max(len(row[0]) for row in rows)
+    return '\n'.join(f'{name.ljust(width)}  {value}' for name, value in rows)
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, a dash for NaN."""
+    return '-' if np.isnan(share) else f'{100.0 * share:.1f} %'
+
+
+def of_limit(share: float) -> str:
+    """Return the share of a limit in words."""
+    return 'no limit' if np.isnan(share) else f'{100.0 * share:.0f} % of limit'
+
+
+def _number(value: float) -> str:
+    return '-' if np.isnan(value) else f'{value:.3f}'
+
+
+def short(path: Path) -> str:
+    """Return the last part of a path, or all of it where that says nothing."""
+    return path.name or str(path)

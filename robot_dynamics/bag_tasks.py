@@ -1,0 +1,254 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One function on many recordings: a process for each core, or a Dask cluster; resumable.
+
+A result is kept under a key of what it depends on: the recording's bytes, the function with its
+configuration, and the code of this package. So a run that was broken off goes on where it was,
+and what changed is done again. What fails is listed, and the rest is done.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache, partial
+import hashlib
+import json
+import multiprocessing
+import os
+from pathlib import Path
+import signal
+import threading
+from typing import Any
+
+from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
+from robot_dynamics.recording_files import METADATA, storage_groups
+from robot_dynamics.result_store import load_result, Result, save_result
+
+Configuration = Mapping[str, Any]
+"""What the results depend on beside the recording: whatever JSON can write."""
+Task = Callable[[Path, Configuration], Result]
+"""A function of a module, so that another process can import it."""
+
+_ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
+
+
+@dataclass(frozen=True, eq=False)
+class TaskOutcome:
+    """What became of a recording: a result, or the error in words; `resumed` from before."""
+
+    bag: Path
+    result: Result | None = None
+    error: str = ''
+    resumed: bool = False
+
+
+def run_tasks(
+    function: Task, bags: Sequence[Path], configuration: Configuration,
+    workers: int | None = None, cache: Path | None = None, dask: str | None = None,
+    on_done: Callable[[TaskOutcome], None] | None = None,
+    is_valid: Callable[[Path, Result], bool] | None = None,
+    each: Sequence[Configuration] | None = None,
+) -> list[TaskOutcome]:
+    """
+    Return what `function(bag, configuration)` gives for each recording, in their order.
+
+    `each` has more of the configuration for every single recording, in the same order.
+    `workers` processes share the work, one a core by default; with 1, this one does it. With
+    `dask`, the address of a scheduler, its workers do, which must see the same files and have
+    this package. `cache` is a directory for results, None to keep none; `is_valid` says of a kept
+    one whether it still holds. `on_done` hears of each as it is done. An exception of the
+    function, or the end of its process, is the error of its recording.
+
+    Raises MissingDependencyError without the library of `dask`, RobotDynamicsError where the
+    scheduler cannot be reached.
+    """
+    one = partial(
+        _execute, function, cache=cache, is_valid=is_valid, code=_code_digest())
+    jobs = [(bag, {**configuration, **(each[i] if each else {})}) for i, bag in enumerate(bags)]
+    processes = min(workers or os.cpu_count() or 1, len(bags))
+    if dask is not None:
+        done = _on_dask(one, jobs, dask)
+    elif processes <= 1:
+        done = ((i, one(job)) for i, job in enumerate(jobs))
+    else:
+        done = _in_processes(one, jobs, processes)
+    outcomes: dict[int, TaskOutcome] = {}
+    for i, outcome in done:
+        outcomes[i] = outcome
+        if on_done is not None:
+            on_done(outcome)
+    return [outcomes[i] for i in range(len(bags))]
+
+
+Job = tuple[Path, dict[str, Any]]
+"""A recording, and its configuration."""
+Numbered = tuple[int, TaskOutcome]
+
+
+def _execute(
+    function: Task, job: Job, *, cache: Path | None,
+    is_valid: Callable[[Path, Result], bool] | None, code: str,
+) -> TaskOutcome:
+    """Return the outcome of one recording, from before where it is kept."""
+    bag, configuration = job
+    try:
+        if cache is None:
+            return TaskOutcome(bag, function(bag, configuration))
+        key = task_key(function, bag, configuration, code)
+        kept = load_result(cache, key)
+        if kept is not None and (is_valid is None or is_valid(bag, kept)):
+            return TaskOutcome(bag, kept, resumed=True)
+        result = function(bag, configuration)
+        save_result(cache, key, result)
+        return TaskOutcome(bag, result)
+    except RobotDynamicsError as error:
+        return TaskOutcome(bag, error=str(error))
+    except Exception as error:  # one recording must not end the others
+        return TaskOutcome(bag, error=f'{type(error).__name__}: {error}')
+
+
+def task_key(function: Task, bag: Path, configuration: Configuration, code: str = '') -> str:
+    """Return the key of a result: a digest of all that it depends on; raise OSError."""
+    digest = hashlib.blake2b(digest_size=20)
+    # The path, too: it stands in what is written.
+    name = function.func if isinstance(function, partial) else function
+    about = (name.__module__, name.__qualname__, str(bag.resolve()), code, configuration)
+    digest.update(json.dumps(about, sort_keys=True).encode())
+    for file in _files_of(bag):
+        digest.update(f'\0{file.name}\0{file.stat().st_size}\0'.encode())
+        with file.open('rb') as opened:
+            while part := opened.read(1 << 20):
+                digest.update(part)
+    return digest.hexdigest()
+
+
+def _files_of(bag: Path) -> list[Path]:
+    if bag.is_file():
+        return [bag]
+    files = [file for group in storage_groups(bag) for file in group]
+    journals = [file for file in bag.iterdir() if file.name.endswith(('-wal', '-journal'))]
+    metadata = bag / METADATA
+    return [*files, *sorted(journals), *([metadata] if metadata.is_file() else [])]
+
+
+@lru_cache
+def _code_digest() -> str:
+    """Return a digest of this package's own code."""
+    digest = hashlib.blake2b(digest_size=20)
+    package = Path(__file__).parent
+    for path in sorted(package.rglob('*.py')):
+        digest.update(f'{path.relative_to(package)}\0'.encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+# ---------------------------------------------------------------------- processes
+
+def _in_processes(
+    one: Callable[[Job], TaskOutcome], jobs: Sequence[Job], workers: int,
+) -> Iterator[Numbered]:
+    left = dict(enumerate(jobs))
+    try:
+        for i, outcome in _in_pool(one, left, workers):
+            del left[i]
+            yield i, outcome
+    except BrokenProcessPool:
+        # A process died, and all that was under way with it: which one killed it, each tells in
+        # a process of its own.
+        for i, job in left.items():
+            try:
+                yield from _in_pool(one, {i: job}, 1)
+            except BrokenProcessPool:
+                yield i, TaskOutcome(job[0], error='its process died, by a signal or for lack of '
+                                                'memory')
+
+
+def _in_pool(
+    one: Callable[[Job], TaskOutcome], jobs: Mapping[int, Job], workers: int,
+) -> Iterator[Numbered]:
+    with _one_thread_each():
+        # Not forked: the engines' threads would not survive that.
+        pool = ProcessPoolExecutor(
+            workers, multiprocessing.get_context('spawn'), initializer=_begin_process)
+        try:
+            futures: dict[Future[TaskOutcome], int] = {
+                pool.submit(one, job): i for i, job in jobs.items()}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin_process() -> None:
+    """Finish what is under way at Ctrl-C, but end with the parent, however that ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that start in the block compute with one thread: there is one a core."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+# ---------------------------------------------------------------------- Dask
+
+def _on_dask(
+    one: Callable[[Job], TaskOutcome], jobs: Sequence[Job], scheduler: str,
+) -> Iterator[Numbered]:
+    distributed = require_dask()
+    try:
+        client = distributed.Client(scheduler, timeout='10s')
+    except (OSError, ValueError, TimeoutError) as error:
+        raise RobotDynamicsError(
+            f'no Dask scheduler answers at {scheduler!r}: {error}') from None
+    with client:
+        futures = {
+            client.submit(one, (bag.resolve(), configuration), pure=False): i
+            for i, (bag, configuration) in enumerate(jobs)}
+        for future in distributed.as_completed(futures):
+            i = futures[future]
+            failure = future.exception()
+            yield i, future.result() if failure is None else TaskOutcome(
+                jobs[i][0], error=f'{type(failure).__name__}: {failure}')
+
+
+def require_dask() -> Any:
+    """Return the module of Dask's cluster; raise MissingDependencyError without it."""
+    try:
+        import distributed
+    except ImportError:
+        raise MissingDependencyError(
+            'a Dask cluster needs the library distributed: pip install distributed, or this '
+            'package with its extra dask, robot_dynamics[dask]') from None
+    return distributed

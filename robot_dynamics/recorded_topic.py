@@ -1,0 +1,74 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The topics of a recording, and what their publishers offered."""
+
+import importlib
+from typing import Any, NamedTuple
+
+from robot_dynamics.exceptions import MissingDependencyError
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+
+
+class TopicQos(NamedTuple):
+    """What a publisher offers, as far as a player has to offer it again."""
+
+    depth: int = 1
+    reliable: bool = True
+    transient_local: bool = False
+
+
+class RecordedTopic(NamedTuple):
+    """A topic of a recording; `message_type` is as 'sensor_msgs/msg/JointState'."""
+
+    name: str
+    message_type: str
+    message_count: int
+    qos: TopicQos
+
+
+def rosbags_module(module: str) -> Any:
+    """Return a module of the library rosbags; raise MissingDependencyError without it."""
+    try:
+        return importlib.import_module(f'rosbags.{module}')
+    except ImportError:
+        raise MissingDependencyError(
+            'recordings need the library rosbags (pip install rosbags)') from None
+
+
+def qos_to_rosbags(qos: TopicQos) -> Any:
+    """Return what the library rosbags calls a Qos."""
+    interfaces = rosbags_module('interfaces')
+    forever = interfaces.QosTime(9223372036, 854775807)
+    return interfaces.Qos(
+        history=interfaces.QosHistory.KEEP_LAST,
+        depth=qos.depth,
+        reliability=(interfaces.QosReliability.RELIABLE if qos.reliable
+                     else interfaces.QosReliability.BEST_EFFORT),
+        durability=(interfaces.QosDurability.TRANSIENT_LOCAL if qos.transient_local
+                    else interfaces.QosDurability.VOLATILE),
+        deadline=forever, lifespan=forever,
+        liveliness=interfaces.QosLiveliness.AUTOMATIC, liveliness_lease_duration=forever,
+        avoid_ros_namespace_conventions=False)
+
+
+def qos_from_rosbags(connection: Any) -> TopicQos:
+    """Return what the publisher of a connection of rosbags offered, as far as it is known."""
+    profiles = getattr(connection.ext, 'offered_qos_profiles', [])
+    if not profiles:
+        return TopicQos()
+    return TopicQos(
+        profiles[0].depth, profiles[0].reliability.name != 'BEST_EFFORT',
+        profiles[0].durability.name == 'TRANSIENT_LOCAL')

@@ -1,0 +1,53 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a damaged recording has lost, in figures and in words."""
+
+from typing import NamedTuple
+
+from robot_dynamics.joint_state_bytes import NANOSECONDS_PER_SECOND
+
+
+class Loss(NamedTuple):
+    """
+    What cannot be read of one file.
+
+    `reason` says what is wrong with it; `lost_bytes` and `lost_messages` are None where nobody
+    can know; the times [ns] are those between which messages are missing, None likewise.
+    """
+
+    file: str
+    reason: str
+    lost_bytes: int | None = None
+    lost_messages: int | None = None
+    start_ns: int | None = None
+    end_ns: int | None = None
+
+    def words(self, origin_ns: int | None = None) -> str:
+        """Return this in a line, with times [s] from `origin_ns`, or of the epoch."""
+        figures = []
+        if self.lost_messages is not None:
+            figures.append(f'{self.lost_messages} messages')
+        if self.lost_bytes is not None:
+            figures.append(f'{self.lost_bytes} bytes')
+        text = f'{self.file}: {self.reason}'
+        if figures:
+            text += f'; lost: {", ".join(figures)}'
+        if self.start_ns is None and self.end_ns is None:
+            return text
+        start, end = (None if time is None else (time - (origin_ns or 0)) / NANOSECONDS_PER_SECOND
+                      for time in (self.start_ns, self.end_ns))
+        if start is None:
+            return f'{text}, before {end:.3f} s'
+        return f'{text}, from {start:.3f} s ' + ('on' if end is None else f'to {end:.3f} s')

@@ -1,0 +1,129 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Writing a recording of rosbag2 without ROS, by the library `rosbags`.
+
+Messages are written as the bytes that came over the wire, with the definitions of their types,
+so that nothing is re-encoded and any reader can decode them.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+import signal
+import threading
+from types import TracebackType
+from typing import Any
+
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recorded_topic import qos_to_rosbags, rosbags_module, TopicQos
+
+_ENDING = (signal.SIGINT, signal.SIGTERM)
+
+
+class RecordingWriter:
+    """
+    Writes a recording, a directory of rosbag2 with MCAP storage; for use in `with`.
+
+    What was written is readable after `close`, which the `with` statement calls also where an
+    exception leaves it.
+    """
+
+    def __init__(self, directory: Path, definitions: Mapping[str, str] | None = None) -> None:
+        """
+        Create `directory`.
+
+        `definitions` are the texts of message types beyond those of ROS 2 Jazzy's common
+        packages, by name, as in {'my_msgs/msg/Pair': 'float64 a'}. Raises RecordingError where
+        the directory exists or cannot be made, MissingDependencyError without `rosbags`.
+        """
+        rosbag2, typesys = rosbags_module('rosbag2'), rosbags_module('typesys')
+        self.directory = directory
+        self._types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+        for name, text in (definitions or {}).items():
+            self._types.register(typesys.get_types_from_msg(text, name))
+        self._connections: dict[str, Any] = {}
+        try:
+            self._writer = rosbag2.Writer(
+                directory, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+            self._writer.set_custom_data('written_by', 'robot_dynamics')
+            self._writer.open()
+        except (rosbag2.WriterError, OSError) as error:
+            raise RecordingError(f'recording {str(directory)!r}: {error}') from None
+        self._open = True
+
+    def add_topic(self, name: str, message_type: str, qos: TopicQos | None = None) -> None:
+        """Announce a topic; raise RecordingError for a type whose definition is not known."""
+        if message_type not in self._types.fielddefs:
+            raise RecordingError(
+                f'topic {name!r} has type {message_type!r}, expected a type of the common '
+                'packages of ROS 2 Jazzy, or one whose definition was given')
+        self._connections[name] = self._writer.add_connection(
+            name, message_type, typestore=self._types,
+            offered_qos_profiles=[qos_to_rosbags(qos or TopicQos())])
+
+    def write(self, topic: str, time_ns: int, data: bytes) -> None:
+        """Write a serialized message (CDR) of a topic under this time [ns]."""
+        with uninterrupted():
+            self._writer.write(self._connections[topic], time_ns, data)
+
+    def write_message(self, topic: str, time_ns: int, message: Any) -> None:
+        """Write a message in the form that `Recording` gives it out, or of the same fields."""
+        connection = self._connections[topic]
+        self.write(topic, time_ns, bytes(self._types.serialize_cdr(message, connection.msgtype)))
+
+    def make_message(self, message_type: str, **fields: Any) -> Any:
+        """Return a message of a known type, for `write_message`."""
+        return self._types.types[message_type](**fields)
+
+    def close(self) -> None:
+        """Finish the files; once is enough."""
+        with uninterrupted():
+            if self._open:
+                self._open = False
+                self._writer.close()
+
+    def __enter__(self) -> 'RecordingWriter':
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """
+    Let signals wait until the block is done, so that no half record is left in a file.
+
+    Signals interrupt the main thread alone; in other threads this does nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[tuple[int, Any]] = []
+    before = {
+        number: signal.signal(number, lambda *call: arrived.append(call)) for number in _ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for signum, frame in arrived[:1]:
+            handler = before[signal.Signals(signum)]
+            if callable(handler):
+                handler(signum, frame)

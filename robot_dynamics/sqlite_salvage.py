@@ -1,0 +1,168 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A damaged sqlite3 file of rosbag2, read page by page as far as that goes.
+
+A database that was cut off refuses to open in the ordinary way, as its header counts more pages
+than there are. Its rows are found by their numbers: where one cannot be read, the next that can is
+searched for, in steps that double, and back by halves.
+"""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+import sqlite3
+from urllib.parse import quote
+
+from robot_dynamics.recording_loss import Loss
+
+MAGIC = b'SQLite format 3\0'
+_SMALLEST_ROW = 32
+"""Bytes of a message and its numbers in the database: how many there can be."""
+
+
+class SalvagedSqlite:
+    """What is left of a sqlite3 file; `losses` are known once it is made."""
+
+    def __init__(self, path: Path) -> None:
+        """Read through the file once; raise OSError."""
+        self.path = path
+        self.losses: list[Loss] = []
+        self.types: dict[int, tuple[str, str]] = {}
+        self.definitions: dict[str, tuple[str, str]] = {}
+        self.counts: dict[str, int] = {}
+        self._lost_rows = 0
+        self._missing_from: int | None = None
+        self._missing_to: int | None = None
+        size = path.stat().st_size
+        if size == 0:
+            self.losses.append(Loss(path.name, 'is empty'))
+            return
+        with path.open('rb') as file:
+            head = file.read(100)
+        if head[:16] != MAGIC or len(head) < 100:
+            self.losses.append(Loss(
+                path.name, 'does not begin as a sqlite3 database', lost_bytes=size))
+            return
+        page = int.from_bytes(head[16:18], 'big')
+        stated = int.from_bytes(head[28:32], 'big') * (65536 if page == 1 else page)
+        self._most_rows = max(stated, size) // _SMALLEST_ROW
+        self._survey(stated - size)
+
+    def _survey(self, missing_bytes: int) -> None:
+        try:
+            self._read_topics()
+        except sqlite3.Error as error:
+            self.losses.append(Loss(
+                self.path.name, f'its list of topics cannot be read ({error})',
+                lost_bytes=self.path.stat().st_size))
+            return
+        self.counts = {name: 0 for name, _ in self.types.values()}
+        for topic, _, _ in self._rows():
+            if topic in self.types:
+                self.counts[self.types[topic][0]] += 1
+        if missing_bytes > 0 or self._lost_rows:
+            reason = 'cut off' if missing_bytes > 0 else 'has pages that cannot be read'
+            self.losses.append(Loss(
+                self.path.name, reason, lost_bytes=missing_bytes if missing_bytes > 0 else None,
+                lost_messages=self._lost_rows or None, start_ns=self._missing_from,
+                end_ns=self._missing_to))
+
+    def messages(self, topic: str) -> list[tuple[int, bytes]]:
+        """Return the times [ns] and bytes of all messages of a topic that can be read."""
+        numbers = {number for number, (name, _) in self.types.items() if name == topic}
+        return [(time_ns, data) for number, time_ns, data in self._rows() if number in numbers]
+
+    def _connect(self) -> sqlite3.Connection:
+        # Read as it is: nothing is repaired, and no journal is looked for.
+        connection = sqlite3.connect(
+            f'file:{quote(str(self.path.resolve()))}?immutable=1', uri=True)
+        connection.execute('PRAGMA writable_schema=ON')  # else a cut database does not open
+        return connection
+
+    def _read_topics(self) -> None:
+        with closing(self._connect()) as connection:
+            for number, name, kind in connection.execute('SELECT id, name, type FROM topics'):
+                self.types[int(number)] = str(name), str(kind)
+            try:
+                rows = connection.execute(
+                    'SELECT topic_type, encoding, encoded_message_definition '
+                    'FROM message_definitions').fetchall()
+            except sqlite3.Error:
+                return  # older recordings have none
+            self.definitions = {str(kind): (str(how), str(text)) for kind, how, text in rows}
+
+    def _rows(self) -> Iterator[tuple[int, int, bytes]]:
+        """Yield topic, time and data of all rows that can be read, in the order of their ids."""
+        self._lost_rows, begin = 0, 0
+        newest: int | None = None
+        with closing(self._connect()) as connection:
+            top = self._last_id(connection)
+            while True:
+                after = begin - 1
+                try:
+                    for number, topic, time_ns, data in connection.execute(
+                            'SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? '
+                            'ORDER BY id', (begin,)):
+                        after = int(number)
+                        if not isinstance(data, bytes) or not isinstance(time_ns, int):
+                            self._lost_rows += 1
+                            continue
+                        if self._lost_rows and self._missing_to is None:
+                            self._missing_to = time_ns
+                        newest = time_ns
+                        yield int(topic), time_ns, data
+                    return
+                except sqlite3.Error:
+                    self._missing_from = newest if self._missing_from is None else (
+                        self._missing_from)
+                    found = self._next_readable(connection, max(after, begin), top)
+                    if found is None:
+                        self._missing_to = None
+                        return
+                    self._lost_rows += found - after - 1
+                    begin = found
+
+    def _last_id(self, connection: sqlite3.Connection) -> int:
+        try:
+            return int(connection.execute('SELECT max(id) FROM messages').fetchone()[0] or 0)
+        except sqlite3.Error:
+            return self._most_rows
+
+    def _next_readable(self, connection: sqlite3.Connection, after: int, top: int) -> int | None:
+        """Return the next id beyond `after` whose row can be read, None where there is none."""
+        step, bad = 1, after
+        while True:
+            candidate = min(after + step, top)
+            if candidate <= bad:
+                return None
+            if self._is_readable(connection, candidate):
+                break
+            bad, step = candidate, 2 * step
+        while candidate - bad > 1:
+            middle = (candidate + bad) // 2
+            if self._is_readable(connection, middle):
+                candidate = middle
+            else:
+                bad = middle
+        return candidate
+
+    @staticmethod
+    def _is_readable(connection: sqlite3.Connection, number: int) -> bool:
+        try:
+            return connection.execute(
+                'SELECT data FROM messages WHERE id = ?', (number,)).fetchone() is not None
+        except sqlite3.Error:
+            return False

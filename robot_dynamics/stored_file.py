@@ -1,0 +1,236 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+One file of a recording: read by the library `rosbags`, or what is left of it where it is damaged.
+
+A file that was compressed as a whole is decompressed into a temporary directory first, as far as
+that goes. A sqlite3 file that its recorder left with a journal is completed there, too.
+"""
+
+from contextlib import closing, suppress
+from pathlib import Path
+import shutil
+import sqlite3
+from typing import Any, NamedTuple, Protocol
+
+from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.mcap_salvage import SalvagedMcap, zstd_module
+from robot_dynamics.recorded_topic import qos_from_rosbags, rosbags_module, TopicQos
+from robot_dynamics.recording_loss import Loss
+from robot_dynamics.sqlite_salvage import SalvagedSqlite
+
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+_COPY = 1 << 20
+
+
+class StoredTopic(NamedTuple):
+    """A topic of one file; `definition` is the text of its type and `encoding` its language."""
+
+    name: str
+    message_type: str
+    message_count: int
+    qos: TopicQos
+    definition: str
+    encoding: str
+
+
+class StoredFile(Protocol):
+    """A file that is open for reading; `losses` may grow as it is read."""
+
+    topics: list[StoredTopic]
+    losses: list[Loss]
+    notes: list[str]
+
+    def messages(self, topic: str) -> list[tuple[int, bytes]]:
+        """Return times [ns] and bytes of the messages of a topic, in the order of time."""
+
+    def close(self) -> None:
+        """Let go of the file."""
+
+
+def open_stored_file(path: Path, scratch: Path) -> StoredFile:
+    """
+    Open a file of a recording; `scratch` is a directory for what has to be unpacked.
+
+    Raises OSError where the file cannot be opened, MissingDependencyError without `rosbags`.
+    """
+    rosbags_module('rosbag2')
+    losses: list[Loss] = []
+    notes: list[str] = []
+    unpacked = path
+    if path.suffix == '.zstd':
+        unpacked = scratch / f'{len(list(scratch.iterdir()))}_{path.stem}'
+        losses += _decompress(path, unpacked)
+    elif path.suffix == '.db3':
+        unpacked = _with_journal(path, scratch, notes)
+    if unpacked.suffix == '.mcap':
+        return McapFile(unpacked, path.name, losses, notes)
+    return SqliteFile(unpacked, path.name, losses, notes)
+
+
+class _File:
+    """What both kinds of storage share: rosbags first, and the salvager where that fails."""
+
+    def __init__(self, path: Path, name: str, losses: list[Loss], notes: list[str]) -> None:
+        self.losses, self.notes = losses, notes
+        self._path, self._name = path, name
+        self._salvaged: Any = None
+        self._reader: Any = None
+        self.topics: list[StoredTopic] = []
+        reader = rosbags_module('rosbag2').Reader(path)
+        try:
+            reader.open()
+        except MissingDependencyError:
+            raise
+        except Exception:  # whatever a damaged file makes the library raise
+            self._salvage()
+            return
+        self._reader = reader
+        for connection in reader.connections:
+            self.topics.append(StoredTopic(
+                connection.topic, connection.msgtype, connection.msgcount,
+                qos_from_rosbags(connection), connection.msgdef.data,
+                connection.msgdef.format.name))
+
+    def messages(self, topic: str) -> list[tuple[int, bytes]]:
+        """Return times [ns] and bytes of the messages of a topic, in the order of time."""
+        if self._reader is not None:
+            wanted = [c for c in self._reader.connections if c.topic == topic]
+            try:
+                messages = [(time_ns, data) for _, time_ns, data in self._reader.messages(wanted)
+                            ] if wanted else []
+            except Exception:  # as above
+                messages = []
+            if len(messages) >= sum(connection.msgcount for connection in wanted):
+                return self._plain(messages)
+            self._salvage()  # noise may look like the end to the library
+        found = self._salvaged.messages(topic)
+        found.sort(key=lambda message: message[0])
+        return self._plain(found)
+
+    def _plain(self, messages: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
+        """Return messages that were compressed one by one as they were before."""
+        if not any(data[:4] == ZSTD_MAGIC for _, data in messages):
+            return messages
+        zstd, plain, bad = zstd_module(), [], 0
+        for time_ns, data in messages:
+            try:
+                plain.append((time_ns, zstd.decompress(data)))
+            except (zstd.ZstdError, EOFError, ValueError):
+                bad += 1
+        if bad:
+            self.losses.append(Loss(
+                self._name, 'messages that cannot be decompressed', lost_messages=bad))
+        return plain
+
+    def _salvage(self) -> None:
+        self.close()
+        self._salvaged = self._salvager()
+        for loss in self._salvaged.losses:
+            named = loss._replace(file=self._name)
+            self.losses += [named] if named not in self.losses else []
+        self.topics = self._salvaged_topics()
+
+    def _salvager(self) -> Any:
+        raise NotImplementedError
+
+    def _salvaged_topics(self) -> list[StoredTopic]:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Let go of the file."""
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            with suppress(Exception):  # of a damaged file, once more
+                reader.close()
+
+
+class McapFile(_File):
+    """A file of MCAP."""
+
+    def _salvager(self) -> SalvagedMcap:
+        return SalvagedMcap(self._path)
+
+    def _salvaged_topics(self) -> list[StoredTopic]:
+        salvaged: SalvagedMcap = self._salvaged
+        by_name = {channel.topic: channel for channel in salvaged.channels.values()}
+        return [StoredTopic(name, channel.message_type, salvaged.counts.get(name, 0), TopicQos(),
+                            channel.definition, _LANGUAGES.get(channel.encoding, 'NONE'))
+                for name, channel in by_name.items()]
+
+
+class SqliteFile(_File):
+    """A file of sqlite3."""
+
+    def _salvager(self) -> SalvagedSqlite:
+        return SalvagedSqlite(self._path)
+
+    def _salvaged_topics(self) -> list[StoredTopic]:
+        salvaged: SalvagedSqlite = self._salvaged
+        topics = []
+        for name, kind in dict(salvaged.types.values()).items():
+            encoding, definition = salvaged.definitions.get(kind, ('', ''))
+            topics.append(StoredTopic(
+                name, kind, salvaged.counts.get(name, 0), TopicQos(), definition,
+                _LANGUAGES.get(encoding, 'NONE')))
+        return topics
+
+
+_LANGUAGES = {'ros2msg': 'MSG', 'ros2idl': 'IDL', 'omgidl': 'IDL'}
+
+
+def _decompress(path: Path, out: Path) -> list[Loss]:
+    """Write what a compressed file holds; return what was lost of it."""
+    zstd = zstd_module()
+    decompressor: Any = zstd.ZstdDecompressor()
+    size = path.stat().st_size
+    done = 0
+    with path.open('rb') as source, out.open('wb') as target:
+        while part := source.read(_COPY // 16):
+            try:
+                while part:
+                    if decompressor.eof:
+                        decompressor = zstd.ZstdDecompressor()
+                    target.write(decompressor.decompress(part))
+                    part = decompressor.unused_data if decompressor.eof else b''
+            except zstd.ZstdError as error:
+                return [Loss(path.name, f'cannot be decompressed from about byte {done} of '
+                                        f'{size} on ({error})', lost_bytes=size - done)]
+            done = source.tell()
+    if size == 0:
+        return [Loss(path.name, 'is empty')]
+    return [] if decompressor.eof else [Loss(path.name, 'compressed, and cut off')]
+
+
+def _with_journal(path: Path, scratch: Path, notes: list[str]) -> Path:
+    """Return the file, or a completed copy where its recorder left a journal beside it."""
+    beside = [path.with_name(f'{path.name}{suffix}') for suffix in ('-wal', '-journal')]
+    journals = [file for file in beside if file.is_file() and file.stat().st_size > 0]
+    if not journals:
+        return path
+    folder = scratch / f'{len(list(scratch.iterdir()))}'
+    folder.mkdir()
+    copy = folder / path.name
+    for file in (path, *journals):
+        shutil.copyfile(file, folder / file.name)
+    try:
+        with closing(sqlite3.connect(copy)) as connection:
+            connection.execute('PRAGMA journal_mode=DELETE')
+    except sqlite3.Error:
+        notes.append(f'{path.name} has a journal that cannot be applied, and is read without it')
+        return path
+    notes.append(f'{path.name} was not closed by its recorder; what its journal '
+                 f'{journals[0].name} holds is read too')
+    return copy
