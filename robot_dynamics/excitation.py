@@ -33,8 +33,8 @@ import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.base_parameters import base_parameters
-from robot_dynamics.excitation_limits import MotionLimits
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+from robot_dynamics.excitation_limits import MotionLimits
 from robot_dynamics.fourier_series import free_coefficients, series_basis, SeriesBasis
 from robot_dynamics.friction import sigmoid
 from robot_dynamics.regressor import random_states, TorqueRegressor
@@ -44,14 +44,26 @@ MOST_HARMONICS = 50
 RANDOM_MOTIONS = 20
 """Motions to compare with; the search goes on from the best."""
 STARTS = 2
-ITERATIONS = 50
+ITERATIONS = 40
 """Of the search, from each start."""
-SEARCH_SAMPLES, CHECK_SAMPLES = 20, 400
+STEPS = STARTS * ITERATIONS
+SEARCH_SAMPLES, CHECK_SAMPLES = 12, 200
 """A period of the fastest harmonic: of the search, and of the check of limits."""
 EFFORT_WEIGHT = 10.0
 """Decades of condition number that twice the allowed effort costs in the search."""
+LEAST_SHARE = 1e-4
+"""
+Of a column that is left beside those before it, for a parameter to count.
+
+Angles in a URDF are rounded: π/2 as 1.5708 lets efforts tell more parameters than the arm has, but
+by a millionth.
+"""
+WORST = 1e8
+"""A condition number beyond which squares tell nothing."""
 SMOOTHING_VELOCITY = 0.05
 """[rad/s] or [m/s] of the sigmoid that stands for Coulomb friction."""
+ROUNDING = 1.0 - 1e-5
+"""Share of the limits that is used, so that what is interpolated keeps within them too."""
 _SHRINK = 0.97
 _SMALLEST_SCALE = 1e-2
 
@@ -94,7 +106,10 @@ class ConditionNumber:
         self._regressor = TorqueRegressor(arm)
         rows = self._rows(Motion(*random_states(arm, 40 * arm.joint_count)))
         names = [str(i) for i in range(rows.shape[1])]
-        self._columns = list(base_parameters(rows, names).columns)
+        columns = np.array(base_parameters(rows, names).columns)
+        base = rows[:, columns]
+        left = np.abs(np.diag(np.linalg.qr(base / np.linalg.norm(base, axis=0), mode='r')))
+        self._columns = columns[left > LEAST_SHARE]
 
     @property
     def parameter_count(self) -> int:
@@ -103,12 +118,12 @@ class ConditionNumber:
     def __call__(self, motion: Motion) -> float:
         """Return the condition number of the base regressor with columns of unit length."""
         W = self._rows(motion)[:, self._columns]
-        size = np.linalg.norm(W, axis=0)
+        gram = W.T @ W
+        size = np.sqrt(np.diag(gram))
         if not size.all():
-            return float('inf')
-        R = np.asarray(np.linalg.qr(W / size, mode='r'))
-        values = np.asarray(np.linalg.svd(R, compute_uv=False))
-        return float(values[0] / max(values[-1], 1e-300))
+            return WORST
+        squares = np.linalg.eigvalsh(gram / np.outer(size, size))
+        return float(min(np.sqrt(squares[-1] / max(squares[0], 1e-300)), WORST))
 
     def _rows(self, motion: Motion) -> FloatArray:
         """Return the whole regressor, one row for each effort of each sample."""
@@ -135,7 +150,7 @@ class _Search:
 
         def basis(samples: int) -> SeriesBasis:
             count = samples * harmonics
-            return series_basis(harmonics, duration, np.arange(count) * (duration / count))
+            return series_basis(harmonics, duration, np.arange(0.0, count) * (duration / count))
 
         self._few, self._many = basis(SEARCH_SAMPLES), basis(CHECK_SAMPLES)
 
@@ -143,12 +158,11 @@ class _Search:
         """Return the decades of the condition number, and what too much effort costs."""
         motion = _motion(self._few, self._swung(x, self._few), self._limits.start)
         excess = max(self._effort_ratio(motion) - 1.0, 0.0)
-        return float(
-            np.log10(min(self.condition(motion), 1e15)) + EFFORT_WEIGHT * min(excess, 1e3)**2)
+        return float(np.log10(self.condition(motion)) + EFFORT_WEIGHT * min(excess, 1e3)**2)
 
     def within_limits(self, x: FloatArray) -> FloatArray:
         """Return the coefficients (2 N − 2, n) of x, within all limits; raise as below."""
-        coefficients = (1.0 - 1e-9) * self._swung(x, self._many)
+        coefficients = ROUNDING * self._swung(x, self._many)
         scale = 1.0
         while scale > _SMALLEST_SCALE:
             motion = _motion(self._many, scale * coefficients, self._limits.start)
@@ -196,7 +210,7 @@ def find_excitation(
 
         def count(_: Any, done: list[int] = done) -> None:
             done[0] += 1
-            when_done(done[0] / (STARTS * ITERATIONS))
+            when_done(done[0] / STEPS)
 
         result = minimize(
             search.cost, x, method='L-BFGS-B', callback=count,

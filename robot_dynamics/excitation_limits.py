@@ -73,7 +73,8 @@ class MotionLimits:
                 (x.max(axis=0), self.above), (-x.min(axis=0), self.below),
                 (np.abs(v).max(axis=0), self.velocity),
                 (np.abs(a).max(axis=0), self.acceleration)):
-            scale = np.minimum(scale, np.where(used > 0.0, limit / np.maximum(used, 1e-300), np.inf))
+            moves = used > 0.0
+            scale[moves] = np.minimum(scale, limit / np.where(moves, used, 1.0))[moves]
         return np.where(np.isfinite(scale), scale, 0.0)
 
     def effort_ratio(self, efforts: FloatArray) -> float:

@@ -60,11 +60,10 @@ def read_trajectory(path: Path, joint_names: Sequence[str]) -> JointTrajectory:
     try:
         points = [_checked(point, f'points[{i}]', Mapping)
                   for i, point in enumerate(_checked(data.get('points'), 'points', list))]
+        q, v, a = ([point.get(field) or () for point in points] for field in FIELDS)
         return make_trajectory(
             _checked(data.get('joint_names'), 'joint_names', list),
-            [_seconds(point.get('time_from_start')) for point in points],
-            *([point.get(field) or () for point in points] for field in FIELDS),
-            expected_joints=joint_names)
+            [_seconds(point.get('time_from_start')) for point in points], q, v, a, joint_names)
     except TrajectoryError as error:
         raise TrajectoryError(f'{path}: {error}') from None
 
@@ -91,7 +90,8 @@ def _load(path: Path) -> Mapping[str, Any]:
         raise InvalidInputError(f'trajectory file {str(path)!r} cannot be read: {error}') from None
     except yaml.YAMLError as error:
         raise TrajectoryError(f'{path}: {" ".join(str(error).split())}') from None
-    return _checked(data, str(path), Mapping)
+    checked: Mapping[str, Any] = _checked(data, str(path), Mapping)
+    return checked
 
 
 def _checked(value: Any, field: str, kind: type) -> Any:

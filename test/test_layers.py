@@ -61,7 +61,8 @@ LAYERS = {
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
         'trajectory_efforts',
-        'excitation', 'external_effort', 'live_residual', 'trajectory_file',
+        'excitation', 'excitation_limits', 'excitation_trajectory', 'external_effort',
+        'live_residual', 'trajectory_file',
     ),
     # and ROS
     'ros': ('ros.',),
