@@ -62,8 +62,15 @@ WORST = 1e8
 """A condition number beyond which squares tell nothing."""
 SMOOTHING_VELOCITY = 0.05
 """[rad/s] or [m/s] of the sigmoid that stands for Coulomb friction."""
-ROUNDING = 1.0 - 1e-5
-"""Share of the limits that is used, so that what is interpolated keeps within them too."""
+KEPT = 1.0 - 2e-4
+"""
+Share of the limits that is used at the samples, so that nothing passes them in between.
+
+Between samples a series of degree N exceeds them by at most ½ (π / CHECK_SAMPLES)² of its peak, as
+its second derivative is at most (N ω)² times that (Bernstein's inequality).
+"""
+KEPT_EFFORT = 1.0 - 2e-3
+"""Likewise for efforts, which are no such series."""
 _SHRINK = 0.97
 _SMALLEST_SCALE = 1e-2
 
@@ -162,11 +169,11 @@ class _Search:
 
     def within_limits(self, x: FloatArray) -> FloatArray:
         """Return the coefficients (2 N − 2, n) of x, within all limits; raise as below."""
-        coefficients = ROUNDING * self._swung(x, self._many)
+        coefficients = KEPT * self._swung(x, self._many)
         scale = 1.0
         while scale > _SMALLEST_SCALE:
             motion = _motion(self._many, scale * coefficients, self._limits.start)
-            if self._effort_ratio(motion) <= 1.0:
+            if self._effort_ratio(motion) <= KEPT_EFFORT:
                 return scale * coefficients
             scale *= _SHRINK
         raise InvalidInputError(

@@ -20,8 +20,8 @@ Periodic motions that begin and end at rest: Fourier series with a few coefficie
 leaves q₀ at t = 0 and comes back at T; velocity and acceleration are zero there where Σ a_l = 0
 and Σ l b_l = 0. What is left are 2 N − 2 free coefficients a joint. Everything is band-limited,
 and known without differentiating. Source: J. Swevers, C. Ganseman, D. Tükel, J. De Schutter,
-H. Van Brussel, "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
-1997, section III; the ties at the ends are added here.
+H. Van Brussel, "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation
+13(5), 1997, section III; the ties at the ends are added here.
 """
 
 import math
