@@ -35,7 +35,9 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
-        'tools': ['matplotlib', 'rosbags', 'scipy'],
+        'tools': ['matplotlib', 'pyyaml', 'rosbags', 'scipy'],
+        'parquet': ['pyarrow'],  # of analyze_bag
+        'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
@@ -53,6 +55,7 @@ setup(
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'excite = robot_dynamics.tools.excite:main',
+            'identify = robot_dynamics.tools.identify:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
         ],
     },

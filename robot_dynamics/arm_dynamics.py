@@ -15,7 +15,9 @@
 """
 What the actuators of an arm must deliver: rigid bodies and friction together.
 
-τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction(q̇) − Jᵀ f; τ is on the joint side of the gearbox.
+τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f; τ is on the joint side of the gearbox.
+Friction is that of the joints (`friction`), and of gears and drives (`gear_friction`), which
+depends on the load, too: what the joints bear of rigid bodies, M q̈ + C q̇ + g − Jᵀ f.
 """
 
 from collections.abc import Sequence
@@ -23,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.presliding import presliding
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody, singular_mass_matrix
 from robot_dynamics.sticking import choose_modes, hold
 from robot_dynamics.validation import FloatArray
@@ -54,7 +57,8 @@ class ArmDynamics:
         self.friction = arm.friction
         self._dry = arm.friction.static > 0.0
         self._is_dry = bool(self._dry.any())
-        self._is_frictionless = self.friction.is_zero
+        self._gears = arm.gear_friction
+        self.is_frictionless = self.friction.is_zero and self._gears is None
 
     def inverse_dynamics(
         self, q: FloatArray, v: FloatArray, a: FloatArray,
@@ -66,14 +70,47 @@ class ArmDynamics:
         At rest any dry friction up to F_s fits; it is taken as 0.
         """
         effort = self.rigid_body.inverse_dynamics(q, v, a, wrenches)
-        return effort if self._is_frictionless else effort + self.friction.effort(v)
+        return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
 
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
     ) -> FloatArray:
         """Return the efforts of many states; all arrays are (samples, n)."""
         effort = self.rigid_body.inverse_dynamics_batch(q, v, a, threads)
-        return effort if self._is_frictionless else effort + self.friction.effort(v)
+        return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
+
+    def friction_effort(
+        self, v: FloatArray, load: FloatArray, sign: FloatArray | None = None,
+        smooth: bool = False,
+    ) -> FloatArray:
+        """
+        Return the friction (..., n) of joints and gears at the velocity v.
+
+        `load` (..., n) is what the joints bear of rigid bodies. `sign` (..., n) takes the place of
+        the sign of v in dry friction, where it is given (`presliding`); `smooth` has a sigmoid
+        there (`JointFriction.smooth_effort`).
+        """
+        friction = self.friction
+        if sign is not None:
+            effort = friction.viscous * v + friction.dry(v) * sign + friction.offset
+        else:
+            effort = friction.smooth_effort(v) if smooth else friction.effort(v)
+        return effort if self._gears is None else effort + self._gears.effort(v, load)
+
+    def friction_along(
+        self, q: FloatArray, v: FloatArray, load: FloatArray, state: FloatArray | None = None,
+    ) -> FloatArray:
+        """
+        Return the friction (m, n) along a motion: m samples in the order of time.
+
+        For measured motions: around rest the sign is smooth. Where gears have a presliding
+        distance, dry friction follows the displacement since the motion turned round
+        (`presliding`), with `state` (n,) at the first sample.
+        """
+        if self._gears is None or not self._gears.presliding_distance.any():
+            return self.friction_effort(v, load, smooth=True)
+        sign = presliding(q, v, self._gears.presliding_distance, state)
+        return self.friction_effort(v, load, sign)
 
     def forward_dynamics(
         self, q: FloatArray, v: FloatArray, tau: FloatArray,
@@ -88,16 +125,21 @@ class ArmDynamics:
         """
         if self._is_dry and bool((self._dry & (v == 0.0)).any()):
             return self._acceleration_from_rest(q, v, tau, wrenches)
-        if not self._is_frictionless:
-            tau = tau - self.friction.effort(v)
+        if not self.is_frictionless:
+            tau = self._load_of(v, tau - self.friction.effort(v))
         return self.rigid_body.forward_dynamics(q, v, tau, wrenches)
+
+    def _load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """Return what an effort leaves for the rigid bodies after the friction of gears."""
+        return effort if self._gears is None else self._gears.load_of(v, effort)
 
     def _acceleration_from_rest(
         self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Sequence[ExternalWrench],
     ) -> FloatArray:
         body, friction = self.rigid_body, self.friction
         M, sliding = body.mass_matrix(q), friction.dry(v)
-        effort = tau - body.nonlinear(q, v) - friction.viscous * v - friction.offset
+        effort = self._load_of(
+            v, tau - friction.viscous * v - friction.offset) - body.nonlinear(q, v)
         if wrenches:
             effort = effort - body.external(q, wrenches)
         try:
@@ -121,7 +163,8 @@ class ArmDynamics:
         inertial, coriolis, gravity, external, *energies = self.rigid_body.terms(
             q, v, a, wrenches)
         if friction is None:
-            friction = self.friction.effort(v)
+            load = inertial + coriolis + gravity + external
+            friction = self.friction_effort(v, load)
         return EffortTerms(
             inertial, coriolis, gravity, friction, external,
             inertial + coriolis + gravity + friction + external, *energies)

@@ -23,6 +23,7 @@ from robot_dynamics.actuator import Actuators
 from robot_dynamics.coordinates import JointCoordinates
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.friction import JointFriction, make_friction
+from robot_dynamics.gear_friction import GearFriction
 from robot_dynamics.payload import Payload
 from robot_dynamics.sticking import BoolArray
 from robot_dynamics.transmissions import gear_ratio, Reductions
@@ -75,6 +76,7 @@ class ArmModel:
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
+    gear_friction: GearFriction | None = None
 
     @property
     def joint_count(self) -> int:
@@ -90,6 +92,14 @@ class ArmModel:
         ratios = {name: gear_ratio(name, self.reductions) for name in self.joint_names}
         return {name: ratio for name, ratio in ratios.items() if ratio is not None}
 
+    @property
+    def friction_at_rest(self) -> JointFriction:
+        """The friction with all that may hold a joint at rest, of joint and gear, as static."""
+        gears = self.gear_friction
+        return self.friction if gears is None else replace(
+            self.friction, static=self.friction.static + gears.sigmoid,
+            offset=np.abs(self.friction.offset) + np.abs(gears.effort_offset))
+
     def link_frame(self, link: str, field: str = 'frame_id') -> pin.Frame:
         """Return Pinocchio's frame of a link; raise InvalidInputError for an unknown one."""
         if link not in self.link_names:
@@ -100,6 +110,10 @@ class ArmModel:
     def with_friction(self, friction: JointFriction) -> 'ArmModel':
         """Return this arm with this friction in place of that of the URDF."""
         return replace(self, friction=friction)
+
+    def with_gear_friction(self, friction: GearFriction) -> 'ArmModel':
+        """Return this arm with this friction of its gears on top of that of its joints."""
+        return replace(self, gear_friction=None if friction.is_zero else friction)
 
     def with_actuators(self, actuators: Actuators) -> 'ArmModel':
         """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""

@@ -175,7 +175,7 @@ def analyze_recording(
     on_step('filtered')
     terms = model_terms(
         ArmDynamics(read.arm), motion.position, motion.velocity, motion.acceleration)
-    measured, remark = _joint_effort(motion, terms, read.arm, settings.parameters)
+    measured, remark = joint_effort(motion, terms.gravity, read.arm, settings.parameters)
     if remark:
         read = replace(read, remarks=(*read.remarks, remark))
     usable = motion.usable
@@ -246,8 +246,8 @@ def _with_motors_on(series: JointSeries) -> tuple[JointSeries, int]:
     return series.after(held), held
 
 
-def _joint_effort(
-    motion: FilteredMotion, terms: TermSeries, arm: ArmModel, parameters: Mapping[str, Any],
+def joint_effort(
+    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, Any],
 ) -> tuple[FloatArray | None, str]:
     """Return the measured effort on the joint side, with gravity, and a remark on how."""
     semantics = described_semantics(parameters, arm)
@@ -259,7 +259,7 @@ def _joint_effort(
     if kind in MOTOR_SIDE:
         return effort, f'measured_effort is {kind!r}: converted by torque constant and gear ratio'
     if semantics.lacks_gravity:
-        return effort + terms.gravity, f"measured_effort is {kind!r}: the model's gravity is added"
+        return effort + gravity, f"measured_effort is {kind!r}: the model's gravity is added"
     return effort, ''
 
 

@@ -16,9 +16,9 @@
 Base parameters: the combinations of parameters that efforts tell, and no others.
 
 Columns of a regressor that depend linearly on columns before them are regrouped into those:
-τ = Y φ = Y_b (φ_b + K φ_d). Taken from the base to the tip, parameters of outer links so join those
-of inner ones, as in M. Gautier, "Numerical calculation of the base inertial parameters of robots",
-J. Robotic Systems 8(4), 1991 (QR decomposition of the regressor at random states).
+τ = Y φ = Y_b (φ_b + K φ_d). Taken from the base to the tip, parameters of outer links so join
+those of inner ones, as in M. Gautier, "Numerical calculation of the base inertial parameters of
+robots", J. Robotic Systems 8(4), 1991 (QR decomposition of the regressor at random states).
 """
 
 from collections.abc import Sequence
@@ -97,7 +97,7 @@ def base_parameters(regressor: FloatArray, names: Sequence[str]) -> BaseParamete
 
 
 def _expression(row: FloatArray, names: Sequence[str], first: int) -> str:
-    others = [i for i in np.flatnonzero(np.abs(row) > _SHOWN) if i != first]
+    others = [i for i in np.flatnonzero(np.abs(row) > _SHOWN).tolist() if i != first]
     text = names[first]
     for i in others:
         size = abs(float(row[i]))

@@ -191,8 +191,9 @@ class Controller:
         computed_torque, a = None, zero
         if reference is not None and v is not None:
             a = self._feedback.acceleration(reference, q, v)
-            friction = self._friction(reference, q, v)
-            computed_torque = self._dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
+            load = self._dynamics.rigid_body.inverse_dynamics(q, v, a)
+            friction = self._friction(reference, q, v, load)
+            computed_torque = load + friction
         _check_finite(q, gravity, computed_torque)
         follows = computed_torque is not None and self._options.command == 'computed_torque'
         bare = self._dynamics is self._bare_dynamics
@@ -246,13 +247,16 @@ class Controller:
         bounded = np.minimum(np.maximum(command, low), high)
         return bounded, bounded != command
 
-    def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
-        friction, mode = self._dynamics.friction, self._options.friction_compensation
-        if friction.is_zero:
+    def _friction(
+        self, reference: Reference, q: FloatArray, v: FloatArray, load: FloatArray,
+    ) -> FloatArray:
+        dynamics, mode = self._dynamics, self._options.friction_compensation
+        if dynamics.is_frictionless:
             return self._zero
         if mode == 'reference':
-            return friction.smooth_effort(self._feedback.reference_velocity(reference, q))
-        return friction.effort(v) if mode == 'measured' else self._zero
+            v_r = self._feedback.reference_velocity(reference, q)
+            return dynamics.friction_effort(v_r, load, smooth=True)
+        return dynamics.friction_effort(v, load) if mode == 'measured' else self._zero
 
     def _choose(
         self, gravity: FloatArray, computed_torque: FloatArray | None,

@@ -38,7 +38,7 @@ class TermSeries:
     """
     The model's effort at m states by term, each (m, n) [N·m] or [N]; energies (m,) [J].
 
-    Friction is that of `JointFriction.smooth_effort`: the sign of a measured velocity says nothing
+    Friction is that of `ArmDynamics.friction_along`: the sign of a measured velocity says nothing
     around rest.
     """
 
@@ -68,7 +68,8 @@ def model_terms(
     Return the model's effort, split by term, and the energies, at m states.
 
     `position`, `velocity` and `acceleration` are (m, n) [rad or m, per second, per second²] in the
-    order of `dynamics.arm.joint_names`, finite.
+    order of `dynamics.arm.joint_names`, finite; the states are in the order of time, which matters
+    where gears have a presliding distance.
     """
     body, zero = dynamics.rigid_body, np.zeros_like(position)
     q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))
@@ -80,7 +81,7 @@ def model_terms(
         inertial=whole - nonlinear,
         coriolis=nonlinear - gravity,
         gravity=gravity,
-        friction=dynamics.friction.smooth_effort(v),
+        friction=dynamics.friction_along(q, v, whole),
         kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
         potential_energy=body.potential_energy_batch(q))
 

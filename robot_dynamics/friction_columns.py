@@ -30,7 +30,10 @@ from robot_dynamics.validation import FloatArray
 SIGMOID_VELOCITIES = (0.01, 0.03, 0.1, 0.3)
 """[rad/s]; on a prismatic joint `PRISMATIC_SCALE` of it in [m/s]."""
 PRESLIDING_DISTANCES = (0.0, 0.001, 0.003, 0.01, 0.03)
-"""[rad]; on a prismatic joint `PRISMATIC_SCALE` of it in [m]."""
+"""
+[rad]; on a prismatic joint `PRISMATIC_SCALE` of it in [m]. The first, a sharp sign, is not
+offered: the sign of a measured velocity says nothing around rest. It is for single states.
+"""
 PRISMATIC_SCALE = 0.1
 INERTIA, VISCOUS, OFFSET = range(3)
 _SIGMOID = 3
@@ -67,8 +70,7 @@ class FrictionStructure(NamedTuple):
     def __str__(self) -> str:
         parts = ['viscous']
         if self.coulomb is not None:
-            distance = PRESLIDING_DISTANCES[self.coulomb]
-            parts += [f'Coulomb presliding over {distance:g}' if distance else 'Coulomb']
+            parts += [f'Coulomb presliding over {PRESLIDING_DISTANCES[self.coulomb]:g}']
         if self.sigmoid is not None:
             parts += [f'sigmoid of {SIGMOID_VELOCITIES[self.sigmoid]:g}']
         if self.load:
@@ -76,14 +78,14 @@ class FrictionStructure(NamedTuple):
         return ' + '.join(parts)
 
 
-SIMPLEST = FrictionStructure(coulomb=0)
-"""The sign of velocity."""
+SIMPLEST = FrictionStructure(sigmoid=0)
+"""The sign of velocity, but for a narrow band around rest."""
 
 
 def structures() -> Iterator[FrictionStructure]:
     """Yield every structure that is offered to the data."""
     for sigmoid in (None, *range(len(SIGMOID_VELOCITIES))):
-        for coulomb in (None, *range(len(PRESLIDING_DISTANCES))):
+        for coulomb in (None, *range(1, len(PRESLIDING_DISTANCES))):
             yield FrictionStructure(sigmoid, coulomb)
             if sigmoid is not None:
                 yield FrictionStructure(sigmoid, coulomb, True)
@@ -112,9 +114,10 @@ def joint_columns(
         direction = np.tanh(v / (width * scale))
         columns[:, :, _SIGMOID + i] = direction
         columns[:, :, _LOAD + i] = np.abs(load) * direction
+    columns[:, :, _COULOMB] = np.sign(v)
     stretches = list(zip(starts, [*starts[1:], m]))
     for i, distance in enumerate(PRESLIDING_DISTANCES):
-        for first, last in stretches:
+        for first, last in stretches if distance else ():
             columns[first:last, :, _COULOMB + i] = presliding(
                 q[first:last], v[first:last], distance * scale)
     return columns

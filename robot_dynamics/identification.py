@@ -92,7 +92,7 @@ def prior_of(arm: ArmModel) -> Prior:
 
 
 def base_parameters_of(arm: ArmModel) -> BaseParameters:
-    """Return the base parameters of the arm's bodies and of the reflected inertia of its rotors."""
+    """Return the base parameters of the arm's bodies and the reflected inertia of its rotors."""
     q, v, a = random_states(arm, _STATES)
     m, n = q.shape
     rotors = np.zeros((m, n, n))

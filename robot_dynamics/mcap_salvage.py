@@ -36,6 +36,8 @@ _LAST_OPCODE = 0x0F
 _RECORD = struct.Struct('<BQ')
 _MESSAGE_HEAD = struct.Struct('<HIQQ')
 _CHUNK_HEAD = struct.Struct('<QQQI')
+_TAIL = struct.Struct('<BQQQI8s')
+"""The footer, and the magic behind it."""
 _LARGEST_CHUNK = 1 << 32
 """[bytes]; what says more is noise."""
 
@@ -59,8 +61,12 @@ class SalvagedMcap:
         self.channels: dict[int, Channel] = {}
         self.counts: dict[str, int] = {}
         self._schemas: dict[int, tuple[str, str, str]] = {}
+        self._unknown = 0
+        self._read_summary()
         for channel, _, _ in self._messages():
             self.counts[channel.topic] = self.counts.get(channel.topic, 0) + 1
+        if self._unknown:
+            self._lose('messages of topics whose description is lost', lost_messages=self._unknown)
         self._quiet = True
 
     _quiet = False
@@ -69,6 +75,28 @@ class SalvagedMcap:
         """Return the times [ns] and bytes of all messages of a topic that can be read."""
         return [(time_ns, data) for channel, time_ns, data in self._messages()
                 if channel.topic == topic]
+
+    def _read_summary(self) -> None:
+        """Read the descriptions of topics that a whole file repeats at its end."""
+        with self.path.open('rb') as file:
+            size = file.seek(0, 2)
+            file.seek(max(size - _TAIL.size, 0))
+            tail = file.read()
+            if len(tail) < _TAIL.size:
+                return
+            code, length, begin, _, _, magic = _TAIL.unpack(tail)
+            if (code, length, magic) != (_FOOTER, 20, MAGIC) or not 0 < begin < size:
+                return
+            file.seek(begin)
+            data = file.read(size - _TAIL.size - begin)
+        at = 0
+        while at + _RECORD.size <= len(data):
+            code, length = _RECORD.unpack_from(data, at)
+            body = data[at + _RECORD.size:at + _RECORD.size + length]
+            if code in (_SCHEMA, _CHANNEL):
+                for _ in self._record(code, body, True, begin + at):
+                    pass
+            at += _RECORD.size + length
 
     def _lose(self, reason: str, **figures: Any) -> None:
         if not self._quiet:
@@ -123,7 +151,7 @@ class SalvagedMcap:
             if number in self.channels:
                 yield self.channels[number], time_ns, body[_MESSAGE_HEAD.size:]
             else:
-                self._lose(f'a message of an unknown channel at byte {start}', lost_messages=1)
+                self._unknown += 1
         elif code in (_SCHEMA, _CHANNEL):
             try:
                 self._describe(code, body)

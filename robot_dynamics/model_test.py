@@ -15,8 +15,8 @@
 """
 How well models predict the samples that they were not trained with.
 
-A residual is given relative to the effort, RMS to RMS. It is computed twice: along the motion, with
-the memory of presliding, and sample by sample, as an answer that knows one state alone must be.
+A residual is given relative to the effort, RMS to RMS. It is computed twice: along the motion,
+with the memory of presliding, and sample by sample, as an answer that knows one state alone is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,7 +65,7 @@ def try_motion(
     parts = parts_of(motion, train_fraction)
     tests = {}
     for name, fit in models.items():
-        rows = regression_rows(arm, motion, slice(None), fit.parameters)
+        rows = regression_rows(arm, motion, slice(None), fit)
         residual = rows.y - rows.model(fit)
         effort = motion.effort if motion.effort is not None else rows.y
         by_sample = rows.y[parts.test] - rows.model(without_memory(fit))[parts.test]

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.friction_columns import COLUMN_NAMES, joint_columns
+from robot_dynamics.friction_columns import COLUMN_NAMES, INERTIA, joint_columns
 from robot_dynamics.information import Information, reduce_rows
 from robot_dynamics.motion_filter import FilteredMotion, samples_a_sample
 from robot_dynamics.pulled_least_squares import Fit
@@ -74,13 +74,13 @@ def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
 
 
 def regression_rows(
-    arm: ArmModel, motion: FilteredMotion, samples: slice, reference: FloatArray | None = None,
+    arm: ArmModel, motion: FilteredMotion, samples: slice, reference: Fit | None = None,
 ) -> Rows:
     """
     Return the regression of some samples of a motion of the arm's joints, in its order.
 
-    `reference` (p,) are the parameters whose load presses on the gears; None takes those of the
-    arm. What a payload of the arm takes is subtracted from y. Raises RecordingError where no
+    `reference` is the model whose load presses on the gears, with its rotors, as inverse dynamics
+    has it; None takes the arm. What a payload of the arm takes is subtracted from y. Raises RecordingError where no
     effort was recorded.
     """
     if motion.effort is None:
@@ -90,7 +90,8 @@ def regression_rows(
     Y = TorqueRegressor(arm)(q, v, a)
     bare = inertial_parameters(bare_arm(arm))
     of_payload = Y @ (inertial_parameters(arm) - bare)
-    load = Y @ (bare if reference is None else reference) + of_payload
+    load = of_payload + (Y @ bare if reference is None else (
+        Y @ reference.parameters + reference.joint_values[:, INERTIA] * a))
     segment = motion.segment[samples]
     starts = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist()] if len(segment) else [0]
     own = joint_columns(arm.joint_kinds, q, v, a, load, starts)
@@ -118,8 +119,7 @@ def reduce_motion(
     it count less. Raises RecordingError without effort, or with too few samples.
     """
     rows = regression_rows(
-        arm, motion, parts_of(motion, train_fraction).train,
-        None if reference is None else reference.parameters)
+        arm, motion, parts_of(motion, train_fraction).train, reference)
     usable = motion.usable[:len(rows.y)]
     X, y = rows.X[usable], rows.y[usable]
     n = y.shape[1]

@@ -28,9 +28,12 @@ from robot_dynamics.arm_model import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.effort_semantics import EffortSemantics, make_effort_semantics
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 from robot_dynamics.friction import make_friction
+from robot_dynamics.gear_friction import make_gear_friction
 
 NODE = 'dynamics'
 FRICTION_FIELDS = ('viscous', 'coulomb', 'static', 'stribeck_velocity', 'offset')
+GEAR_FRICTION_FIELDS = (
+    'sigmoid', 'sigmoid_velocity', 'load', 'effort_offset', 'presliding_distance')
 ACTUATOR_FIELDS = (
     'torque_constant', 'gear_ratio', 'back_emf_constant', 'resistance', 'inductance',
     'rotor_inertia', 'efficiency', 'current_limit', 'voltage_limit')
@@ -105,6 +108,8 @@ def described_arm(
         of_joints(f'friction.{field}') for field in FRICTION_FIELDS)
     arm = arm.with_friction(make_friction(
         names, viscous, coulomb, static, stribeck_velocity, offset, arm.friction))
+    arm = arm.with_gear_friction(make_gear_friction(
+        names, *(of_joints(f'friction.{field}') for field in GEAR_FRICTION_FIELDS)))
     motors = [of_joints(f'actuator.{field}') for field in ACTUATOR_FIELDS]
     if not any(motors):
         return arm

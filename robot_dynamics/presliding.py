@@ -22,6 +22,7 @@ generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11), 2005.
 """
 
 import numpy as np
+from robot_dynamics.friction import sigmoid, SMOOTHING_VELOCITY
 from robot_dynamics.validation import FloatArray
 
 
@@ -33,15 +34,16 @@ def presliding(
     Return z along a motion, (m, n): what the sign of Coulomb friction is at each sample.
 
     `position` (m, n) [rad] or [m] and `velocity` are in the order of time, `distance` (n,) is d.
-    A joint with d = 0 has the sign of its velocity. `state` (n,) is z before the first sample;
-    None takes the sign of the first velocity, as nothing is known of what was before.
+    A joint with d = 0 has the smooth sign of its velocity (`friction.sigmoid`). `state` (n,) is z
+    at the first sample; None takes the sign of the first velocity, as nothing is known of what
+    was before.
     """
-    z = np.sign(velocity)
+    z = sigmoid(velocity, SMOOTHING_VELOCITY)
     if len(z) == 0:
         return z
     for joint in np.flatnonzero(distance > 0.0):
         step = np.diff(position[:, joint]) / distance[joint]
-        value = float(z[0, joint] if state is None else state[joint])
+        value = float(np.sign(velocity[0, joint]) if state is None else state[joint])
         values = [value]
         for change in step.tolist():
             value += change

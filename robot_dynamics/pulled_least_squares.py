@@ -123,7 +123,7 @@ class Fit:
         x = np.concatenate([
             np.broadcast_to(self.parameters, (n, len(self.parameters))), self.joint_values,
             np.full((n, 1), -1.0)], axis=1)
-        return np.maximum(np.einsum('ja,jab,jb->j', x, grams, x), 0.0)
+        return np.asarray(np.maximum(np.einsum('ja,jab,jb->j', x, grams, x), 0.0))
 
 
 def without_memory(fit: Fit) -> Fit:

@@ -194,13 +194,17 @@ class Recording:
         """
         Return all messages of a topic of sensor_msgs/msg/JointState.
 
-        Raises RecordingError for a topic that is not there, or is of another type.
+        Raises RecordingError for a topic that is not there, of another type, or without a message.
         """
         found = self.topic(topic)
         if found.message_type != JOINT_STATE:
             raise RecordingError(
                 f'topic {topic!r} has type {found.message_type!r}, expected {JOINT_STATE}')
         messages = list(self.raw_messages(topic))
+        if not messages:
+            raise RecordingError(
+                f'recording {str(self.path)!r} has no message of {topic} that can be read'
+                + ''.join(f'; {loss.words()}' for loss in self.losses))
         return RecordedJointStates(
             f'topic {topic!r} of recording {str(self.path)!r}',
             np.array([time_ns for time_ns, _ in messages], dtype=np.int64),

@@ -61,6 +61,10 @@ class ArmSimulation:
 
         `max_step` [s] bounds the step of integration. Raises InvalidInputError.
         """
+        if arm.gear_friction is not None:
+            raise InvalidInputError(
+                f'the arm {arm.name!r} has gear friction, expected that of its joints alone: '
+                'viscous, Coulomb, static and offset are what is simulated')
         n, names = arm.joint_count, arm.joint_names
         limits = arm.limits
         home = np.clip(np.zeros(n), limits.lower, limits.upper)

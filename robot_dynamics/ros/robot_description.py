@@ -22,6 +22,7 @@ from robot_dynamics.description_file import read_description
 from robot_dynamics.effort_semantics import EffortSemantics, make_effort_semantics
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.friction import make_friction
+from robot_dynamics.gear_friction import LARGEST_LOAD_SHARE, make_gear_friction
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 
@@ -67,6 +68,30 @@ FRICTION_SPECS = (
         'friction.offset', Type.DOUBLE_ARRAY, [],
         'Offset F_o [N m] or [N] by which friction differs between the directions; at most F_c '
         'in size. Empty: 0.', read_only=True, minimum=-1e6, maximum=1e6),
+)
+
+GEAR_FRICTION_SPECS = (
+    ParameterSpec(
+        'friction.sigmoid', Type.DOUBLE_ARRAY, [],
+        'Friction F_a [N m] or [N] with a smooth sign, F_a tanh(v / v_a), likewise. Empty: 0.',
+        read_only=True, minimum=0.0, maximum=1e6),
+    ParameterSpec(
+        'friction.sigmoid_velocity', Type.DOUBLE_ARRAY, [],
+        'Velocity v_a [rad/s] or [m/s] over which that changes its sign. Empty: 0.03.',
+        read_only=True, minimum=1e-6, maximum=1e3),
+    ParameterSpec(
+        'friction.load', Type.DOUBLE_ARRAY, [],
+        'Share of the load that friction takes, with the same smooth sign. Empty: 0.',
+        read_only=True, minimum=0.0, maximum=LARGEST_LOAD_SHARE),
+    ParameterSpec(
+        'friction.effort_offset', Type.DOUBLE_ARRAY, [],
+        'What measured effort has at any velocity [N m] or [N], of any size: an offset of sensor '
+        'or drive. Empty: 0.', read_only=True, minimum=-1e6, maximum=1e6),
+    ParameterSpec(
+        'friction.presliding_distance', Type.DOUBLE_ARRAY, [],
+        'Distance [rad] or [m] after a turn of the motion over which Coulomb friction changes its '
+        'sign, where a whole motion is known. Empty: 0.',
+        read_only=True, minimum=0.0, maximum=10.0),
 )
 
 
@@ -118,6 +143,11 @@ def arm_from_parameters(xml: str, values: Values) -> ArmModel:
         arm.joint_names, values['friction.viscous'], values['friction.coulomb'],
         values['friction.static'], values['friction.stribeck_velocity'],
         values['friction.offset'], arm.friction))
+    if all(spec.name in values for spec in GEAR_FRICTION_SPECS):
+        for spec in GEAR_FRICTION_SPECS:
+            check_order_is_given(values, spec.name, arm)
+        gears = [values[spec.name] for spec in GEAR_FRICTION_SPECS]
+        arm = arm.with_gear_friction(make_gear_friction(arm.joint_names, *gears))
     if not any(values[spec.name] for spec in ACTUATOR_SPECS):
         return arm
     for spec in ACTUATOR_SPECS:

@@ -96,6 +96,11 @@ def read_recording(path: Path, topic: str | None, seconds: float | None) -> Reco
         urdf = None
         if any(t.name == ROBOT_DESCRIPTION and t.message_count for t in recording.topics):
             urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
+        for line in [*recording.notes, *(
+                loss.words(int(series.stamps_ns[0])) for loss in recording.losses)]:
+            print(f'  {line}')
+    for line in series.faults.words():
+        print(f'  {line}')
     if seconds is not None:
         series = series.first(seconds)
     measured = ' and '.join(

@@ -1,0 +1,70 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The gain of a drive whose effort is a current, or any number that is proportional to torque.
+
+τ = K i: K [N·m/A] can be told where the joint bears a load that is known before, as the URDF's, or
+that of a payload that was weighed: i = (1/K) τ_URDF + I a / K + friction, by least squares of the
+joint alone. Where the load is small beside friction, as at a last wrist, K cannot be told.
+Source: M. Gautier, S. Briot, "Global identification of joint drive gains and dynamic parameters of
+robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.friction_columns import FrictionStructure
+from robot_dynamics.information import Information
+from robot_dynamics.validation import FloatArray
+
+LEAST_CERTAINTY = 5.0
+"""1/K over its deviation, at least."""
+_FRICTION = FrictionStructure(sigmoid=1).columns
+
+
+class DriveGains(NamedTuple):
+    """
+    Gains K (n,) and their standard deviations, (n,), joint effort a unit of recorded effort.
+
+    `is_known` (n,) is false where the recorded motion does not tell K.
+    """
+
+    gain: FloatArray
+    deviation: FloatArray
+    is_known: FloatArray
+
+
+def drive_gains(information: Information, parameters: FloatArray) -> DriveGains:
+    """Return the gains that make efforts fit the rigid bodies with the parameters φ (p,)."""
+    factors = information.together()
+    n, p = len(information.joint_names), len(parameters)
+    rows = max(float(information.rows.sum()), 1.0)
+    samples = information.samples_a_sample
+    gain, deviation = np.full(n, np.nan), np.full(n, np.inf)
+    for j in range(n):
+        R = factors[j]
+        X = np.column_stack([R[:, :p] @ parameters, R[:, p + np.array(_FRICTION)]])
+        scale = np.linalg.norm(X, axis=0)
+        if scale[0] <= 1e-9 * np.linalg.norm(R[:, -1]):
+            continue
+        scale[scale == 0.0] = 1.0
+        x, *_ = np.linalg.lstsq(X / scale, R[:, -1], rcond=1e-10)
+        squares = float(np.sum((X / scale @ x - R[:, -1])**2))
+        covariance = np.linalg.pinv((X / scale).T @ (X / scale))
+        inverse = x[0] / scale[0]
+        error = np.sqrt(squares / rows * samples[j] * covariance[0, 0]) / scale[0]
+        gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
+    known = (gain > 0.0) & (gain > LEAST_CERTAINTY * deviation)
+    return DriveGains(gain, deviation, known)

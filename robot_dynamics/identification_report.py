@@ -1,0 +1,179 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The files of an identification: URDF, parameters of the node, report and figures as JSON."""
+
+from collections.abc import Mapping
+from html import escape
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from robot_dynamics.bag_identification import BagIdentification
+from robot_dynamics.html_page import image, items, page, png, table
+from robot_dynamics.identification_words import (
+    fact_rows,
+    friction_rows,
+    gain_rows,
+    MODELS,
+    parameter_rows,
+    recording_lines,
+    residual_rows,
+    warnings,
+)
+from robot_dynamics.identified_model import joint_estimates, parameter_file, parameter_values
+from robot_dynamics.identified_urdf import identified_urdf
+from robot_dynamics.plotting import (
+    effort_panel,
+    joint_figure,
+    residual_panel,
+    scatter_figure,
+)
+
+URDF, PARAMETERS, REPORT, FIGURES = (
+    'identified.urdf', 'identified.yaml', 'report.html', 'report.json')
+
+
+def write_identification(
+    found: BagIdentification, urdf: str, directory: Path, given: Mapping[str, Any],
+) -> list[Path]:
+    """
+    Write all files, and return their paths; `urdf` is the text that was identified.
+
+    `given` are parameters that the identified ones are added to. Raises OSError, ModelError where
+    the URDF cannot take the parameters, MissingDependencyError without matplotlib.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = [directory / name for name in (URDF, PARAMETERS, REPORT, FIGURES)]
+    arm, fit = found.identification.arm, found.identification.models.consistent
+    joints = joint_estimates(arm, fit)
+    paths[0].write_text(identified_urdf(
+        urdf, arm, fit.parameters, np.array([joint.viscous for joint in joints]),
+        np.array([joint.coulomb + joint.sigmoid for joint in joints])), encoding='utf-8')
+    gain = None if found.gains is None else np.where(
+        found.gains.is_known, found.gains.gain, 1.0).tolist()
+    values = {'robot_description_file': str(paths[0].resolve()),
+              **parameter_values(arm, fit, gain, given)}
+    paths[1].write_text(parameter_file(values, _head(found)), encoding='utf-8')
+    paths[2].write_text(_page(found), encoding='utf-8')
+    paths[3].write_text(json.dumps(as_data(found), indent=2) + '\n', encoding='utf-8')
+    return paths
+
+
+def _head(found: BagIdentification) -> list[str]:
+    tests = found.identification.tests['consistent']
+    shares = ', '.join(f'{100.0 * share:.1f}' for share in tests.relative())
+    return [
+        f'Identified by `identify` from {", ".join(bag.name for bag in found.bags)}.',
+        f'Residual on samples that were not trained with, % of the effort, RMS: {shares}.',
+        '',
+        '  ros2 run robot_dynamics dynamics_node --ros-args --params-file identified.yaml',
+    ]
+
+
+def as_data(found: BagIdentification) -> dict[str, Any]:
+    """Return all figures as JSON can write them."""
+    identification = found.identification
+    arm, estimate = identification.arm, identification.estimate
+    models, choice = identification.models, identification.models.choice
+    joints = joint_estimates(arm, models.consistent)
+    return {
+        'arm': arm.name,
+        'joints': list(arm.joint_names),
+        'recordings': [str(bag) for bag in found.bags],
+        'failed': {str(bag): error for bag, error in found.failed},
+        'cutoff_hz': [result['cutoff_hz'] for result in found.used],
+        'samples': {'train': identification.tests['base'].samples[0],
+                    'test': identification.tests['base'].samples[1]},
+        'residual': {
+            model: {
+                'train': _numbers(test.relative('train')), 'test': _numbers(test.relative()),
+                'test_by_sample': _numbers(test.relative('test_by_sample')),
+                'test_rms': _numbers(test.rms())}
+            for model, test in identification.tests.items()},
+        'cross_validation': {'relative_residual': _numbers(choice.validated), 'pull': choice.pull},
+        'rank': identification.base.rank,
+        'condition_number': estimate.condition,
+        'base_parameters': [
+            {'name': estimate.names[i], 'is': identification.base.expressions[i],
+             'value': float(estimate.values[i]), 'urdf': float(estimate.prior[i]),
+             'standard_deviation': _number(estimate.deviations[i]),
+             'relative_deviation': _number(estimate.relative_deviations[i]),
+             'excited': bool(estimate.excited[i])}
+            for i in range(estimate.base_count)],
+        'joint_parameters': [
+            {'name': estimate.names[i], 'value': float(estimate.values[i]),
+             'standard_deviation': _number(estimate.deviations[i]),
+             'relative_deviation': _number(estimate.relative_deviations[i])}
+            for i in range(estimate.base_count, len(estimate.names))],
+        'friction': [
+            {'joint': name, 'structure': str(structure), **joint._asdict()}
+            for name, structure, joint in zip(arm.joint_names, choice.structures, joints)],
+        'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
+        'drive_gain': None if found.gains is None else {
+            'gain': _numbers(found.gains.gain), 'deviation': _numbers(found.gains.deviation),
+            'is_known': found.gains.is_known.tolist()},
+        'warnings': warnings(found),
+    }
+
+
+def _numbers(values: Any) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _number(value: Any) -> float | None:
+    """Return a number, None where it is none: JSON has no NaN."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _page(found: BagIdentification) -> str:
+    identification, shown = found.identification, found.used[0]
+    arm = identification.arm
+    title = f'{arm.name}: identified model'
+    said = [line for bag, result in zip(found.bags, found.used)
+            for line in recording_lines(bag, result)]
+    caution = warnings(found)
+    body = [f'<h1>{escape(title)}</h1>', table(fact_rows(found), has_head=False)]
+    if caution:
+        body += ['<h2>Warnings</h2>', items(caution, 'loss')]
+    if found.failed:
+        body += ['<h2>Recordings that could not be used</h2>', items(
+            [f'{bag}: {error}' for bag, error in found.failed], 'loss')]
+    if said:
+        body += ['<h2>Recordings</h2>', items(said)]
+    body += [
+        '<h2>Residual on samples that were not trained with</h2>',
+        table(residual_rows(identification)),
+        '<p>RMS of measured − model by that of the measured effort. The last column is the '
+        'consistent set without the memory of presliding, as an answer at a single state.</p>',
+        '<h2>Friction and rotors</h2>', table(friction_rows(identification)),
+        '<p>N·m and rad, or N and m; docs/friction.md has the equations.</p>']
+    if found.gains is not None:
+        body += ['<h2>Drive gains</h2>', table(gain_rows(identification, found.gains))]
+    body += ['<h2>Base parameters</h2>', table(parameter_rows(identification)),
+             '<p>By least squares without a pull to the URDF; * marks regrouped parameters.</p>']
+    if 'times' in shown:
+        name = found.bags[0].name
+        efforts = joint_figure(
+            f'{name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds, [
+                effort_panel('Measured and model', shown['times'], {
+                    'measured': shown['measured'], 'model': shown['model']}),
+                residual_panel(shown['times'], shown['measured'] - shown['model'])])
+        scatter = scatter_figure(
+            f'{name}: residual over velocity', arm.joint_names, arm.joint_kinds,
+            shown['velocity'], shown['measured'] - shown['model'])
+        body += ['<h2>Effort over time</h2>', image(png(efforts), 'Measured and model effort'),
+                 '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity')]
+    return page(title, body)

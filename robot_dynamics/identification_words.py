@@ -1,0 +1,177 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an identification says, in rows of words: for the console and for the report."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.analysis_words import percent, Rows
+from robot_dynamics.bag_identification import BagIdentification
+from robot_dynamics.drive_gain import DriveGains
+from robot_dynamics.identification import Identification
+from robot_dynamics.identified_model import joint_estimates
+from robot_dynamics.model_choice import PULLS
+from robot_dynamics.result_store import Result
+
+MODELS = {
+    'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
+    'consistent': 'consistent'}
+"""The models that are compared, and what they are called."""
+ILL_CONDITIONED = 100.0
+"""A condition number above it makes base parameters uncertain (a usual bound of excitation)."""
+LOST = 1.2
+"""Times the residual of the base parameters that the consistent set should not exceed."""
+SEEMS_OFF = 2.0
+"""A drive gain off from 1 by more than this factor hints at another unit than N·m."""
+_MOST_NAMES = 12
+
+
+def fact_rows(found: BagIdentification) -> Rows:
+    """Return what was identified from what, a name and a value in each row."""
+    identification, first = found.identification, found.used[0]
+    test = identification.tests['consistent']
+    choice = identification.models.choice
+    cutoffs = sorted({f'{result["cutoff_hz"]:.3g}' for result in found.used}, key=float)
+    return [
+        ('arm', f'{identification.arm.name}, {identification.arm.joint_count} joints'),
+        ('recordings', ', '.join(bag.name for bag in found.bags[:_MOST_NAMES]) + (
+            f' and {len(found.bags) - _MOST_NAMES} more' if len(found.bags) > _MOST_NAMES
+            else '')),
+        ('samples', f'{test.samples[0]} to train with, the {test.samples[1]} after them to test '
+                    f'with, at {first["rate_hz"]:.4g} Hz'),
+        ('filter', f'Butterworth, order 4, forward and backward, {" … ".join(cutoffs)} Hz'
+                   + (f': {first["cutoff_reason"]}' if len(cutoffs) == 1 else '')),
+        ('base parameters', f'{identification.base.rank} of '
+                            f'{identification.base.matrix.shape[1]} parameters (rank)'),
+        ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
+        ('pull to the URDF', f'κ = {choice.pull:g}, chosen on blocks left out of the training'),
+    ]
+
+
+def residual_rows(identification: Identification) -> Rows:
+    """Return the residual of the models on samples that they were not trained with."""
+    tests = identification.tests
+    rows: Rows = [('joint', *MODELS.values(), 'sample by sample')]
+    for j, name in enumerate(identification.arm.joint_names):
+        rows.append((
+            name, *(percent(tests[model].relative()[j]) for model in MODELS),
+            percent(tests['consistent'].relative('test_by_sample')[j])))
+    return rows
+
+
+def friction_rows(identification: Identification) -> Rows:
+    """Return friction and rotor of each joint."""
+    arm, fit = identification.arm, identification.models.consistent
+    rows: Rows = [(
+        'joint', 'viscous', 'Coulomb', 'presliding', 'sigmoid', 'its velocity', 'load', 'offset',
+        'reflected inertia')]
+    for name, joint in zip(arm.joint_names, joint_estimates(arm, fit)):
+        rows.append((
+            name, f'{joint.viscous:.4g}', f'{joint.coulomb:.4g}',
+            f'{joint.presliding_distance:.4g}' if joint.coulomb else '-', f'{joint.sigmoid:.4g}',
+            f'{joint.sigmoid_velocity:.4g}' if joint.sigmoid or joint.load else '-',
+            percent(joint.load), f'{joint.offset:.4g}', f'{joint.reflected_inertia:.4g}'))
+    return rows
+
+
+def parameter_rows(identification: Identification) -> Rows:
+    """Return the base parameters and the joints' own, with their deviations."""
+    estimate, base = identification.estimate, identification.base
+    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'is')]
+    for i, name in enumerate(estimate.names):
+        is_base = i < estimate.base_count
+        rows.append((
+            name, f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
+            percent(estimate.relative_deviations[i])
+            if np.isfinite(estimate.relative_deviations[i]) else '-',
+            f'{estimate.prior[i]:.4g}' if is_base else '-',
+            base.expressions[i] if is_base else 'of this joint'))
+    return rows
+
+
+def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
+    """Return the drive gains."""
+    rows: Rows = [('joint', 'gain K', 'deviation', '')]
+    for j, name in enumerate(identification.arm.joint_names):
+        rows.append((
+            name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
+            '' if gains.is_known[j] else 'cannot be told: taken as 1'))
+    return rows
+
+
+def warnings(found: BagIdentification) -> list[str]:
+    """Return what is to be known before the model is trusted."""
+    return [*_of_excitation(found.identification), *_of_models(found.identification),
+            *_of_effort(found)]
+
+
+def _of_excitation(identification: Identification) -> Iterator[str]:
+    estimate = identification.estimate
+    if estimate.condition > ILL_CONDITIONED:
+        yield (f'the condition number of the base parameters is {estimate.condition:.3g}, above '
+               f'{ILL_CONDITIONED:g}: the motion excites some of them hardly; a motion made by '
+               '`excite` does better')
+    if estimate.unexcited:
+        names = ', '.join(estimate.unexcited)
+        yield (f'not excited, {len(estimate.unexcited)} of {estimate.base_count} base parameters, '
+               f'which stay near the URDF: {names}')
+    if identification.models.choice.pull == PULLS[-1]:
+        yield ('no block of the recording is predicted better with other masses than those of '
+               'the URDF: only friction was identified')
+
+
+def _of_models(identification: Identification) -> Iterator[str]:
+    tests, names = identification.tests, identification.arm.joint_names
+    if tests['base'].samples[1] == 0:
+        yield 'all samples were trained with, so that nothing was left to test with'
+        return
+    base, consistent = tests['base'].relative(), tests['consistent'].relative()
+    simple, urdf = tests['urdf and friction'].relative(), tests['urdf'].relative()
+    for j, name in enumerate(names):
+        if consistent[j] > LOST * base[j]:
+            yield (f'{name}: the residual of the consistent set, {percent(consistent[j])}, is '
+                   f'above {LOST:g} times that of the base parameters, {percent(base[j])}')
+        if consistent[j] > 1.05 * min(simple[j], urdf[j]):
+            yield (f'{name}: the URDF'
+                   f'{" with friction" if simple[j] <= urdf[j] else ""} predicts the test '
+                   f'samples better, {percent(min(simple[j], urdf[j]))} against '
+                   f'{percent(consistent[j])}')
+        if consistent[j] > 0.5:
+            yield f'{name}: half of its effort or more is not explained'
+
+
+def _of_effort(found: BagIdentification) -> Iterator[str]:
+    names = found.identification.arm.joint_names
+    if found.gains is not None:
+        unknown = [name for name, known in zip(names, found.gains.is_known) if not known]
+        if unknown:
+            yield (f'the drive gain cannot be told at {", ".join(unknown)}, which bear little '
+                   'beside friction: their effort stays in the unit of the recording')
+        return
+    gains = found.seeming_gains
+    off = gains.is_known & ((gains.gain > SEEMS_OFF) | (gains.gain < 1.0 / SEEMS_OFF))
+    # One joint alone is more likely a wrong mass.
+    if off.sum() > max(1.0, 0.5 * gains.is_known.sum()):
+        listed = ', '.join(
+            f'{name} ({1.0 / gain:.3g} times)'
+            for name, gain, is_off in zip(names, gains.gain, off) if is_off)
+        yield (f"effort is not the size of the URDF's torque at {listed}: is it a current, or "
+               'another unit? Then give --effort current')
+
+
+def recording_lines(bag: Path, result: Result) -> list[str]:
+    """Return what is to be said of a recording."""
+    return [f'{bag.name}: {line}' for line in (*result['losses'], *result['remarks'])]

@@ -1,0 +1,68 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `identify` prints."""
+
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+import textwrap
+
+from robot_dynamics.analysis_words import fact_lines, table
+from robot_dynamics.bag_identification import BagIdentification
+from robot_dynamics.identification_words import (
+    fact_rows,
+    friction_rows,
+    gain_rows,
+    recording_lines,
+    residual_rows,
+    warnings,
+)
+
+LONGEST_LIST = 20
+_WIDTH = 110
+
+
+def print_identification(found: BagIdentification, paths: Sequence[Path]) -> None:
+    """Print what was found, and where it was written."""
+    identification = found.identification
+    print(fact_lines(fact_rows(found)))
+    _print_list('Recordings:', [
+        line for bag, result in zip(found.bags, found.used)
+        for line in recording_lines(bag, result)])
+    print('\nResidual on samples that were not trained with, RMS relative to the effort:')
+    print(table(residual_rows(identification)))
+    print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
+    print(table(friction_rows(identification)))
+    if found.gains is not None:
+        print('\nDrive gains:')
+        print(table(gain_rows(identification, found.gains)))
+    _print_list('Warnings:', warnings(found))
+    print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
+    if found.failed:
+        print(f'identify: {len(found.failed)} recordings could not be used:', file=sys.stderr)
+        for bag, error in found.failed[:LONGEST_LIST]:
+            print(f'  {bag}: {" ".join(error.split())}', file=sys.stderr)
+
+
+def _print_list(title: str, lines: Sequence[str]) -> None:
+    if not lines:
+        return
+    print(f'\n{title}')
+    for line in lines[:LONGEST_LIST]:
+        print(textwrap.fill(
+            line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
+            break_long_words=False, break_on_hyphens=False))
+    if len(lines) > LONGEST_LIST:
+        print(f'  and {len(lines) - LONGEST_LIST} more')

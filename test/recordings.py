@@ -1,0 +1,113 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of a known motion of a known arm, in every format, and what damages them."""
+
+from pathlib import Path
+import shutil
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.message_tables import joint_state_messages
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.recording import JOINT_STATE
+
+RATE = 100.0
+START_NS = 1_700_000_000_000_000_000
+FORMATS = {
+    'mcap': ('MCAP', 'NONE'), 'mcap_chunk': ('MCAP', 'STORAGE'),
+    'mcap_message': ('MCAP', 'MESSAGE'), 'mcap_file': ('MCAP', 'FILE'),
+    'sqlite3': ('SQLITE3', 'NONE'), 'sqlite3_message': ('SQLITE3', 'MESSAGE'),
+    'sqlite3_file': ('SQLITE3', 'FILE')}
+"""The formats by name: the storage and the compression of rosbags."""
+
+
+class KnownMotion:
+    """Two sines at each joint of the default arm, with the effort of inverse dynamics."""
+
+    def __init__(self, seconds=12.0, rate=RATE, urdf=None, seed=0):
+        self.arm = load_arm(urdf or default_arm_urdf())
+        self.names = self.arm.joint_names
+        t = np.arange(0.0, seconds, 1.0 / rate)
+        rng = np.random.default_rng(seed)
+        q, v, a = np.zeros((3, len(t), len(self.names)))
+        for w in 2.0 * np.pi * np.array([0.2, 0.5]):
+            amplitude, phase = rng.uniform(0.1, 0.3, len(self.names)), rng.uniform(
+                0.0, 2.0 * np.pi, len(self.names))
+            x = w * t[:, None] + phase
+            q += amplitude * np.sin(x)
+            v += amplitude * w * np.cos(x)
+            a -= amplitude * w**2 * np.sin(x)
+        self.q, self.v, self.a = q, v, a
+        self.tau = ArmDynamics(self.arm).inverse_dynamics_batch(q, v, a)
+        self.stamps_ns = START_NS + np.round(1e9 * t).astype(np.int64)
+
+    def messages(self, names=None, velocity=True, effort=True):
+        """Return stamps and serialized joint states."""
+        return list(zip(self.stamps_ns.tolist(), joint_state_messages(
+            self.stamps_ns, names or self.names, self.q, self.v if velocity else None,
+            self.tau if effort else None)))
+
+
+def write_recording(path, messages, form='mcap', topic='/joint_states', kind=JOINT_STATE):
+    """Write (time, bytes) in a format of FORMATS; return the path."""
+    from rosbags import rosbag2, typesys
+    storage, compression = FORMATS[form]
+    writer = rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[storage])
+    writer.set_compression(
+        rosbag2.CompressionMode[compression], rosbag2.CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection(
+            topic, kind, typestore=typesys.get_typestore(typesys.Stores.ROS2_JAZZY))
+        for time_ns, data in messages:
+            writer.write(connection, time_ns, data)
+    return path
+
+
+def write_split(path, messages, parts, form='mcap'):
+    """Write one recording split over several files, as rosbag2 does; return the path."""
+    import yaml
+    at = np.linspace(0, len(messages), parts + 1).astype(int)
+    path.mkdir()
+    abouts = []
+    for i, (first, last) in enumerate(zip(at, at[1:])):
+        part = write_recording(path / 'part', messages[first:last], form)
+        abouts.append(yaml.safe_load((part / 'metadata.yaml').read_text())[
+            'rosbag2_bagfile_information'])
+        stored = stored_file(part)
+        stored.rename(path / f'{path.name}_{i}{stored.suffix}')
+        abouts[-1]['files'][0]['path'] = f'{path.name}_{i}{stored.suffix}'
+        shutil.rmtree(part)
+    whole = dict(abouts[0])
+    whole['files'] = [about['files'][0] for about in abouts]
+    whole['relative_file_paths'] = [file['path'] for file in whole['files']]
+    whole['message_count'] = len(messages)
+    whole['topics_with_message_count'][0]['message_count'] = len(messages)
+    whole['duration'] = {'nanoseconds': messages[-1][0] - messages[0][0]}
+    (path / 'metadata.yaml').write_text(yaml.safe_dump({'rosbag2_bagfile_information': whole}))
+    return path
+
+
+def stored_file(recording):
+    """Return the only file of a recording beside its metadata."""
+    (file,) = (path for path in Path(recording).iterdir() if path.name != 'metadata.yaml')
+    return file
+
+
+def cut(file, share):
+    """Keep this share of a file."""
+    data = file.read_bytes()
+    file.write_bytes(data[:int(share * len(data))])
+    return file

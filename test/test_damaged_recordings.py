@@ -1,0 +1,296 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Damaged recordings: what can be read is given as it was, and what is lost is said."""
+
+import shutil
+import sqlite3
+import struct
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags')
+from recordings import (  # noqa: E402
+    cut,
+    FORMATS,
+    KnownMotion,
+    stored_file,
+    write_recording,
+    write_split,
+)
+from robot_dynamics.exceptions import RecordingError  # noqa: E402
+from robot_dynamics.recording import Recording  # noqa: E402
+from robot_dynamics.recording_files import find_recordings  # noqa: E402
+
+MOTION = KnownMotion(seconds=60.0)
+MESSAGES = MOTION.messages()
+WHOLE = len(MESSAGES)
+
+
+@pytest.fixture(scope='module')
+def recordings(tmp_path_factory):
+    directory = tmp_path_factory.mktemp('formats')
+    return {form: write_recording(directory / form, MESSAGES, form) for form in FORMATS}
+
+
+@pytest.fixture
+def copied(recordings, tmp_path):
+    """Return a function that copies the recording of a format."""
+    return lambda form: shutil.copytree(recordings[form], tmp_path / form)
+
+
+def read(path):
+    """Return the series, and what was said of losses."""
+    with Recording(path) as recording:
+        series = recording.joint_series(recording.joint_state_topic())
+        return series, list(recording.losses), list(recording.notes)
+
+
+def assert_part_of_it(series):
+    """Every sample is one of those written, with its own stamp."""
+    rows = np.searchsorted(MOTION.stamps_ns, series.stamps_ns)
+    np.testing.assert_array_equal(MOTION.stamps_ns[rows], series.stamps_ns)
+    np.testing.assert_array_equal(series.position, MOTION.q[rows])
+    np.testing.assert_array_equal(series.velocity, MOTION.v[rows])
+    np.testing.assert_array_equal(series.effort, MOTION.tau[rows])
+
+
+def resave(file, change):
+    data = bytearray(file.read_bytes())
+    change(data)
+    file.write_bytes(data)
+
+
+# --- whole ---------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('form', FORMATS)
+def test_every_format_is_read_as_directory_and_as_file(recordings, form):
+    for path in (recordings[form], stored_file(recordings[form])):
+        series, losses, notes = read(path)
+        assert len(series.stamps_ns) == WHOLE
+        assert_part_of_it(series)
+        assert losses == []
+        assert notes == []
+        assert series.faults.words() == []
+
+
+@pytest.mark.parametrize('form', ['mcap', 'sqlite3'])
+def test_split_recordings_are_one(tmp_path, form):
+    path = write_split(tmp_path / 'bag', MESSAGES, 3, form)
+    series, losses, notes = read(path)
+    assert len(series.stamps_ns) == WHOLE
+    assert losses == notes == []
+    (path / 'metadata.yaml').unlink()
+    series, losses, (note,) = read(path)
+    assert_part_of_it(series)
+    assert len(series.stamps_ns) == WHOLE
+    assert 'without metadata.yaml' in note
+    assert find_recordings([tmp_path]) == [path]
+
+
+# --- missing -------------------------------------------------------------------------------------
+
+def test_a_missing_file_of_a_split_recording(tmp_path):
+    path = write_split(tmp_path / 'bag', MESSAGES, 3)
+    (path / 'bag_1.mcap').unlink()
+    series, losses, _ = read(path)
+    assert_part_of_it(series)
+    assert len(series.stamps_ns) == 2 * WHOLE // 3
+    missing = losses[0]
+    assert (missing.file, missing.lost_messages) == ('bag_1.mcap', WHOLE // 3)
+    assert (missing.start_ns, missing.end_ns) == (
+        MESSAGES[WHOLE // 3][0], MESSAGES[2 * WHOLE // 3 - 1][0])
+    assert missing.words(MESSAGES[0][0]) == (
+        'bag_1.mcap: listed in metadata.yaml and missing; lost: 2000 messages, from 20.000 s to '
+        '39.990 s')
+    assert series.faults.dropped == WHOLE // 3
+
+
+def test_metadata_that_disagrees(copied):
+    path = copied('mcap')
+    text = (path / 'metadata.yaml').read_text()
+    (path / 'metadata.yaml').write_text(text.replace(f'message_count: {WHOLE}', 'message_count: 7'))
+    _, losses, notes = read(path)
+    assert losses == []
+    assert notes == [f'metadata.yaml states 7 messages of /joint_states, and there are {WHOLE}']
+    (path / 'metadata.yaml').write_text('rosbag2_bagfile_information: [1, 2')
+    series, _, (note,) = read(path)
+    assert len(series.stamps_ns) == WHOLE
+    assert 'with a metadata.yaml that cannot be read' in note
+
+
+def test_a_file_that_metadata_does_not_list(tmp_path):
+    path = write_split(tmp_path / 'bag', MESSAGES[:4000], 2)
+    more = write_recording(tmp_path / 'more', MESSAGES[4000:])
+    shutil.copy(stored_file(more), path / 'bag_2.mcap')
+    series, losses, notes = read(path)
+    assert len(series.stamps_ns) == WHOLE
+    assert losses == []
+    assert "does not list ['bag_2.mcap']" in notes[0]
+
+
+@pytest.mark.parametrize('form', ['mcap', 'mcap_file', 'sqlite3', 'sqlite3_file'])
+def test_an_empty_file(copied, form):
+    path = copied(form)
+    stored_file(path).write_bytes(b'')
+    with pytest.raises(RecordingError, match='is empty'):
+        Recording(path)
+
+
+def test_an_empty_file_beside_whole_ones(tmp_path):
+    path = write_split(tmp_path / 'bag', MESSAGES, 3)
+    (path / 'bag_2.mcap').write_bytes(b'')
+    series, losses, _ = read(path)
+    assert len(series.stamps_ns) == 2 * WHOLE // 3
+    assert [loss.file for loss in losses] == ['bag_2.mcap', 'metadata.yaml']
+    assert losses[1].lost_messages == WHOLE // 3
+
+
+# --- cut off -------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('share', [0.3, 0.6, 0.97])
+def test_of_a_cut_off_file_about_its_share_is_read(copied, form, share):
+    path = copied(form)
+    file = cut(stored_file(path), share)
+    series, losses, _ = read(path)
+    assert_part_of_it(_without_half_written(series))
+    # The index of sqlite3 by time takes a part of the file, wherever it happens to be.
+    assert (share - 0.25) * WHOLE < len(series.stamps_ns) < WHOLE or share == 0.97
+    assert losses[0].file == file.name
+    assert 'cut off' in ' '.join(loss.reason for loss in losses)
+    if len(series.stamps_ns) < WHOLE:
+        stated = losses[-1]
+        assert stated.file == 'metadata.yaml'
+        assert stated.lost_messages == WHOLE - series.faults.message_count
+        assert stated.end_ns == MESSAGES[-1][0]
+    alone, losses_alone, _ = read(file)
+    assert len(alone.stamps_ns) == len(series.stamps_ns)
+    assert 'cut off' in losses_alone[0].reason
+
+
+def _without_half_written(series):
+    """Return the series without a last row that sqlite3 gives with zeros where its page ends."""
+    known = np.isin(series.stamps_ns, MOTION.stamps_ns)
+    rows = np.searchsorted(MOTION.stamps_ns, series.stamps_ns[known])
+    whole = (series.effort[known] == MOTION.tau[rows]).all(axis=1)
+    assert (~whole).sum() + (~known).sum() <= 1
+    return series.at(np.flatnonzero(known)[whole])
+
+
+# --- noise ---------------------------------------------------------------------------------------
+
+def test_noise_in_a_chunk_costs_what_it_hits(copied):
+    path = copied('mcap')
+    file = stored_file(path)
+
+    def spoil(data):
+        data[300_000:302_000] = np.random.default_rng(1).bytes(2000)
+
+    resave(file, spoil)
+    series, losses, _ = read(path)
+    assert WHOLE - 25 < len(series.stamps_ns) < WHOLE
+    assert losses[0].file == file.name
+    assert 'no record at byte' in losses[0].reason
+    assert 2000 <= losses[0].lost_bytes < 2600
+
+
+def test_a_chunk_that_fails_its_checksum_is_left_out(tmp_path):
+    motion = KnownMotion(seconds=100.0)
+    path = write_recording(tmp_path / 'bag', motion.messages())
+    file = stored_file(path)
+
+    def spoil(data):
+        # The first chunk follows the magic and the header: its CRC is at byte 24 of the record.
+        (length,) = struct.unpack_from('<Q', data, 9)
+        at = 8 + 9 + length
+        assert data[at] == 6
+        struct.pack_into('<I', data, at + 9 + 24, 12345)
+
+    resave(file, spoil)
+    series, losses, _ = read(path)
+    left = len(series.stamps_ns)
+    assert 0 < left < 10_000
+    np.testing.assert_array_equal(series.stamps_ns, motion.stamps_ns[-left:])
+    np.testing.assert_array_equal(series.effort, motion.tau[-left:])
+    assert 'fails its checksum' in losses[0].reason
+    assert losses[0].start_ns == motion.stamps_ns[0]
+    assert losses[0].end_ns == motion.stamps_ns[-left - 1]
+    assert losses[-1].lost_messages == 10_000 - left
+
+
+def test_without_any_message_left_it_is_said_why(copied):
+    path = copied('mcap')
+    cut(stored_file(path), 0.001)
+    with pytest.raises(RecordingError, match=r'cannot be read: .*mcap\.mcap: cut off'):
+        Recording(path)
+
+
+def test_a_page_of_noise_in_a_database(copied):
+    path = copied('sqlite3')
+    file = stored_file(path)
+
+    def spoil(data):
+        page = len(data) // 4096 // 2
+        data[4096 * page:4096 * (page + 1)] = bytes(4096)
+
+    resave(file, spoil)
+    series, losses, _ = read(path)
+    assert_part_of_it(series)
+    lost = WHOLE - len(series.stamps_ns)
+    assert 0 < lost < 40
+    assert [loss.lost_messages for loss in losses] == [lost, lost]
+    assert losses[0].start_ns < losses[0].end_ns
+    assert series.faults.dropped == lost
+
+
+@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('seed', range(4))
+def test_whatever_hits_a_recording_is_answered(copied, form, seed):
+    """Bytes replaced anywhere: samples, or one clear error; never another exception."""
+    path = copied(form)
+    rng = np.random.default_rng(seed)
+
+    def spoil(data):
+        for at in rng.integers(0, len(data), 3).tolist():
+            noise = rng.bytes(int(rng.integers(1, 300)))
+            data[at:at + len(noise)] = noise
+
+    resave(stored_file(path), spoil)
+    try:
+        series, losses, _ = read(path)
+    except RecordingError as error:
+        assert path.name in str(error)
+    else:
+        assert (np.diff(series.stamps_ns) > 0).all()
+        assert np.isfinite(series.position).all()
+        assert all(loss.words() for loss in losses)
+
+
+def test_a_database_with_a_journal_is_read_with_what_that_holds(copied):
+    path = copied('sqlite3')
+    file = stored_file(path)
+    connection = sqlite3.connect(file)
+    connection.execute('PRAGMA journal_mode=WAL')
+    connection.execute('PRAGMA wal_autocheckpoint=0')
+    connection.execute('INSERT INTO messages (topic_id, timestamp, data) '
+                       'SELECT topic_id, timestamp + 60000000000, data FROM messages LIMIT 100')
+    connection.commit()
+    killed = shutil.copytree(path, path.with_name('killed'))  # as it is while it is written
+    connection.close()
+    with Recording(killed) as recording:
+        states = recording.joint_states('/joint_states')
+        assert len(states.times_ns) == WHOLE + 100
+        assert any('journal' in note for note in recording.notes)
