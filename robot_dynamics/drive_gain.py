@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.friction_columns import FrictionStructure
 from robot_dynamics.information import Information
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
 
 LEAST_CERTAINTY = 5.0
@@ -43,7 +44,7 @@ class DriveGains(NamedTuple):
 
     gain: FloatArray
     deviation: FloatArray
-    is_known: FloatArray
+    is_known: BoolArray
 
 
 def drive_gains(information: Information, parameters: FloatArray) -> DriveGains:

@@ -40,6 +40,8 @@ _SIGMOID = 3
 _LOAD = _SIGMOID + len(SIGMOID_VELOCITIES)
 _COULOMB = _LOAD + len(SIGMOID_VELOCITIES)
 COLUMN_COUNT = _COULOMB + len(PRESLIDING_DISTANCES)
+SHARP = slice(_SIGMOID, COLUMN_COUNT)
+"""The columns that change fast where velocity changes its sign."""
 COULOMB = slice(_COULOMB, COLUMN_COUNT)
 """The columns of Coulomb friction; the first has no presliding."""
 

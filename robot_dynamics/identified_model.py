@@ -15,8 +15,8 @@
 """
 The identified model as the rest of this package has it: an arm, and parameters of the node.
 
-`dynamics_node` with the URDF of `identified_urdf` and the parameters of `parameter_values` computes
-what the fit predicts: rigid bodies, reflected inertia, and friction of joints and gears.
+`dynamics_node` with the URDF of `identified_urdf` and the parameters of `parameter_values`
+computes what the fit predicts: rigid bodies, reflected inertia, friction of joints and gears.
 """
 
 from collections.abc import Mapping, Sequence

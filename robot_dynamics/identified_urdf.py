@@ -15,9 +15,9 @@
 """
 A URDF with the inertials, and the friction, that were identified; all else stays as it is.
 
-The bodies of the engine are a link that moves and all that is fixed to it. What was identified of a
-body goes to the link that moves; links fixed to it keep their own inertials, as long as the rest
-is a mass distribution, and give theirs up otherwise.
+The bodies of the engine are a link that moves and all that is fixed to it. What was identified of
+a body goes to the link that moves; links fixed to it keep their own inertials, as long as the
+rest is a mass distribution, and give theirs up otherwise.
 """
 
 from collections.abc import Mapping

@@ -141,16 +141,19 @@ def try_task(bag: Path, configuration: Configuration) -> Result:
 
 def tests_of(result: Result, names: Sequence[str]) -> dict[str, ModelTest]:
     """Return the tests that `try_task` made, of the models with these names."""
-    return {
-        name: ModelTest(
-            *(np.asarray(result[f'{name}/{field}']) for field in _TEST_SUMS),
-            samples=(int(result[f'{name}/samples'][0]), int(result[f'{name}/samples'][1])))
-        for name in names}
+    def test(name: str) -> ModelTest:
+        train, test, by_sample, train_effort, test_effort = (
+            np.asarray(result[f'{name}/{field}']) for field in _TEST_SUMS)
+        first, last = result[f'{name}/samples']
+        return ModelTest(
+            train, test, by_sample, train_effort, test_effort, (int(first), int(last)))
+
+    return {name: test(name) for name in names}
 
 
 def _series(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> Result:
     """Return measured and model effort over time, thinned out for a picture."""
-    rows = regression_rows(arm, motion, slice(None), fit)
+    rows = regression_rows(arm, motion, fit)
     step = max(1, int(np.ceil(len(rows.y) / SHOWN)))
     return {'times': motion.times[::step], 'velocity': motion.velocity[::step],
             'measured': rows.y[::step], 'model': rows.model(fit)[::step]}

@@ -65,7 +65,7 @@ def try_motion(
     parts = parts_of(motion, train_fraction)
     tests = {}
     for name, fit in models.items():
-        rows = regression_rows(arm, motion, slice(None), fit)
+        rows = regression_rows(arm, motion, fit)
         residual = rows.y - rows.model(fit)
         effort = motion.effort if motion.effort is not None else rows.y
         by_sample = rows.y[parts.test] - rows.model(without_memory(fit))[parts.test]

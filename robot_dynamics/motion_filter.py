@@ -213,6 +213,27 @@ def zero_phase(
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
 
 
+def filter_like(motion: FilteredMotion, values: FloatArray, order: int = FILTER_ORDER) -> FloatArray:
+    """
+    Return what the filter of a motion makes of signals (m, k) at its samples.
+
+    What depends on velocity sharply, as dry friction does, holds frequencies beyond the cut-off
+    that the filter has taken from the measured effort: before they are compared, it passes the
+    same filter (M. Gautier's parallel filtering).
+    """
+    filtered = np.empty_like(values)
+    for number in np.unique(motion.segment):
+        rows = np.flatnonzero(motion.segment == number)
+        times = motion.times[rows]
+        grid, even = _on_grid(times, values[rows], 1.0 / motion.sample_rate_hz)
+        smooth = zero_phase(
+            even, motion.cutoff_hz, (len(grid) - 1) / (grid[-1] - grid[0]), order)
+        filtered[rows] = smooth if len(grid) == len(rows) and (
+            np.abs(times - grid).max() < _EVEN / motion.sample_rate_hz) else np.stack([
+                np.interp(times, grid, column) for column in smooth.T], axis=1)
+    return filtered
+
+
 def samples_a_sample(cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER) -> float:
     """
     Return how many filtered samples of white noise tell as much as one independent sample.

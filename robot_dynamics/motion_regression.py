@@ -26,9 +26,9 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.friction_columns import COLUMN_NAMES, INERTIA, joint_columns
+from robot_dynamics.friction_columns import COLUMN_NAMES, INERTIA, joint_columns, SHARP
 from robot_dynamics.information import Information, reduce_rows
-from robot_dynamics.motion_filter import FilteredMotion, samples_a_sample
+from robot_dynamics.motion_filter import filter_like, FilteredMotion, samples_a_sample
 from robot_dynamics.pulled_least_squares import Fit
 from robot_dynamics.regressor import inertial_parameters, parameter_names, TorqueRegressor
 from robot_dynamics.validation import FloatArray
@@ -74,29 +74,31 @@ def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
 
 
 def regression_rows(
-    arm: ArmModel, motion: FilteredMotion, samples: slice, reference: Fit | None = None,
+    arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None, is_filtered: bool = False,
 ) -> Rows:
     """
-    Return the regression of some samples of a motion of the arm's joints, in its order.
+    Return the regression of a motion of the arm's joints, in its order.
 
     `reference` is the model whose load presses on the gears, with its rotors, as inverse dynamics
-    has it; None takes the arm. What a payload of the arm takes is subtracted from y. Raises RecordingError where no
-    effort was recorded.
+    has it; None takes the arm. With `is_filtered`, sharp friction passes the filter of the motion,
+    as the effort did: for estimates without a bias. What a payload of the arm takes is subtracted from y. Raises
+    RecordingError where no effort was recorded.
     """
     if motion.effort is None:
         raise RecordingError('the recording has no effort, expected the measured effort')
-    q, v, a = (
-        values[samples] for values in (motion.position, motion.velocity, motion.acceleration))
+    q, v, a = motion.position, motion.velocity, motion.acceleration
     Y = TorqueRegressor(arm)(q, v, a)
     bare = inertial_parameters(bare_arm(arm))
     of_payload = Y @ (inertial_parameters(arm) - bare)
     load = of_payload + (Y @ bare if reference is None else (
         Y @ reference.parameters + reference.joint_values[:, INERTIA] * a))
-    segment = motion.segment[samples]
-    starts = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist()] if len(segment) else [0]
+    starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
     own = joint_columns(arm.joint_kinds, q, v, a, load, starts)
+    if is_filtered:
+        own[:, :, SHARP] = filter_like(motion, own[:, :, SHARP].reshape(len(q), -1)).reshape(
+            own[:, :, SHARP].shape)
     return Rows(
-        np.concatenate([Y, own], axis=2), motion.effort[samples] - of_payload, Y.shape[2])
+        np.concatenate([Y, own], axis=2), motion.effort - of_payload, Y.shape[2])
 
 
 def bare_arm(arm: ArmModel) -> ArmModel:
@@ -118,9 +120,9 @@ def reduce_motion(
     With a `reference`, found in a first pass, its load presses on the gears, and samples far from
     it count less. Raises RecordingError without effort, or with too few samples.
     """
-    rows = regression_rows(
-        arm, motion, parts_of(motion, train_fraction).train, reference)
-    usable = motion.usable[:len(rows.y)]
+    rows = regression_rows(arm, motion, reference, is_filtered=True)
+    train = parts_of(motion, train_fraction).train
+    usable = np.flatnonzero(motion.usable[train])
     X, y = rows.X[usable], rows.y[usable]
     n = y.shape[1]
     independent = np.full(n, samples_a_sample(motion.cutoff_hz, motion.sample_rate_hz))
