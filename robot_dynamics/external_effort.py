@@ -15,20 +15,21 @@
 """
 The effort that the environment exerts on an arm, estimated from its measured motion and effort.
 
-`momentum_observer` filters; here is the model that it needs: p = M(q) q̇ and Cᵀ q̇ − g − τ_f at each
-measured state. Between two states the latter is taken as a straight line; the measured effort is
-the one that acted since the state before, as drives hold it between two commands.
+`momentum_observer` filters; here is the model that it needs: p = M(q) q̇ and τ + Cᵀ q̇ − g − τ_f at
+each measured state. Between two states the latter is taken as a straight line, but τ is the effort
+measured at the later one throughout, as drives hold it between two commands.
 """
 
 from typing import NamedTuple
 
+import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.momentum_observer import MomentumObserver
 from robot_dynamics.validation import FloatArray
 
 
 class _Known(NamedTuple):
-    """A state (q, v) with p and Cᵀ q̇ − g − τ_f there, each (n,)."""
+    """A state (q, v) with p and Cᵀ q̇ − g there, each (n,)."""
 
     q: FloatArray
     v: FloatArray
@@ -82,14 +83,12 @@ class ExternalEffort:
         self._before = now
         if before is None:
             return None
+        passed = self._dynamics.load_behind(np.array((before.v, v)), effort).mean(axis=0)
         return self._observer.update(
             now.momentum - before.momentum,
-            dt * (effort + 0.5 * (before.drift + now.drift)), dt)
+            dt * (passed + 0.5 * (before.drift + now.drift)), dt)
 
     def _at(self, q: FloatArray, v: FloatArray) -> _Known:
         body = self._dynamics.rigid_body
         C = body.coriolis_matrix(q, v)
-        # As the friction of the control law: the sign of a noisy velocity says nothing.
-        friction = self._dynamics.friction.smooth_effort(v)
-        return _Known(
-            q, v, body.mass_matrix(q) @ v, v @ C - body.gravity(q) - friction)
+        return _Known(q, v, body.mass_matrix(q) @ v, v @ C - body.gravity(q))
