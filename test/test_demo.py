@@ -23,13 +23,15 @@ import sys
 
 import numpy as np
 import pytest
-from robot_dynamics.recording import Recording
+from robot_dynamics.recording import Recording, stack
 from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_motion import measured_motion
 from robot_dynamics.tools.demo_nodes import choose_domain
 from robot_dynamics.tools.demo_progress import Progress
+from robot_dynamics.trajectory import quintic_point_to_point
+from robot_dynamics.trajectory_file import write_trajectory
 from robots import robot_path
-from ros_harness import TIMEOUT
+from ros_harness import TIMEOUT, write_parameters
 
 UR10 = Path(__file__).parents[2] / 'shared' / 'data' / 'ur10'
 
@@ -94,6 +96,25 @@ def errors_of(out):
     """Return the printed RMS and largest error of each joint."""
     rows = re.findall(r'^(\w+) +(\S+) (?:rad|m) +(\S+) (?:rad|m) +0\.01 ', out, re.MULTILINE)
     return {name: (float(rms), float(largest)) for name, rms, largest in rows}
+
+
+def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
+    """One joint moves 0.2 rad from where it starts, against friction that both nodes have."""
+    names = ['joint1', 'joint2']
+    path = quintic_point_to_point(names, [0.4, 0.1], [0.6, 0.1], 1.0)
+    write_trajectory(tmp_path / 'trajectory.yaml', path)
+    write_parameters(tmp_path / 'robot.yaml', {'joints': names, 'friction.viscous': [3.0, 1.0]})
+    status, out, err = run_demo(
+        tmp_path, '--trajectory', 'trajectory.yaml', '--parameters', 'robot.yaml', '--out', 'here',
+        '--no-plot')
+    assert status == 0, out + err
+    with Recording(tmp_path / 'here' / 'recording') as recording:
+        states = recording.joint_series('/joint_states', names)
+        stamps, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
+    assert states.position[0] == pytest.approx([0.4, 0.1], abs=1e-3)
+    assert states.position[-1] == pytest.approx([0.6, 0.1], abs=1e-2)
+    # 3 N m s/rad at the largest velocity of the quintic, 15/8 of the mean
+    assert terms['friction'][:, 0].max() == pytest.approx(3.0 * 0.2 * 15.0 / 8.0, rel=0.05)
 
 
 # --- the closed loop -----------------------------------------------------------------------------

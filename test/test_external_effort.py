@@ -30,6 +30,7 @@ from robot_dynamics.effort_semantics import (
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.external_effort import ExternalEffort
 from robot_dynamics.friction import make_friction
+from robot_dynamics.gear_friction import make_gear_friction
 from robot_dynamics.momentum_observer import MomentumObserver
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import planar_arm_urdf
@@ -186,3 +187,25 @@ def test_what_is_measured_gives_the_joint_effort_back(kind: str) -> None:
 def test_no_effort_cannot_be_converted() -> None:
     with pytest.raises(InvalidInputError, match="measured_effort is 'none'"):
         joint_from_measured('none', np.zeros(0), np.zeros(2), np.zeros(2), None)
+
+
+def test_friction_of_gears_that_press_harder_under_load_is_no_environment() -> None:
+    bare = three_links()
+    names = bare.joint_names
+    dynamics = ArmDynamics(bare.with_gear_friction(make_gear_friction(
+        names, sigmoid=[1.0] * 3, load=[0.2, 0.1, 0.3], effort_offset=[0.5, 0.0, -0.2])))
+
+    def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        w, A = np.array([3.0, 4.0, 5.0]), np.array([0.5, 0.6, 0.4])
+        return START + A * np.sin(w * t), A * w * np.cos(w * t), -A * w**2 * np.sin(w * t)
+
+    observer, dt = ExternalEffort(dynamics, BANDWIDTH), 1e-3
+    frictionless = ExternalEffort(ArmDynamics(bare), BANDWIDTH)
+    seen, unseen = [], []
+    for k in range(1000):
+        q, v, _ = motion(k * dt)
+        effort = dynamics.inverse_dynamics(*motion((k - 0.5) * dt))
+        seen.append(observer.update(dt, q, v, effort))
+        unseen.append(frictionless.update(dt, q, v, effort))
+    assert np.abs(np.array(seen[1:])).max() < 0.02
+    assert np.abs(np.array(unseen[1:])).max() > 5.0
