@@ -27,12 +27,8 @@ import numpy as np
 from robot_dynamics.analysis_files import write_csv, write_parquet, write_terms
 from robot_dynamics.analysis_report import write_report
 from robot_dynamics.analysis_words import facts
-from robot_dynamics.bag_analysis import (
-    AnalysisSettings,
-    analyze_recording,
-    BagAnalysis,
-    LimitUse,
-)
+from robot_dynamics.arm_recording import AnalysisSettings
+from robot_dynamics.bag_analysis import analyze_recording, BagAnalysis, LimitUse
 from robot_dynamics.bag_tasks import Configuration
 from robot_dynamics.effort_residual import ResidualStatistics
 from robot_dynamics.result_store import Result

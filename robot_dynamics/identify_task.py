@@ -26,7 +26,8 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.bag_analysis import AnalysisSettings, joint_effort, read_for_arm
+from robot_dynamics.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics.bag_analysis import joint_effort
 from robot_dynamics.bag_tasks import Configuration
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.friction_columns import FrictionStructure

@@ -12,18 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-A series of joint states: samples on strictly increasing stamps, and what was wrong with the rest.
+"""A series of joint states: samples on increasing stamps, and what was wrong with the rest."""
 
-A recording may have lost messages, have some twice, or out of order. None of that is mended here:
-of repeated stamps the first message is kept, of those out of order as few are left out as make
-the rest increase, and all of it is counted, with the times.
-"""
-
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,85 +27,8 @@ from robot_dynamics.joint_state_bytes import (
     JointStateBlock,
     NANOSECONDS_PER_SECOND,
 )
+from robot_dynamics.sample_faults import advancing_and_repeated, gaps_between, SampleFaults
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
-
-GAP = 1.5
-"""Median periods between two samples beyond which some are missing."""
-SHOWN_TIMES = 3
-"""Times that a report names; of more it says how many."""
-
-
-class Gap(NamedTuple):
-    """A time without samples: from one stamp to the next [ns], and about how many are missing."""
-
-    start_ns: int
-    end_ns: int
-    missing: int
-
-
-@dataclass(frozen=True, eq=False)
-class SampleFaults:
-    """
-    What was wrong with the messages of a series.
-
-    `gaps` are those beyond GAP median periods; `duplicated_ns` the stamps that came again,
-    `backward_ns` those out of order, behind or ahead of the others around them. `other_joints`,
-    `incomplete` and `unreadable` count messages without the wanted joints, without a finite
-    number in a field that others have, and with bytes that are no joint state. With
-    `arrival_times` no message had a stamp: the times are those at which they were recorded.
-    """
-
-    message_count: int = 0
-    period_ns: int = 0
-    gaps: tuple[Gap, ...] = ()
-    duplicated_ns: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    backward_ns: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    other_joints: int = 0
-    incomplete: int = 0
-    unreadable: int = 0
-    arrival_times: bool = False
-    start_ns: int = 0
-
-    @property
-    def dropped(self) -> int:
-        """About how many samples are missing, by the median period."""
-        return sum(gap.missing for gap in self.gaps)
-
-    def words(self) -> list[str]:
-        """Return one line for each kind of fault that there is, with times from the start."""
-        lines = []
-        if self.arrival_times:
-            lines.append('no stamps: the times are those at which messages were recorded')
-        if self.gaps:
-            longest = max(self.gaps, key=lambda gap: gap.end_ns - gap.start_ns)
-            lines.append(
-                f'dropped: about {self.dropped} samples, in '
-                f'{_counted(len(self.gaps), "gap")} beyond {GAP:g} median periods of '
-                f'{1e-6 * self.period_ns:.3g} ms, the longest '
-                f'{1e-6 * (longest.end_ns - longest.start_ns):.3g} ms; '
-                + self._at([gap.start_ns for gap in self.gaps]))
-        for what, stamps in (
-                ('duplicated', self.duplicated_ns), ('out of order', self.backward_ns)):
-            if len(stamps):
-                lines.append(f'{what}: {_counted(len(stamps), "sample")} left out; '
-                             + self._at(stamps.tolist()))
-        for what, count in (
-                ('without the wanted joints', self.other_joints),
-                ('with a number missing or not finite', self.incomplete),
-                ('that cannot be decoded', self.unreadable)):
-            if count:
-                lines.append(f'left out: {_counted(count, "message")} {what}')
-        return lines
-
-    def _at(self, stamps: Sequence[int]) -> str:
-        times = [f'{(stamp - self.start_ns) / NANOSECONDS_PER_SECOND:.3f}'
-                 for stamp in stamps[:SHOWN_TIMES]]
-        more = len(stamps) - len(times)
-        return f'at {", ".join(times)} s' + (f' and {more} more' if more > 0 else '')
-
-
-def _counted(count: int, noun: str) -> str:
-    return f'{count} {noun}{"" if count == 1 else "s"}'
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,14 +156,14 @@ class RecordedJointStates:
                 f'no message of {self.source} has all its fields finite at the joints '
                 f'{list(names)}')
         places = np.flatnonzero(whole)
-        advancing, repeated = _advancing(stamps[whole])
+        advancing, repeated = advancing_and_repeated(stamps[whole])
         keep = places[advancing]
         kept = stamps[keep]
         count = len(self.times_ns)
         periods = np.diff(kept)
         period = int(np.median(periods)) if len(periods) else 0
         faults = SampleFaults(
-            message_count=count, period_ns=period, gaps=_gaps(kept, periods, period),
+            message_count=count, period_ns=period, gaps=gaps_between(kept, periods, period),
             duplicated_ns=stamps[places[repeated]],
             backward_ns=stamps[places[~advancing & ~repeated]],
             other_joints=count - len(stamps) - len(self.decoded.unreadable),
@@ -273,47 +188,3 @@ def _column(blocks: Sequence[JointStateBlock], name: str, joints: Sequence[str])
         parts.append(np.full((len(block.rows), len(joints)), np.nan) if values is None
                      else values[:, index])
     return np.concatenate(parts)
-
-
-def _advancing(stamps: IntArray) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Return which stamps make the longest increasing series, and which came before."""
-    repeated = np.zeros(len(stamps), dtype=np.bool_)
-    if (np.diff(stamps) > 0).all():
-        return ~repeated, repeated
-    repeated[:] = True
-    repeated[np.unique(stamps, return_index=True)[1]] = False
-    places = np.flatnonzero(~repeated)
-    advancing = np.zeros(len(stamps), dtype=np.bool_)
-    advancing[places[_longest_increasing(stamps[places].tolist())]] = True
-    return advancing, repeated
-
-
-def _longest_increasing(values: Sequence[int]) -> list[int]:
-    """
-    Return the places of a longest increasing subsequence of distinct values.
-
-    Source: M. L. Fredman, *Discrete Mathematics* 11(1), 1975: patience sorting, m log m steps.
-    """
-    ends: list[int] = []
-    places: list[int] = []
-    before: list[int] = []
-    for place, value in enumerate(values):
-        length = bisect_left(ends, value)
-        before.append(places[length - 1] if length else -1)
-        if length == len(ends):
-            ends.append(value)
-            places.append(place)
-        else:
-            ends[length], places[length] = value, place
-    chain = [places[-1]]
-    while before[chain[-1]] >= 0:
-        chain.append(before[chain[-1]])
-    return chain[::-1]
-
-
-def _gaps(stamps: IntArray, periods: IntArray, period: int) -> tuple[Gap, ...]:
-    if period <= 0:
-        return ()
-    return tuple(
-        Gap(int(stamps[i]), int(stamps[i + 1]), max(1, round(int(periods[i]) / period) - 1))
-        for i in np.flatnonzero(periods > GAP * period))

@@ -27,6 +27,7 @@ import struct
 from typing import Any, BinaryIO, NamedTuple
 import zlib
 
+from robot_dynamics.compression import decompress_chunk
 from robot_dynamics.recording_loss import Loss
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -181,7 +182,7 @@ class SalvagedMcap:
             if whole:
                 self._lose(f'a chunk at byte {start} cannot be read', lost_bytes=len(body))
             return
-        data, sound = _decompress(body[at + 8:], compression, min(size, _LARGEST_CHUNK))
+        data, sound = decompress_chunk(body[at + 8:], compression, min(size, _LARGEST_CHUNK))
         times = {'start_ns': first, 'end_ns': last} if 0 < first <= last else {}
         if whole and not sound:
             self._lose(f'the chunk at byte {start} cannot be decompressed ({compression}) from '
@@ -238,36 +239,3 @@ def _text(body: bytes, at: int) -> tuple[str, int]:
     if end > len(body):
         raise struct.error('string beyond its record')
     return body[at + 4:end].decode(), end
-
-
-def _decompress(data: bytes, compression: str, size: int) -> tuple[bytes, bool]:
-    """Return as much of a chunk as comes out, and whether that is all of it."""
-    if compression == '':
-        return data[:size], len(data) >= size
-    out = b''.join(_pieces(data, compression))
-    return out[:size], len(out) == size
-
-
-def _pieces(data: bytes, compression: str) -> Iterator[bytes]:
-    """Yield what can be decompressed, until it fails."""
-    try:
-        if compression == 'zstd':
-            decompressor: Any = zstd_module().ZstdDecompressor()
-        elif compression == 'lz4':
-            from lz4.frame import LZ4FrameDecompressor
-            decompressor = LZ4FrameDecompressor()
-        else:
-            return
-        for at in range(0, len(data), 4096):
-            yield decompressor.decompress(data[at:at + 4096])
-    except (EOFError, RuntimeError, ValueError, OSError, zstd_module().ZstdError):
-        return
-
-
-def zstd_module() -> Any:
-    """Return Python's module of Zstandard, or what stands for it before Python 3.14."""
-    try:
-        from compression import zstd
-    except ImportError:
-        from backports import zstd
-    return zstd

@@ -36,16 +36,12 @@ from robot_dynamics.joint_state_bytes import (
     IntArray,
     NANOSECONDS_PER_SECOND,
 )
-from robot_dynamics.recorded_topic import (
-    JOINT_STATE,
-    RecordedTopic,
-    rosbags_module,
-    TopicQos,
-)
+from robot_dynamics.message_types import MessageTypes
+from robot_dynamics.recorded_topic import JOINT_STATE, RecordedTopic, TopicQos
 from robot_dynamics.recording_files import METADATA, recording_files
 from robot_dynamics.recording_loss import Loss
 from robot_dynamics.recording_writer import RecordingWriter, uninterrupted
-from robot_dynamics.stored_file import open_stored_file, StoredFile, StoredTopic
+from robot_dynamics.stored_file import open_stored_file, StoredFile
 from robot_dynamics.validation import FloatArray
 
 __all__ = [
@@ -69,7 +65,7 @@ class Recording:
         MissingDependencyError without `rosbags`.
         """
         self.path = path
-        self._types = _MessageTypes()
+        self._types = MessageTypes()
         about = recording_files(path)
         self.losses: list[Loss] = list(about.losses)
         self.notes: list[str] = list(about.notes)
@@ -235,44 +231,6 @@ class Recording:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-class _MessageTypes:
-    """Decodes messages by the definitions in the recording, else by those of ROS 2 Jazzy."""
-
-    def __init__(self) -> None:
-        typesys = rosbags_module('typesys')
-        self._typesys = typesys
-        self._common = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-        self._own = typesys.get_typestore(typesys.Stores.EMPTY)
-
-    def learn(self, topics: Iterable[StoredTopic]) -> None:
-        """Take over definitions; those that cannot be read are passed over."""
-        for topic in topics:
-            if topic.message_type in self._own.fielddefs or not topic.definition:
-                continue
-            try:
-                types = self._parse(topic)
-                self._own.register({
-                    name: fields for name, fields in types.items()
-                    if name not in self._own.fielddefs})
-            except Exception:  # noqa: S112 (of a damaged recording)
-                continue
-
-    def _parse(self, topic: StoredTopic) -> dict[str, Any]:
-        if topic.encoding == 'MSG':
-            return dict(self._typesys.get_types_from_msg(topic.definition, topic.message_type))
-        separator = 80 * '=' + '\n'
-        if not topic.definition.startswith(f'{separator}IDL: '):
-            return dict(self._typesys.get_types_from_idl(topic.definition))
-        types: dict[str, Any] = {}
-        for part in topic.definition.split(separator)[1:]:
-            types |= self._typesys.get_types_from_idl(part.split('\n', 1)[1])
-        return types
-
-    def deserialize(self, data: bytes, message_type: str) -> Any:
-        own = message_type in self._own.fielddefs
-        return (self._own if own else self._common).deserialize_cdr(data, message_type)
 
 
 def stamp_ns(header: Any) -> int:

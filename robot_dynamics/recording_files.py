@@ -52,15 +52,6 @@ def is_storage(path: Path) -> bool:
     return bool(_STORAGE.search(path.name)) and path.is_file()
 
 
-def is_recording(path: Path) -> bool:
-    """Tell whether a path is one recording: a file of it, or the folder of all its files."""
-    if path.is_file():
-        return is_storage(path)
-    if not path.is_dir():
-        return False
-    return (path / METADATA).is_file() or len(storage_groups(path)) == 1
-
-
 def storage_groups(directory: Path) -> list[tuple[Path, ...]]:
     """
     Return the files of recordings in a folder, those of one split recording together.
@@ -89,7 +80,7 @@ def find_recordings(paths: Iterable[Path]) -> list[Path]:
     """
     found: dict[Path, None] = {}
     for path in paths:
-        below = list(_recordings_below(path))
+        below = _recordings_below(path)
         if not below:
             raise RecordingError(
                 f'{str(path)!r} {"has no recording" if path.exists() else "does not exist"}, '
@@ -98,15 +89,17 @@ def find_recordings(paths: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def _recordings_below(path: Path) -> Iterable[Path]:
-    if path.is_file() or is_recording(path):
-        yield path
-        return
+def _recordings_below(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
     if not path.is_dir():
-        return
-    for entry in sorted(path.iterdir()):
-        if entry.is_dir() or is_storage(entry):
-            yield from _recordings_below(entry)
+        return []
+    if (path / METADATA).is_file():
+        return [path]
+    below = {entry: _recordings_below(entry) for entry in sorted(path.iterdir())
+             if entry.is_dir() or is_storage(entry)}
+    is_one = len(storage_groups(path)) == 1 and all(entry.is_file() for entry in below)
+    return [path] if is_one else [found for each in below.values() for found in each]
 
 
 def recording_files(path: Path) -> RecordingFiles:

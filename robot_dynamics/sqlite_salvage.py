@@ -77,8 +77,8 @@ class SalvagedSqlite:
             reason = 'cut off' if missing_bytes > 0 else 'has pages that cannot be read'
             self.losses.append(Loss(
                 self.path.name, reason, lost_bytes=missing_bytes if missing_bytes > 0 else None,
-                lost_messages=None if missing_bytes > 0 else self._lost_rows, start_ns=self._missing_from,
-                end_ns=self._missing_to))
+                lost_messages=None if missing_bytes > 0 else self._lost_rows,
+                start_ns=self._missing_from, end_ns=self._missing_to))
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
         """Return the times [ns] and bytes of all messages of a topic that can be read."""

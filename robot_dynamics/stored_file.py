@@ -25,8 +25,9 @@ import shutil
 import sqlite3
 from typing import Any, NamedTuple, Protocol
 
+from robot_dynamics.compression import zstd_module
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.mcap_salvage import SalvagedMcap, zstd_module
+from robot_dynamics.mcap_salvage import SalvagedMcap
 from robot_dynamics.recorded_topic import qos_from_rosbags, rosbags_module, TopicQos
 from robot_dynamics.recording_loss import Loss
 from robot_dynamics.sqlite_salvage import SalvagedSqlite

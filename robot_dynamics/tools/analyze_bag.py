@@ -37,7 +37,8 @@ from robot_dynamics.analysis_task import (
     task_configuration,
     TERMS,
 )
-from robot_dynamics.bag_analysis import AnalysisSettings, STEPS
+from robot_dynamics.arm_recording import AnalysisSettings
+from robot_dynamics.bag_analysis import STEPS
 from robot_dynamics.bag_tasks import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.parameter_file import read_parameter_file

@@ -149,7 +149,7 @@ def _count(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from robot_dynamics.bag_analysis import AnalysisSettings
+    from robot_dynamics.arm_recording import AnalysisSettings
     from robot_dynamics.bag_identification import identify_bags, STAGES
     from robot_dynamics.bag_tasks import require_dask, run_tasks, Task, TaskOutcome
     from robot_dynamics.identification_report import write_identification

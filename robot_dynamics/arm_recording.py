@@ -1,0 +1,159 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The joint states of a recording for one arm: the topic, joints by name, samples of use."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.effort_semantics import MOTOR_SIDE
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.parameter_file import described_arm
+from robot_dynamics.recording import JointSeries, RecordedTopic, Recording
+
+ROBOT_DESCRIPTION = '/robot_description'
+IMPLAUSIBLE = 10.0
+"""Times a limit of position, velocity or effort: what is beyond is noise of a damaged file."""
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """
+    What to compare a recording with, and how.
+
+    `urdf` is the text, empty for the one in the recording; `topic` a topic or a type, None for
+    the joint states that are there; `joint_map` pairs of names of the same joint, in the
+    recording and in the URDF; `cutoff_hz` [Hz] of the filter, None to choose it from the data;
+    `parameters` those of `dynamics_node`, by their full names.
+    """
+
+    urdf: str = ''
+    topic: str | None = None
+    joint_map: tuple[tuple[str, str], ...] = ()
+    cutoff_hz: float | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadRecording:
+    """The joint states of a recording for an arm, and what is to be said about them."""
+
+    path: Path
+    topic: str
+    arm: ArmModel
+    series: JointSeries
+    losses: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
+    """
+    Return the joint states of a recording for the arm of the settings.
+
+    Joints of the arm that were not recorded are locked. Raises RecordingError, ModelError, or
+    InvalidInputError where arm and recording do not fit.
+    """
+    with Recording(path) as recording:
+        topic = recording.joint_state_topic(settings.topic)
+        states = recording.joint_states(topic)
+        urdf = settings.urdf or _recorded_urdf(recording)
+        whole = load_arm(urdf, settings.parameters.get('joints') or ())
+        states = states.renamed(_renamed(settings.joint_map, states.joint_names, whole))
+        joints = states.together(whole.joint_names)
+        if not joints:
+            raise InvalidInputError(
+                f'the recording has the joints {list(states.joint_names)}, but the arm '
+                f'{whole.name!r} has {list(whole.joint_names)}: give its own description with '
+                '--urdf, or the names with --map')
+        series = states.series(joints)
+        origin = int(series.stamps_ns[0])
+        losses = tuple(loss.words(origin) for loss in recording.losses)
+        remarks = [*recording.notes, *series.faults.words()]
+    arm = described_arm(urdf, joints, settings.parameters)
+    series, wild = _plausible(series, arm, settings.parameters)
+    series, held = _with_motors_on(series)
+    locked = [name for name in whole.joint_names if name not in joints]
+    if locked:
+        remarks.append(f'not recorded, and so locked: {", ".join(locked)}')
+    if series.velocity is None:
+        remarks.append('no velocity was recorded: it is the derivative of the position')
+    if series.effort is None:
+        remarks.append('no effort was recorded: there is nothing to compare the model with')
+    if held:
+        remarks.append(f'the first {held} samples have no effort at all, as with brakes on, and '
+                       'are left out')
+    if wild:
+        remarks.append(f'left out: {wild} samples beyond {IMPLAUSIBLE:g} times a limit of the arm')
+    return ReadRecording(path, topic, arm, series, losses, tuple(remarks))
+
+
+def _recorded_urdf(recording: Recording) -> str:
+    described: list[RecordedTopic] = [
+        topic for topic in recording.topics
+        if topic.name == ROBOT_DESCRIPTION and topic.message_count]
+    if not described:
+        raise InvalidInputError(
+            f'recording {str(recording.path)!r} has no {ROBOT_DESCRIPTION}, expected the URDF '
+            'with --urdf')
+    return str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
+
+
+def _renamed(
+    pairs: tuple[tuple[str, str], ...], recorded: tuple[str, ...], arm: ArmModel,
+) -> dict[str, str]:
+    """Return {recorded: joint of the arm}; a pair may name them in either order."""
+    names: dict[str, str] = {}
+    for pair in pairs:
+        for ours, theirs in (pair, pair[::-1]):
+            if ours in recorded and theirs in arm.joint_names:
+                names[ours] = theirs
+                break
+        else:
+            raise InvalidInputError(
+                f"--map {'='.join(pair)} fits no joint, expected one name of the recording, "
+                f'{list(recorded)}, and one of the arm, {list(arm.joint_names)}')
+    return names
+
+
+def _plausible(
+    series: JointSeries, arm: ArmModel, parameters: Mapping[str, Any],
+) -> tuple[JointSeries, int]:
+    """Return the samples within IMPLAUSIBLE times the limits, and how many are not: noise."""
+    good = np.ones(len(series.stamps_ns), dtype=np.bool_)
+    is_motor_side = parameters.get('measured_effort') in MOTOR_SIDE
+    reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
+    for values, limit in (
+            (series.position, reach), (series.velocity, arm.limits.velocity),
+            (None if is_motor_side else series.effort, arm.limits.effort)):
+        if values is not None:
+            bound = np.where(limit > 0.0, IMPLAUSIBLE * limit, np.inf)
+            good &= (np.abs(values) <= bound).all(axis=1)
+    if not good.any():
+        raise RecordingError(
+            f'every sample is beyond {IMPLAUSIBLE:g} times a limit of the arm {arm.name!r}, '
+            'expected its own description')
+    return (series, 0) if good.all() else (
+        series.at(np.flatnonzero(good)), int((~good).sum()))
+
+
+def _with_motors_on(series: JointSeries) -> tuple[JointSeries, int]:
+    """Return the samples from the first with an effort on: before it, brakes hold the arm."""
+    if series.effort is None or not series.effort.any():
+        return series, 0
+    held = int(np.argmax(series.effort.any(axis=1)))
+    return series.after(held), held

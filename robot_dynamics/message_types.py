@@ -1,0 +1,60 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How the messages of a recording are decoded: by its own definitions, or the common ones."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from robot_dynamics.recorded_topic import rosbags_module
+from robot_dynamics.stored_file import StoredTopic
+
+
+class MessageTypes:
+    """Decodes messages by the definitions in the recording, else by those of ROS 2 Jazzy."""
+
+    def __init__(self) -> None:
+        typesys = rosbags_module('typesys')
+        self._typesys = typesys
+        self._common = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+        self._own = typesys.get_typestore(typesys.Stores.EMPTY)
+
+    def learn(self, topics: Iterable[StoredTopic]) -> None:
+        """Take over definitions; those that cannot be read are passed over."""
+        for topic in topics:
+            if topic.message_type in self._own.fielddefs or not topic.definition:
+                continue
+            try:
+                types = self._parse(topic)
+                self._own.register({
+                    name: fields for name, fields in types.items()
+                    if name not in self._own.fielddefs})
+            except Exception:  # noqa: S112 (of a damaged recording)
+                continue
+
+    def _parse(self, topic: StoredTopic) -> dict[str, Any]:
+        if topic.encoding == 'MSG':
+            return dict(self._typesys.get_types_from_msg(topic.definition, topic.message_type))
+        separator = 80 * '=' + '\n'
+        if not topic.definition.startswith(f'{separator}IDL: '):
+            return dict(self._typesys.get_types_from_idl(topic.definition))
+        types: dict[str, Any] = {}
+        for part in topic.definition.split(separator)[1:]:
+            types |= self._typesys.get_types_from_idl(part.split('\n', 1)[1])
+        return types
+
+    def deserialize(self, data: bytes, message_type: str) -> Any:
+        """Return a message; raise whatever rosbags raises where it cannot be read."""
+        own = message_type in self._own.fielddefs
+        return (self._own if own else self._common).deserialize_cdr(data, message_type)

@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tasks that the tests of `bag_tasks` run in other processes, where they must be importable."""
+
+import os
+from pathlib import Path
+import signal
+
+import numpy as np
+from robot_dynamics.exceptions import RecordingError
+
+
+def measure(bag, configuration):
+    """Note the call, and do what the file says: fail, die, or give its size."""
+    with Path(configuration['log']).open('a') as log:
+        log.write(f'{bag.name}\n')
+    text = bag.read_text()
+    if text == 'refuse':
+        raise RecordingError('this one cannot be read')
+    if text == 'fail':
+        raise ZeroDivisionError('an accident')
+    if text == 'die':
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {'size': len(text), 'factor': configuration['factor'] * np.arange(3.0),
+            'process': os.getpid(), 'one_thread': os.environ.get('OMP_NUM_THREADS')}
+
+
+def measure_until_told(bag, configuration):
+    """Give the first two at once; the others wait until the file `go` appears."""
+    go = Path(configuration['log']).with_name('go')
+    if bag.name not in ('b0.db3', 'b1.db3'):
+        os.mkfifo(go.with_name(f'{bag.name}.fifo'))
+        go.with_name(f'{bag.name}.fifo').read_text()  # for ever, as nobody writes
+    return measure(bag, configuration)
+
+
+def is_large(bag, result):
+    """Tell whether a kept result holds: for the test, by its size."""
+    return result['size'] > 3

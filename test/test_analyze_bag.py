@@ -1,0 +1,231 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tool `analyze_bag`: what it prints, what it writes, how it ends."""
+
+import csv
+from html.parser import HTMLParser
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags')
+pytest.importorskip('scipy')
+pytest.importorskip('matplotlib')
+from recordings import cut, KnownMotion, stored_file, write_recording  # noqa: E402
+from robot_dynamics.arm_dynamics import ArmDynamics  # noqa: E402
+from robot_dynamics.planar_urdf import default_arm_urdf  # noqa: E402
+from robot_dynamics.recording import Recording, stack  # noqa: E402
+from robot_dynamics.tools.analyze_bag import main  # noqa: E402
+
+MOTION = KnownMotion()
+JOINTS = ('joint1', 'joint2')
+
+
+@pytest.fixture(scope='module')
+def directory(tmp_path_factory):
+    """Return a folder: a URDF, a whole recording, a cut one, an empty one, and a lone file."""
+    path = tmp_path_factory.mktemp('analyze')
+    (path / 'arm.urdf').write_text(default_arm_urdf())
+    write_recording(path / 'bags' / 'whole', MOTION.messages())
+    cut(stored_file(write_recording(path / 'bags' / 'cut', MOTION.messages(), 'sqlite3')), 0.6)
+    empty = write_recording(path / 'bags' / 'deep' / 'empty', MOTION.messages())
+    stored_file(empty).write_bytes(b'')
+    lone = stored_file(write_recording(path / 'elsewhere', MOTION.messages(), 'mcap_chunk'))
+    lone.rename(path / 'bags' / 'lone.mcap')
+    return path
+
+
+@pytest.fixture(scope='module')
+def written(directory):
+    """Return the outputs of the whole recording."""
+    out = directory / 'out'
+    assert main([str(directory / 'bags' / 'whole'), '--urdf', str(directory / 'arm.urdf'),
+                 '--output', str(out), '--parquet']) == 0
+    return out
+
+
+def run(directory, capsys, *arguments):
+    """Return the exit status, and what was printed and complained of."""
+    status = main([*map(str, arguments), '--urdf', str(directory / 'arm.urdf')])
+    return status, *capsys.readouterr()
+
+
+def test_the_console(directory, capsys):
+    status, out, err = run(directory, capsys, directory / 'bags' / 'whole')
+    assert status == 0
+    assert err == ''  # nothing moves where there is no terminal
+    lines = out.splitlines()
+    head = next(i for i, line in enumerate(lines) if line.startswith('joint '))
+    for line, name, rms in zip(lines[head + 1:], JOINTS, np.sqrt(np.mean(MOTION.tau**2, axis=0))):
+        cells = line.split()
+        assert cells[0] == name
+        assert float(cells[1]) == pytest.approx(rms, rel=0.1)
+        assert float(cells[5]) < 0.5  # relative, in percent
+        assert float(cells[-1]) > 0.999
+    assert 'Butterworth, order 4, forward and backward' in out
+    assert '% of limit' in out
+    assert 'Lost:' not in out
+
+
+def test_what_is_lost_is_printed(directory, capsys):
+    status, out, _ = run(directory, capsys, directory / 'bags' / 'cut', '--cutoff', '5')
+    assert status == 0
+    assert 'Lost:\n  cut.db3: cut off' in out
+    assert 'metadata.yaml: states 1200 messages' in out
+    assert '5 Hz: as given' in out
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, and its cells."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.cells, self.tags = [], [], set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.links += [value for name, value in attrs if name in ('src', 'href')]
+
+    def handle_data(self, data):
+        self.cells.append(data)
+
+
+def test_the_report_needs_nothing_else(written):
+    page = Page((written / 'report.html').read_text(encoding='utf-8'))
+    assert len(page.links) == 2
+    assert all(link.startswith('data:image/png;base64,iVBOR') for link in page.links)
+    assert not {'script', 'link', 'iframe'} & page.tags
+    assert set(JOINTS) <= set(page.cells)
+    assert (written / 'report.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_table_has_every_sample_and_adds_up(written):
+    with (written / 'samples.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row['stamp [ns]']) for row in rows] == MOTION.stamps_ns.tolist()
+    for name in JOINTS:
+        def column(what, name=name):
+            return np.array([float(row[f'{name}.{what}']) for row in rows])
+
+        terms = sum(column(f'{term} [N m]') for term in (
+            'inertial', 'coriolis', 'gravity', 'friction'))
+        np.testing.assert_allclose(column('model [N m]'), terms, atol=1e-6)
+        np.testing.assert_allclose(
+            column('residual [N m]'), column('measured [N m]') - column('model [N m]'), atol=1e-6)
+    assert {row['counts'] for row in rows} == {'0', '1'}
+
+
+def test_parquet_has_the_same(written):
+    parquet = pytest.importorskip('pyarrow.parquet')
+    table = parquet.read_table(written / 'samples.parquet')
+    with (written / 'samples.csv').open(newline='') as file:
+        rows = list(csv.reader(file))
+    assert table.column_names == rows[0]
+    assert table['stamp [ns]'].to_pylist() == MOTION.stamps_ns.tolist()
+    values = np.array([[float(cell) for cell in row[2:]] for row in rows[1:]])
+    np.testing.assert_allclose(
+        np.column_stack([table[name].to_numpy() for name in rows[0][2:]]), values, rtol=1e-9)
+
+
+def test_the_terms_are_a_recording_on_the_original_stamps(written):
+    fields = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
+    with Recording(written / 'terms') as recording:
+        assert recording.topic('/dynamics/terms').message_type == (
+            'robot_dynamics_interfaces/msg/DynamicsTerms')
+        messages = list(recording.messages('/dynamics/terms'))
+        residual = recording.joint_series('/dynamics/residual')
+    stamps, terms = stack(messages, fields)
+    np.testing.assert_array_equal(stamps, MOTION.stamps_ns)
+    assert [time_ns for time_ns, _ in messages] == MOTION.stamps_ns.tolist()
+    np.testing.assert_allclose(sum(terms[name] for name in fields[:-1]), terms['effort'])
+    dynamics = ArmDynamics(MOTION.arm)
+    inside = slice(200, -200)
+    for k in range(200, 1000, 200):
+        one = dynamics.terms(MOTION.q[k], MOTION.v[k], MOTION.a[k])
+        np.testing.assert_allclose(terms['gravity'][k], one.gravity, atol=0.05)
+        assert messages[k][1].potential_energy == pytest.approx(one.potential_energy, abs=0.05)
+        assert messages[k][1].kinetic_energy == pytest.approx(one.kinetic_energy, abs=0.05)
+    np.testing.assert_allclose(
+        residual.effort[inside], (MOTION.tau - terms['effort'])[inside], atol=0.1)
+
+
+def test_the_same_again_is_taken_from_before(directory, written, capsys):
+    status, out, _ = run(
+        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
+    assert status == 0
+    assert 'from an earlier run' in out
+    (written / 'report.png').unlink()
+    status, out, _ = run(
+        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
+    assert 'from an earlier run' not in out
+    assert (written / 'report.png').exists()
+
+
+def test_a_folder_of_recordings(directory, capsys, tmp_path):
+    arguments = (directory / 'bags', '--output', tmp_path / 'out', '--no-report', '--jobs', 2)
+    status, out, err = run(directory, capsys, *arguments)
+    assert status == 1  # one is empty
+    assert [line.split()[0] for line in out.splitlines()[1:4]] == ['cut', 'lone.mcap', 'whole']
+    assert 'Together: 3 recordings of planar_arm' in out
+    assert 'analyze_bag: 1 could not be analysed:\n  empty: ' in err
+    assert 'is empty' in err
+    for name in ('cut', 'lone.mcap', 'whole'):
+        assert (tmp_path / 'out' / name / 'samples.csv').exists()
+        assert not (tmp_path / 'out' / name / 'report.html').exists()
+    status, out, _ = run(directory, capsys, *arguments)
+    assert (status, '3 of them from an earlier run' in out) == (1, True)
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['{bags}/nothing'], "'.*nothing' does not exist, expected a file .mcap or .db3"),
+    (['{bags}/deep/empty'], 'is empty'),
+    (['{bags}/whole', '--map', 'a'], "'a', expected two names as fer_joint1=panda_joint1"),
+    (['{bags}/whole', '--map', 'a=b'], '--map a=b fits no joint'),
+    (['{bags}/whole', '--cutoff', '500'], 'cutoff is 500 Hz, expected at most'),
+    (['{bags}/whole', '--topic', '/x'], r"no topic '/x', expected one of \['/joint_states'\]"),
+    (['{bags}/whole', '--jobs', '0'], "'0', expected a number of at least 1"),
+    (['{bags}/whole', '--parameters', '/nowhere.yaml'], "'/nowhere.yaml' cannot be read"),
+    (['{bags}/whole', '--urdf', '/nowhere.urdf'], "--urdf is '/nowhere.urdf'"),
+])
+def test_mistakes_get_one_clear_message(directory, capsys, arguments, words):
+    given = [text.format(bags=directory / 'bags') for text in arguments]
+    given += [] if '--urdf' in given else ['--urdf', str(directory / 'arm.urdf')]
+    try:
+        status = main(given)
+    except SystemExit as ended:
+        status = ended.code
+    assert status == 2
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.startswith('analyze_bag: ')
+    import re
+    assert re.search(words, err)
+
+
+def test_the_executable(directory):
+    """As a user starts it, with ROS out of reach: reading needs none of it."""
+    program = (
+        'import sys\n'
+        'for name in ("rclpy", "sensor_msgs", "rosidl_runtime_py"): sys.modules[name] = None\n'
+        'from robot_dynamics.tools.analyze_bag import main\n'
+        'sys.exit(main(sys.argv[1:]))')
+    done = subprocess.run(
+        [sys.executable, '-c', program, str(directory / 'bags' / 'lone.mcap'), '--urdf',
+         str(directory / 'arm.urdf')], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert 'Residual, measured − model:' in done.stdout
