@@ -278,6 +278,8 @@ def test_replay_of_a_real_arm(tmp_path):
     (['--robot', 'package://no_such_package/x.urdf'], "no package 'no_such_package'"),
     (['--replay', 'no_such_bag'], "'no_such_bag' does not exist"),
     (['--topic', '/x'], '--topic is given without --replay'),
+    (['--trajectory', 'x', '--duration', '3'], '--trajectory is given with --duration'),
+    (['--trajectory', 'none.yaml'], "'none.yaml' cannot be read"),
     (['--out', __file__], '--out: .*cannot be used'),
 ])
 def test_a_mistake_is_one_line_and_status_2(tmp_path, arguments, words):

@@ -19,7 +19,6 @@ Truth by the nodes themselves: what they record of an exciting motion gives thei
 that of a seed, and the motion begins at a stamp, so that every run records the same.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 import subprocess
 import sys
@@ -81,9 +80,10 @@ def trajectory(arm: ArmModel, tmp_path_factory: pytest.TempPathFactory) -> Joint
 
 @pytest.fixture(scope='module')
 def recording(
-    client: RosClient, arm: ArmModel, trajectory: JointTrajectory, tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[Path]:
-    """Yield what was recorded of the motion, while time stood still until all listened."""
+    client: RosClient, arm: ArmModel, trajectory: JointTrajectory,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return what was recorded of the motion, while time stood still until all listened."""
     path = tmp_path_factory.mktemp('truth') / 'recording'
     end_ns = round(1e9 * (BEGIN + trajectory.duration + 0.1))
     parameters = {
@@ -112,7 +112,7 @@ def recording(
             wait_until(
                 lambda: recorder.drain() >= 0 and count.stamp_ns >= end_ns, 'the end', LONG)
         recorder.close()
-    yield path
+    return path
 
 
 def test_every_base_parameter_is_within_three_deviations(
