@@ -139,7 +139,8 @@ class CommandSupervisor:
         The state is dt [s] after the one before by their stamps; None where these do not tell.
         """
         self._last_state, self._hold = now, hold
-        beyond = self._beyond_a_limit(q)
+        is_near = self._guard.limits.is_near(q)
+        beyond = self._beyond_a_limit(q) if is_near else None
         if beyond is not None:
             self.fail(now, beyond)
         elif self.mode is Mode.WAITING:
@@ -149,7 +150,7 @@ class CommandSupervisor:
         if self.mode is not Mode.RUNNING:
             return self._action(now)
         self.guarded = self._guard.apply(
-            command, hold, q, v, now - self._last_output if dt is None else dt)
+            command, hold, q, v, now - self._last_output if dt is None else dt, is_near)
         self._last_output = now
         return self.guarded.effort
 
@@ -238,8 +239,6 @@ class CommandSupervisor:
 
     def _beyond_a_limit(self, q: FloatArray) -> Fault | None:
         limits, margin = self._guard.limits, self.options.fault_margin
-        if not limits.is_near(q):
-            return None
         past = np.maximum(q - limits.upper, limits.lower - q)
         j = int(np.argmax(past))
         if not past[j] > margin:

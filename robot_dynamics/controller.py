@@ -21,6 +21,8 @@ or a recording, gives the same efforts however fast it is played.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+import math
 import threading
 from typing import NamedTuple
 
@@ -33,8 +35,14 @@ from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
-from robot_dynamics.trajectory import JointTrajectory, Reference, TrajectoryFollower
-from robot_dynamics.validation import all_finite, FloatArray
+from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
+from robot_dynamics.trajectory import (
+    ActiveTrajectory,
+    JointTrajectory,
+    Reference,
+    TrajectoryFollower,
+)
+from robot_dynamics.validation import FloatArray, largest
 
 BoolArray = npt.NDArray[np.bool_]
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
@@ -61,8 +69,13 @@ class ControlOutput(NamedTuple):
     command: FloatArray | None
     hold: FloatArray
     clamped: BoolArray
-    reference: Reference | None
-    terms: EffortTerms | None
+    sample: Callable[[], Reference] | None = None
+    terms: EffortTerms | None = None
+
+    @property
+    def reference(self) -> Reference | None:
+        """Return what is followed, None where there is nothing."""
+        return None if self.sample is None else self.sample()
 
 
 @dataclass(frozen=True)
@@ -97,6 +110,9 @@ class Controller:
         self._follower = TrajectoryFollower(arm.joint_names, continuous)
         self._waiting: tuple[JointTrajectory, int] | None = None
         self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self._tracking: SegmentTracking | None = None
+        self._answered: _Answered | None = None
+        """The last state, and what its command was made of."""
         self._zero = np.zeros(arm.joint_count)
         self._zero.setflags(write=False)
         self._no_joint = np.zeros(arm.joint_count, dtype=bool)
@@ -175,58 +191,79 @@ class Controller:
         NonFiniteEffortError: such a state is outside anything the model can answer.
         """
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            return self._update(stamp_ns, q, v, with_terms)
+            output = self._update(stamp_ns, q, v)
+            return output._replace(terms=self._terms()) if with_terms else output
 
-    def _update(
-        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, with_terms: bool,
-    ) -> ControlOutput:
-        self._advance_payload(stamp_ns)
-        gravity = self._dynamics.rigid_body.gravity(q)
-        zero = self._zero
-        friction, reference = zero, None
+    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
+        """Do as `update` does without terms; numpy may warn of what is not finite."""
+        with self._lock:
+            return self._update(stamp_ns, q, v)
+
+    def terms(self) -> EffortTerms | None:
+        """Return the terms of the last command; None where there is none, or it is not finite."""
+        with self._lock, np.errstate(over='ignore', invalid='ignore'):
+            return self._terms()
+
+    def _update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
+        if self._transition is not None:
+            self._advance_payload(self._transition, stamp_ns)
+        dynamics, zero = self._dynamics, self._zero
+        gravity = dynamics.rigid_body.gravity(q)
+        friction, a, computed_torque, sample = zero, zero, None, None
         if v is not None:
             self._state = (stamp_ns, q, v)
-            self._start_waiting()
-            reference = self._follower.sample(stamp_ns)
-        computed_torque, a = None, zero
-        if reference is not None and v is not None:
-            a = self._feedback.acceleration(reference, q, v)
-            load = self._dynamics.rigid_body.inverse_dynamics(q, v, a)
-            friction = self._friction(reference, q, v, load)
-            computed_torque = load + friction
-        _check_finite(q, gravity, computed_torque)
+            if self._waiting is not None:
+                self._start_waiting()
+            active = self._follower.active
+            if active is not None:
+                sample = partial(active.sample, stamp_ns)
+                a, v_r = self._track(active, stamp_ns, q, v)
+                computed_torque = load = dynamics.rigid_body.inverse_dynamics(q, v, a)
+                if not dynamics.is_frictionless:
+                    friction = self._friction(v_r, v, load)
+                    computed_torque = load + friction
+        gravity_peak = largest(gravity)
+        peak = 0.0 if computed_torque is None else largest(computed_torque)
+        if not (gravity_peak < math.inf and peak < math.inf):
+            raise _not_finite(q, gravity, computed_torque)
         follows = computed_torque is not None and self._options.command == 'computed_torque'
-        bare = self._dynamics is self._bare_dynamics
+        bare = dynamics is self._bare_dynamics
         robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
         robot = self._options.semantics
         own = _NOTHING
-        if robot.compensates_gravity or robot.compensates_friction:
+        if robot.robot_compensates:
             own = _Own(
                 robot_gravity if robot.compensates_gravity else None,
                 friction if robot.compensates_friction and follows else None)
-        hold, clamped = self._bounded(own.gravity_taken_off(gravity), own)
-        command = self._choose(gravity, computed_torque)
-        if command is None:
-            clamped = self._no_joint
-        elif command is gravity:
-            command = hold
-        else:
-            command, clamped = self._bounded(own.taken_off(command), own)
-        terms = None
-        if with_terms:
-            v_terms = v if follows and v is not None else zero
-            terms = self._dynamics.terms(
-                q, v_terms, a if follows else zero, friction=friction if follows else zero)
-            # The engine rounds g(q) differently in each algorithm; here it is that of the command.
-            terms = own.taken_off_terms(terms._replace(
-                gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
-            if v is not None and not follows:
-                terms = terms._replace(
-                    kinetic_energy=self._dynamics.rigid_body.kinetic_energy(q, v))
-            if not all(np.isfinite(part).all() for part in terms):
-                terms = None  # an energy beyond all numbers is no reason to withhold the effort
+        is_free = own is _NOTHING and gravity_peak <= self._least_limit
+        hold, clamped = (gravity, self._no_joint) if is_free else (
+            self._bounded(own.gravity_taken_off(gravity), own))
+        command: FloatArray | None = hold
+        if self._options.command == 'none':
+            command, clamped = None, self._no_joint
+        elif follows and computed_torque is not None:
+            is_free = own is _NOTHING and peak <= self._least_limit
+            command, clamped = (computed_torque, self._no_joint) if is_free else (
+                self._bounded(own.taken_off(computed_torque), own))
+        self._answered = dynamics, q, v, a, gravity, friction, follows, own
         return ControlOutput(
-            gravity, robot_gravity, computed_torque, command, hold, clamped, reference, terms)
+            gravity, robot_gravity, computed_torque, command, hold, clamped, sample)
+
+    def _terms(self) -> EffortTerms | None:
+        if self._answered is None:
+            return None
+        dynamics, q, v, a, gravity, friction, follows, own = self._answered
+        zero = self._zero
+        v_terms = v if follows and v is not None else zero
+        terms = dynamics.terms(
+            q, v_terms, a if follows else zero, friction=friction if follows else zero)
+        # The engine rounds g(q) differently in each algorithm; here it is that of the command.
+        terms = own.taken_off_terms(terms._replace(
+            gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
+        if v is not None and not follows:
+            terms = terms._replace(kinetic_energy=dynamics.rigid_body.kinetic_energy(q, v))
+        # An energy beyond all numbers is no reason to withhold the effort.
+        return terms if all(np.isfinite(part).all() for part in terms) else None
 
     def _bounded(self, command: FloatArray, own: '_Own') -> tuple[FloatArray, BoolArray]:
         """
@@ -236,9 +273,6 @@ class Controller:
         lost on the way.) Where gravity alone is beyond the limit, the command need not push
         against it: it may be 0, or take load off.
         """
-        values = command.tolist()  # finite: that was checked
-        if own.gravity is None and max(map(abs, values), default=0.0) <= self._least_limit:
-            return command, self._no_joint
         low, high = -self._effort_limit, self._effort_limit
         if own.gravity is not None:
             limit = self.arm.limits.effort
@@ -247,25 +281,25 @@ class Controller:
         bounded = np.minimum(np.maximum(command, low), high)
         return bounded, bounded != command
 
-    def _friction(
-        self, reference: Reference, q: FloatArray, v: FloatArray, load: FloatArray,
-    ) -> FloatArray:
+    def _track(
+        self, active: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
+    ) -> Tracked:
+        segment, feedback = active.segment(now_ns), self._feedback
+        if segment is None or len(q) > FEW:
+            reference = active.sample(now_ns)
+            return Tracked(
+                feedback.acceleration(reference, q, v), feedback.reference_velocity(reference, q))
+        tracking = self._tracking
+        if tracking is None or tracking.segment is not segment or (
+                tracking.feedback is not feedback):
+            tracking = self._tracking = SegmentTracking(segment, feedback)
+        return tracking.at(now_ns, q, v)
+
+    def _friction(self, v_r: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
         dynamics, mode = self._dynamics, self._options.friction_compensation
-        if dynamics.is_frictionless:
-            return self._zero
         if mode == 'reference':
-            v_r = self._feedback.reference_velocity(reference, q)
             return dynamics.friction_effort(v_r, load, smooth=True)
         return dynamics.friction_effort(v, load) if mode == 'measured' else self._zero
-
-    def _choose(
-        self, gravity: FloatArray, computed_torque: FloatArray | None,
-    ) -> FloatArray | None:
-        if self._options.command == 'none':
-            return None
-        if self._options.command == 'computed_torque' and computed_torque is not None:
-            return computed_torque
-        return gravity
 
     def _start_waiting(self) -> None:
         if self._waiting is None or self._state is None:
@@ -276,10 +310,7 @@ class Controller:
         except TrajectoryError:  # over before the first state came: nothing to follow
             self.expired += 1
 
-    def _advance_payload(self, stamp_ns: int) -> None:
-        transition = self._transition
-        if transition is None:
-            return
+    def _advance_payload(self, transition: PayloadTransition, stamp_ns: int) -> None:
         self._dynamics = ArmDynamics(self.arm.with_payloads(transition.payloads(stamp_ns)))
         if transition.done:
             self._transition = None
@@ -311,11 +342,14 @@ class _Own(NamedTuple):
 _NOTHING = _Own(None, None)
 
 
-def _check_finite(
+# dynamics, q, v, a, gravity, friction, whether it follows the reference, the robot's own share
+_Answered = tuple[
+    ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray, FloatArray, bool, _Own]
+
+
+def _not_finite(
     q: FloatArray, gravity: FloatArray, computed_torque: FloatArray | None,
-) -> None:
-    if all_finite(gravity) and (computed_torque is None or all_finite(computed_torque)):
-        return
-    raise NonFiniteEffortError(
+) -> NonFiniteEffortError:
+    return NonFiniteEffortError(
         f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
         f'computed torque {computed_torque}')

@@ -29,11 +29,12 @@ fault 0.0087 rad past a limit.
 from dataclasses import dataclass
 from functools import cached_property
 import math
+from operator import gt
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.validation import any_of, FloatArray
+from robot_dynamics.validation import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -68,7 +69,18 @@ class GuardLimits:
 
     def is_near(self, q: FloatArray) -> bool:
         """Tell whether any joint is within the margin before a position limit, or past it."""
-        return any_of((q > self.soft_upper) | (q < self.soft_lower))
+        lower, upper, _ = self._as_lists
+        values = q.tolist()
+        return True in map(gt, values, upper) or True in map(gt, lower, values)
+
+    def is_too_fast(self, v: FloatArray | None) -> bool:
+        """Tell whether any joint is faster than its limit; a velocity may be unknown (None)."""
+        return v is not None and True in map(gt, map(abs, v.tolist()), self._as_lists[2])
+
+    @cached_property
+    def _as_lists(self) -> tuple[list[float], list[float], list[float]]:
+        """Return soft limits and velocities as lists: for few numbers quicker than arrays."""
+        return self.soft_lower.tolist(), self.soft_upper.tolist(), self.velocity.tolist()
 
     @cached_property
     def no_joint(self) -> BoolArray:
@@ -95,24 +107,25 @@ class EffortGuard:
 
     def apply(
         self, effort: FloatArray, hold: FloatArray, q: FloatArray, v: FloatArray | None,
-        dt: float,
+        dt: float, is_near: bool | None = None,
     ) -> GuardedEffort:
         """
         Return what may go out dt [s] after the last effort.
+
+        `is_near` is what the limits say to q, where that was asked already.
 
         `hold` (n,) is what holds the arm still, and the first effort; `effort`, q and v are (n,).
         Without a velocity (None) its limit does not act.
         """
         limits = self.limits
         by_position = by_velocity = by_rate = limits.no_joint
-        too_fast = None if v is None else np.abs(v) > limits.velocity
         allowed = effort
-        if limits.is_near(q) or too_fast is not None and any_of(too_fast):
+        if (limits.is_near(q) if is_near is None else is_near) or limits.is_too_fast(v):
             push = effort - hold
             by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
                 (push < 0.0) & (q < limits.soft_lower))
-            if v is not None and too_fast is not None:
-                by_velocity = too_fast & (push * v > 0.0)
+            if v is not None:
+                by_velocity = (np.abs(v) > limits.velocity) & (push * v > 0.0)
             allowed = np.where(by_position | by_velocity, hold, effort)
         if self.last is None:
             self.last, dt = hold, 0.0

@@ -88,6 +88,8 @@ class RigidBody:
     ) -> FloatArray:
         """Return M(q) a + C(q, v) v + g(q) − Jᵀ f."""
         x = self._x
+        if x.is_identity and not wrenches:
+            return np.asarray(pin.rnea(self._model, self._data, q, v, a))
         q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
         if not wrenches:
             return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree))
@@ -97,6 +99,8 @@ class RigidBody:
     def gravity(self, q: FloatArray) -> FloatArray:
         """Return g(q): what holds the arm still."""
         x = self._x
+        if x.is_identity:
+            return np.asarray(pin.computeGeneralizedGravity(self._model, self._data, q))
         return x.effort(pin.computeGeneralizedGravity(self._model, self._data, x.position(q)))
 
     def nonlinear(self, q: FloatArray, v: FloatArray) -> FloatArray:

@@ -39,7 +39,6 @@ from robot_dynamics.ros.serialized import (
     effort_template,
     MessageTemplate,
     SensedState,
-    SerializedStamp,
 )
 from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
@@ -106,6 +105,7 @@ class ControlPath:
     ) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
+        watch.max_age, watch.has_age = self._state_max_age, self._has_age
         with self._answering:  # no state is answered by one model and commanded by another
             self._served = _Served(
                 controller, JointStateReader(names), list(names), effort_template(names), watch,
@@ -123,6 +123,8 @@ class ControlPath:
     def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
         """Take over how old [s] a state may be, and how long [s] a stream may pause."""
         self._stream.timeout, self._state_max_age = reference_timeout, state_max_age
+        if self._served is not None:
+            self._served.watch.max_age = state_max_age
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory; raise RobotDynamicsError where that cannot be."""
@@ -174,34 +176,31 @@ class ControlPath:
             return
         served = self._served
         q, v = served.reader.read(state)
-        # With use_sim_time stamps have no age by the clock of this computer.
-        is_simulated = self._node.get_clock().ros_time_is_active
-        served.watch.max_age = 0.0 if is_simulated else self._state_max_age
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
-            state.stamp.nanoseconds, time.time_ns(), q, v, self._is_crowded)
+            state.stamp_ns, time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
         if judgement.time_shift:
             served.controller.shift_time(judgement.time_shift)
-        if self._stream.is_over(time.monotonic()):
+        now = time.monotonic()
+        if self._stream.is_over(now):
             self._forget_reference()
             self.counters.paused_streams += 1
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
-        with_terms = self._terms.get_subscription_count() > 0
-        output = served.controller.update(judgement.stamp, q, v, with_terms)
+        output = served.controller.answer(judgement.stamp, q, v)
         if judgement.is_news:
-            self.counters.timing.happened(time.monotonic())
             command = self.command.answer(state.stamp, q, v, output, judgement.dt)
+            self.counters.timing.happened(now)
         else:
             self.counters.repeated += 1
             command = self.command.repeat(state.stamp)
-        self._publish(state.stamp, served, output)
+        self._publish(state, served, output)
         self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
         self.counters.states += 1
-        self.counters.following = output.reference is not None
+        self.counters.following = output.sample is not None
         self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
@@ -211,11 +210,17 @@ class ControlPath:
     def _is_crowded(self) -> bool:
         return self.count_publishers() > 1
 
-    def _publish(self, stamp: SerializedStamp, served: _Served, output: ControlOutput) -> None:
+    def _has_age(self) -> bool:
+        """With use_sim_time stamps have no age by the clock of this computer."""
+        return not self._node.get_clock().ros_time_is_active
+
+    def _publish(self, state: SensedState, served: _Served, output: ControlOutput) -> None:
         template = served.template
-        self._gravity.publish(template.filled(stamp.data, output.gravity_compensation))
+        self._gravity.publish(template.filled(state.stamp, output.gravity_compensation))
         if output.computed_torque is not None:
-            self._computed_torque.publish(template.filled(stamp.data, output.computed_torque))
-        if output.terms is not None:
-            self._terms.publish(
-                terms_to_ros(output.terms, served.names, stamp_to_ros(stamp.nanoseconds)))
+            self._computed_torque.publish(template.filled(state.stamp, output.computed_torque))
+        if self._terms.get_subscription_count():
+            terms = served.controller.terms()
+            if terms is not None:
+                self._terms.publish(
+                    terms_to_ros(terms, served.names, stamp_to_ros(state.stamp_ns)))

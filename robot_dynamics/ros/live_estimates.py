@@ -177,7 +177,7 @@ class LiveEstimates:
             raise InvalidInputError('they are beyond all numbers')
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
-                publisher.publish(estimates.template.filled(state.stamp.data, estimate))
+                publisher.publish(estimates.template.filled(state.stamp, estimate))
 
     def _begin_where_needed(self, estimates: Estimates, judgement: Judgement) -> float:
         """Return the time [s] since the state before, which does not count after a restart."""

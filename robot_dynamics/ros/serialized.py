@@ -40,30 +40,15 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
 """Where a message that begins with a std_msgs/Header has its stamp."""
 _SEC_NANOSEC = struct.Struct('<iI')
-
-
-class SerializedStamp(NamedTuple):
-    """A time of ROS: its bytes, and [ns]."""
-
-    data: bytes
-    nanoseconds: int
-
-
-def serialized_stamp(data: bytes) -> SerializedStamp:
-    """Return the stamp of a serialized message that begins with a std_msgs/Header."""
-    return _make_stamp(data[STAMP], *_SEC_NANOSEC.unpack_from(data, STAMP.start))
-
-
-def _make_stamp(data: bytes, sec: int, nanosec: int) -> SerializedStamp:
-    return SerializedStamp(data, 1_000_000_000 * sec + nanosec)
+_FLOAT64 = np.dtype(np.float64)
 
 
 class Layout(NamedTuple):
     """
     Where the numbers of a message are, counted in float64 from the first on.
 
-    They lie in one row: positions, velocities and efforts, with eight bytes for a count between
-    two of them. The same object stands for the same layout, with the same names.
+    They lie in one row: positions, velocities and efforts, maybe with something between two of
+    them. The same object stands for the same layout, with the same names.
     """
 
     position: slice
@@ -73,18 +58,31 @@ class Layout(NamedTuple):
 
 class SensedState(NamedTuple):
     """
-    What a joint state says: arrays as long as the message has them, often empty.
+    What a joint state says: all its numbers in one row, and where in it they lie.
 
-    `numbers` are all of them in one row, as `layout` tells; where that is None there is no row.
+    `stamp` is that of the header in bytes, `stamp_ns` in ns.
     """
 
-    stamp: SerializedStamp
+    stamp: bytes
+    stamp_ns: int
     name: list[str]
-    position: FloatArray
-    velocity: FloatArray
-    effort: FloatArray
-    numbers: FloatArray = np.empty(0)
-    layout: Layout | None = None
+    numbers: FloatArray
+    layout: Layout
+
+    @property
+    def position(self) -> FloatArray:
+        """Return the positions, as many as the message has."""
+        return self.numbers[self.layout.position]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Return the velocities likewise, often none."""
+        return self.numbers[self.layout.velocity]
+
+    @property
+    def effort(self) -> FloatArray:
+        """Return the efforts likewise."""
+        return self.numbers[self.layout.effort]
 
 
 class JointStateDecoder:
@@ -92,33 +90,29 @@ class JointStateDecoder:
 
     def __init__(self) -> None:
         self._names: list[str] = []
-        self._texts: list[tuple[int, int, bytes]] = []
-        self._names_end = 0
-        self._header = b''
+        self._known: list[tuple[int, int, bytes]] = []
         self._length = self._start = self._number_count = 0
-        self._counts: list[tuple[int, int, bytes]] = []
         self._layout: Layout | None = None
+        self._skeleton = struct.Struct('')
+        self._bones: list[bytes] = []
 
     def decode(self, data: bytes) -> SensedState:
         """Return what a message says; raise UnreadableMessageError."""
         layout = self._layout
-        if layout is None or len(data) != self._length or (
-                data[12:self._names_end] != self._header and not self._has_known_texts(data)) or (
-                data[:4] != ENCAPSULATION):
+        if layout is None or len(data) != self._length or data[:4] != ENCAPSULATION:
             return self._learn(data)
-        for start, end, count in self._counts:
-            if data[start:end] != count:
-                return self._learn(data)
-        numbers = np.frombuffer(data, np.float64, self._number_count, self._start)
+        sec, nanosec, *bones = self._skeleton.unpack(data)
+        if bones != self._bones and not self._has_known_bones(data):
+            return self._learn(data)
         return SensedState(
-            serialized_stamp(data), self._names, numbers[layout.position],
-            numbers[layout.velocity], numbers[layout.effort], numbers, layout)
+            data[STAMP], 1_000_000_000 * sec + nanosec, self._names,
+            np.frombuffer(data, _FLOAT64, self._number_count, self._start), layout)
 
-    def _has_known_texts(self, data: bytes) -> bool:
-        """Tell whether frame and names are those of before; what pads them may be anything."""
-        if not all(data[start:end] == text for start, end, text in self._texts):
+    def _has_known_bones(self, data: bytes) -> bool:
+        """Tell whether all but stamp and numbers is as before; padding may be anything."""
+        if not all(data[start:end] == known for start, end, known in self._known):
             return False
-        self._header = data[12:self._names_end]
+        _, _, *self._bones = self._skeleton.unpack(data)
         return True
 
     # ------------------------------------------------------------------ any message
@@ -127,49 +121,63 @@ class JointStateDecoder:
         message = read_message(data, JointState)
         self._layout = None
         if data[:4] == ENCAPSULATION:
-            self._learn_names(data, message)
-            self._learn_numbers(data, message)
+            self._known = [(0, 4, ENCAPSULATION)]
+            end = self._learn_names(data, message)
+            self._learn_numbers(data, message, end)
+            self._names = list(message.name)
         stamp = message.header.stamp
-        position, velocity, effort = (np.array(values, dtype=np.float64) for values in (
-            message.position, message.velocity, message.effort))
+        fields = message.position, message.velocity, message.effort
+        p, v, _ = (len(values) for values in fields)
         return SensedState(
-            _make_stamp(struct.pack('<iI', stamp.sec, stamp.nanosec), stamp.sec, stamp.nanosec),
-            list(message.name), position, velocity, effort)
+            _SEC_NANOSEC.pack(stamp.sec, stamp.nanosec),
+            1_000_000_000 * stamp.sec + stamp.nanosec,
+            list(message.name), np.concatenate([np.array(values) for values in fields]),
+            Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
 
-    def _learn_names(self, data: bytes, message: JointState) -> None:
-        self._texts = []
+    def _learn_names(self, data: bytes, message: JointState) -> int:
+        """Remember the texts; return where they end."""
         end = self._take_text(data, 12)
-        self._texts.append((end, end + 4, struct.pack('<I', len(message.name))))
+        self._known.append((end, end + 4, struct.pack('<I', len(message.name))))
         end += 4
         for _ in message.name:
             end = self._take_text(data, end)
-        self._names, self._names_end = list(message.name), end
-        self._header = data[12:end]
+        return end
 
     def _take_text(self, data: bytes, start: int) -> int:
         """Remember a string and its length; return where the next one begins."""
         (length,) = struct.unpack_from('<I', data, start)
         end = start + 4 + int(length)
-        self._texts.append((start, end, data[start:end]))
+        self._known.append((start, end, data[start:end]))
         return end + -end % 4
 
-    def _learn_numbers(self, data: bytes, message: JointState) -> None:
+    def _learn_numbers(self, data: bytes, message: JointState, names_end: int) -> None:
         """Find the numbers, in places counted in bytes from the encapsulation on."""
-        end, places, counts = self._names_end, [], []
+        end, places = names_end, []
         for values in (message.position, message.velocity, message.effort):
-            counts.append((end, end + 4, struct.pack('<I', len(values))))
+            self._known.append((end, end + 4, struct.pack('<I', len(values))))
             start = end + 4
             if len(values):
                 start += (4 - start) % 8  # alignment counts from the end of the encapsulation
             end = start + 8 * len(values)
             places.append((start, end))
-        first = self._names_end + 4
+        first = names_end + 4
         first += (4 - first) % 8
-        self._length, self._counts, self._start = len(data), counts, first
+        self._length, self._start = len(data), first
         self._number_count = max(end - first, 0) // 8
         self._layout = Layout(*(
             slice((start - first) // 8, (end - first) // 8) if end > start else slice(0, 0)
             for start, end in places))
+        self._skeleton = _skeleton(places, len(data))
+        _, _, *self._bones = self._skeleton.unpack(data)
+
+
+def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct:
+    """Return what takes the stamp and then, in one step, all bytes behind it but these ranges."""
+    parts, end = [f'<{STAMP.start}xiI'], STAMP.stop
+    for start, stop in left_out:
+        parts.append(f'{start - end}s{stop - start}x')
+        end = stop
+    return struct.Struct(''.join(parts) + f'{length - end}s')
 
 
 class CdrWriter:
@@ -213,15 +221,16 @@ class MessageTemplate:
     def __init__(self, data: bytearray, starts: Sequence[int], n: int, has_stamp: bool) -> None:
         """Take the places of n numbers each, and whether the message begins with a stamp."""
         self._data, self._has_stamp = data, has_stamp
-        self._numbers = [np.frombuffer(data, np.float64, n, start) for start in starts]
+        self._places = [slice(start, start + 8 * n) for start in starts]
 
     def filled(self, stamp: bytes, *numbers: FloatArray) -> bytes:
         """Return the message with these numbers, (n,) for each place, and this stamp."""
+        data = self._data
         if self._has_stamp:
-            self._data[STAMP] = stamp
-        for place, values in zip(self._numbers, numbers):
-            place[:] = values
-        return bytes(self._data)
+            data[STAMP] = stamp
+        for place, values in zip(self._places, numbers):
+            data[place] = values.tobytes()
+        return bytes(data)
 
 
 def effort_template(joint_names: Sequence[str]) -> MessageTemplate:
