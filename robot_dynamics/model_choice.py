@@ -19,7 +19,8 @@ Every block of the training samples is left out once, with the gaps beside it, a
 the others. Blocks are contiguous in time: neighbouring samples are nearly the same, so that a
 sample left out of their midst would prove nothing. (P. Burman, E. Chow, D. Nolan, "A
 cross-validatory method for dependent data", Biometrika 81(2), 1994.) Of friction structures that
-predict as well as the best, to within the standard error between blocks, the simplest is taken.
+predict as well as the best, to within the standard error between blocks, the simplest is taken,
+and of pulls to the URDF the strongest.
 """
 
 from collections.abc import Sequence
@@ -105,18 +106,23 @@ def choose_model(
             chosen[joint] = _best_structure(validation, chosen, joint, weights, pull)
         weights = validation.weights(validation.squares(chosen, weights, pull))
         by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
-        pull = PULLS[int(np.argmin([_score(squares) for squares in by_pull]))]
-        weights = validation.weights(by_pull[PULLS.index(pull)])
+        best = _best_pull(by_pull)
+        pull, weights = PULLS[best], validation.weights(by_pull[best])
     by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
-    best = int(np.argmin([_score(squares) for squares in by_pull]))
+    best = _best_pull(by_pull)
     return ModelChoice(
         tuple(chosen), PULLS[best], weights, validation.relative(by_pull[best]),
         np.stack([validation.relative(squares) for squares in by_pull]))
 
 
-def _score(squares: FloatArray) -> float:
-    """Return the sum over joints of the logarithm of the residual: a percent counts the same."""
-    return float(np.log(np.maximum(squares.sum(axis=0), 1e-300)).sum())
+def _best_pull(by_pull: Sequence[FloatArray]) -> int:
+    """Return the number of the strongest pull that predicts as well as the best."""
+    totals = [np.maximum(squares.sum(axis=0), 1e-300) for squares in by_pull]
+    # the sum of logarithms over joints: a percent counts the same at each
+    best = int(np.argmin([np.log(total).sum() for total in totals]))
+    shares = [(squares / totals[best]).sum(axis=1) for squares in by_pull]
+    return max(i for i in range(best, len(by_pull)) if i == best or (
+        _is_as_good(shares[i], shares[best])))
 
 
 def _best_structure(

@@ -1,0 +1,117 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of arms whose parameters are known, for the tests of identification."""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.motion_filter import filter_motion, FilteredMotion
+from robot_dynamics.pseudo_inertia import from_coordinates, pseudo_inertia
+from robot_dynamics.recording import JointSeries
+from robot_dynamics.regressor import inertial_parameters, with_inertial_parameters
+from robot_dynamics.rigid_body import RigidBody
+
+HARMONICS, BASE_FREQUENCY = 5, 0.1
+
+
+class States(NamedTuple):
+    """A motion, times (m,) and the others (m, n)."""
+
+    times: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+def fourier_motion(arm: ArmModel, rate: float, duration: float, seed: int = 0) -> States:
+    """Return a motion that is a sum of sines, within about the limits of an arm."""
+    t = np.arange(0.0, duration, 1.0 / rate)
+    n = arm.joint_count
+    rng = np.random.default_rng(seed)
+    q, v, a = (np.zeros((len(t), n)) for _ in range(3))
+    for k in range(1, HARMONICS + 1):
+        w = 2.0 * np.pi * BASE_FREQUENCY * k
+        A, B = rng.normal(size=(2, n)) * 0.5
+        sine, cosine = np.sin(w * t)[:, np.newaxis], np.cos(w * t)[:, np.newaxis]
+        q += A * sine + B * cosine
+        v += w * (A * cosine - B * sine)
+        a -= w**2 * (A * sine + B * cosine)
+    return States(t, q, v, a)
+
+
+def moves_with_pauses(arm: ArmModel, rate: float, duration: float, seed: int = 0) -> States:
+    """Return minimum-jerk moves between near places, with pauses, as in teleoperation."""
+    rng = np.random.default_rng(seed)
+    n, fine = arm.joint_count, 1000.0
+    pieces, at = [], np.zeros(n)
+    while sum(len(piece) for piece in pieces) < duration * fine:
+        goal = rng.uniform(-0.4, 0.4, n) * (rng.uniform(size=n) < 0.7)
+        s = np.linspace(0.0, 1.0, int(rng.uniform(0.8, 2.5) * fine))[:, np.newaxis]
+        pieces.append(at + (goal - at) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+        pieces.append(np.tile(goal, (int(rng.uniform(0.0, 0.8) * fine), 1)))
+        at = goal
+    q = np.concatenate(pieces)[:int(duration * fine)]
+    v = np.gradient(q, 1.0 / fine, axis=0)
+    a = np.gradient(v, 1.0 / fine, axis=0)
+    rows = np.round(np.arange(0.0, len(q) - 1, fine / rate)).astype(int)
+    return States(rows / fine, q[rows], v[rows], a[rows])
+
+
+def lugre_friction(states: States, seed: int = 0) -> np.ndarray:
+    """
+    Return friction (m, n) of a kind that no structure of the identification has.
+
+    LuGre's bristles with Stribeck's curve, and viscous friction that grows with |v|^0.8.
+    """
+    rng = np.random.default_rng(seed)
+    n = states.q.shape[1]
+    F_c = rng.uniform(0.5, 1.5, n)
+    F_s, v_s, stiffness = 1.5 * F_c, rng.uniform(0.02, 0.1, n), F_c / rng.uniform(0.001, 0.01, n)
+    z, rows = np.zeros(n), []
+    for moved, v in zip(np.diff(states.q, axis=0, prepend=states.q[:1]), states.v):
+        g = F_c + (F_s - F_c) * np.exp(-(v / v_s)**2)
+        end = g * np.sign(moved) / stiffness
+        z = end + (z - end) * np.exp(-stiffness * np.abs(moved) / g)
+        rows.append(stiffness * z + F_c * np.sign(v) * np.abs(v)**0.8)
+    return np.array(rows)
+
+
+def changed_arm(arm: ArmModel, size: float, seed: int = 0) -> ArmModel:
+    """Return an arm whose bodies are physically consistent, and differ by about so much."""
+    rng = np.random.default_rng(seed)
+    return with_inertial_parameters(arm, np.concatenate([
+        from_coordinates(
+            np.linalg.cholesky(pseudo_inertia(phi)), size * rng.normal(size=10))
+        for phi in inertial_parameters(arm).reshape(-1, 10)]))
+
+
+def rigid_effort(arm: ArmModel, states: States, rotors: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return the effort (m, n) of bodies and rotors."""
+    return np.asarray(RigidBody(arm).inverse_dynamics_batch(
+        states.q, states.v, states.a) + rotors * states.a)
+
+
+def recorded(
+    arm: ArmModel, states: States, effort: np.ndarray, noise: np.ndarray | float = 0.0,
+    seed: int = 0, quantum: float = 0.0, has_velocity: bool = True,
+) -> FilteredMotion:
+    """Return the filtered motion of a recording with white noise on effort."""
+    rng = np.random.default_rng(seed)
+    q = states.q if quantum == 0.0 else np.round(states.q / quantum) * quantum
+    stamps = np.asarray(np.round(states.times * 1e9), dtype=np.int64)
+    return filter_motion(JointSeries(
+        arm.joint_names, stamps, q, states.v if has_velocity else None,
+        effort + noise * rng.normal(size=effort.shape), 0))

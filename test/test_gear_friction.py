@@ -1,0 +1,156 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Friction of gears and drives: its laws, in inverse and forward dynamics, and presliding."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.friction import make_friction
+from robot_dynamics.gear_friction import make_gear_friction
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.presliding import presliding
+from robot_dynamics.simulation import ArmSimulation
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+laws = settings(deadline=None, max_examples=60, derandomize=True)
+values = st.floats(-5.0, 5.0)
+
+
+def gears(**changes):
+    return make_gear_friction(NAMES, **{
+        'sigmoid': [1.5, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load': [0.1, 0.3],
+        'effort_offset': [0.4, -2.0], 'presliding_distance': [0.01, 0.0], **changes})
+
+
+def arm_with_gears(**changes):
+    return ARM.with_friction(make_friction(NAMES, [0.5], [1.0])).with_gear_friction(
+        gears(**changes))
+
+
+def test_the_law_by_hand():
+    effort = gears().effort(np.array([0.05, -0.2]), np.array([10.0, -4.0]))
+    by_hand = [(1.5 + 0.1 * 10.0) * np.tanh(1.0) + 0.4, (0.5 + 0.3 * 4.0) * np.tanh(-2.0) - 2.0]
+    assert effort == pytest.approx(np.array(by_hand), rel=1e-14)
+
+
+@laws
+@given(values, values, values, values)
+def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
+    v = np.array([v1, v2])
+    friction = gears(effort_offset=[0.0])
+    assert (friction.effort(v, 10.0 * np.array([load1, load2])) * v >= 0.0).all()
+
+
+@laws
+@given(values, values, values, values)
+def test_the_load_comes_back(v1, v2, load1, load2):
+    v, load = np.array([v1, v2]), 20.0 * np.array([load1, load2])
+    friction = gears()
+    back = friction.load_of(v, load + friction.effort(v, load))
+    assert back == pytest.approx(load, rel=1e-12, abs=1e-12)
+
+
+@laws
+@given(st.lists(values, min_size=6, max_size=6))
+def test_forward_dynamics_undoes_inverse_dynamics(numbers):
+    q, v, a = np.array(numbers).reshape(3, 2)
+    v = v + np.where(v == 0.0, 0.1, 0.0)
+    dynamics = ArmDynamics(arm_with_gears())
+    tau = dynamics.inverse_dynamics(q, v, a)
+    assert dynamics.forward_dynamics(q, v, tau) == pytest.approx(a, rel=1e-8, abs=1e-8)
+    assert dynamics.inverse_dynamics_batch(q[None], v[None], a[None])[0] == pytest.approx(
+        tau, rel=1e-12)
+    terms = dynamics.terms(q, v, a)
+    assert terms.effort == pytest.approx(tau, rel=1e-9, abs=1e-9)
+
+
+def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
+    dynamics = ArmDynamics(arm_with_gears())
+    q, rest = np.array([0.3, 0.4]), np.zeros(2)
+    hold = dynamics.rigid_body.gravity(q) + np.array([0.4, -2.0])
+    assert dynamics.forward_dynamics(q, rest, hold) == pytest.approx(np.zeros(2), abs=1e-12)
+
+
+@pytest.mark.parametrize(('field', 'value', 'words'), [
+    ('sigmoid', [-1.0], "friction.sigmoid of 'joint1' is -1, expected a number >= 0"),
+    ('sigmoid_velocity', [0.1, 0.0], "friction.sigmoid_velocity of 'joint2' is 0, expected"),
+    ('load', [0.96], r"friction.load of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
+    ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
+    ('effort_offset', [1.0, 2.0, 3.0], 'friction.effort_offset has 3 values, expected 2'),
+])
+def test_what_cannot_be_is_refused_by_name(field, value, words):
+    with pytest.raises(InvalidInputError, match=words):
+        gears(**{field: value})
+
+
+def test_nothing_is_nothing():
+    assert ARM.with_gear_friction(make_gear_friction(NAMES)).gear_friction is None
+
+
+def test_the_simulation_refuses_what_it_does_not_have():
+    with pytest.raises(InvalidInputError, match='has gear friction, expected'):
+        ArmSimulation(arm_with_gears())
+
+
+# --- presliding ----------------------------------------------------------------------------------
+
+def turning_motion(speed=1.0):
+    """Return a motion to and fro, (m, 2), and its velocity."""
+    t = np.linspace(0.0, 4.0 * np.pi / speed, 4001)
+    q = 0.1 * np.sin(speed * t)
+    return np.column_stack([q, q]), np.column_stack([0.1 * speed * np.cos(speed * t)] * 2)
+
+
+def test_after_a_turn_the_sign_changes_over_twice_the_distance():
+    q, v = turning_motion()
+    z = presliding(q, v, np.array([0.01, 0.0]))
+    assert np.abs(z).max() <= 1.0
+    turn = int(np.argmax(q[:, 0]))
+    moved = q[turn, 0] - q[turn:turn + 600, 0]
+    assert z[turn:turn + 600, 0] == pytest.approx(
+        np.maximum(1.0 - moved / 0.01, -1.0), abs=1e-9)
+    # without a distance it is the smooth sign of velocity
+    assert z[:, 1] == pytest.approx(np.tanh(v[:, 1] / 0.01), abs=1e-12)
+
+
+def test_it_depends_on_the_path_not_on_the_speed():
+    slow, fast = turning_motion(0.1), turning_motion(10.0)
+    d = np.array([0.003, 0.02])
+    assert presliding(*slow, d) == pytest.approx(presliding(*fast, d), abs=1e-9)
+
+
+def test_pieces_of_a_motion_join():
+    q, v = turning_motion()
+    d = np.array([0.01, 0.03])
+    whole = presliding(q, v, d)
+    later = presliding(q[1500:], v[1500:], d, state=whole[1500])
+    assert later == pytest.approx(whole[1500:], abs=1e-12)
+    assert presliding(q[:0], v[:0], d).shape == (0, 2)
+
+
+def test_friction_along_a_motion_is_that_of_single_states_far_from_its_turns():
+    q, v = turning_motion()
+    dynamics = ArmDynamics(arm_with_gears())
+    load = np.full_like(q, 3.0)
+    along, single = dynamics.friction_along(q, v, load), dynamics.friction_effort(v, load)
+    slides = np.abs(presliding(q, v, np.array([0.01, 0.01]))[:, 0]) == 1.0
+    sliding = slides & (np.abs(v[:, 0]) > 0.005)  # at the turn itself both signs fit
+    assert 0.5 < sliding.mean() < 1.0
+    assert along[sliding, 0] == pytest.approx(single[sliding, 0], rel=1e-12)
+    assert np.abs(along - single)[~slides, 0].max() > 0.5

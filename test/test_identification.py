@@ -1,0 +1,251 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Identification of arms whose parameters are known."""
+
+from identification_bench import (
+    changed_arm,
+    fourier_motion,
+    lugre_friction,
+    moves_with_pauses,
+    recorded,
+    rigid_effort,
+)
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.drive_gain import drive_gains
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.friction_columns import FrictionStructure, OFFSET
+from robot_dynamics.identification import base_parameters_of, identify, prior_of
+from robot_dynamics.identified_model import identified_arm
+from robot_dynamics.information import merge
+from robot_dynamics.motion_filter import filter_motion
+from robot_dynamics.motion_regression import (
+    correlation_time,
+    huber_weights,
+    reduce_motion,
+    regression_rows,
+)
+from robot_dynamics.parameter_estimate import estimate_parameters
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.pseudo_inertia import is_consistent
+from robot_dynamics.pulled_least_squares import without_memory
+from robot_dynamics.recording import JointSeries
+from robot_dynamics.regressor import inertial_parameters
+from robots import robot_urdf
+
+ARM = load_arm(default_arm_urdf())
+BASE, PRIOR = base_parameters_of(ARM), prior_of(ARM)
+ROTORS = np.array([0.3, 0.1])
+F_V, F_A, F_B = np.array([1.0, 0.5]), np.array([2.0, 1.0]), np.array([0.2, -0.1])
+SIGMOID = FrictionStructure(sigmoid=2)
+WIDTH = 0.1
+
+
+def smooth_friction(v):
+    return F_V * v + F_A * np.tanh(v / WIDTH) + F_B
+
+
+def true_values(arm):
+    """Return what should be found with the structure SIGMOID at each joint."""
+    return np.concatenate([
+        BASE.matrix @ np.concatenate([inertial_parameters(arm), ROTORS]),
+        *np.column_stack([F_V, F_B, F_A])])
+
+
+def estimate(motion, arm=ARM, reference=None):
+    return estimate_parameters(
+        reduce_motion(arm, motion, 1.0, reference), BASE, PRIOR, [SIGMOID] * 2)
+
+
+@pytest.fixture(scope='module')
+def planar():
+    """Return states, effort and the true planar arm, whose bodies are not those of its URDF."""
+    states = fourier_motion(ARM, 100.0, 30.0)
+    true = changed_arm(ARM, 0.2)
+    return states, rigid_effort(true, states, ROTORS) + smooth_friction(states.v), true
+
+
+@pytest.fixture(scope='module')
+def found(planar):
+    states, effort, _ = planar
+    return identify(ARM, [recorded(ARM, states, effort, noise=0.2)])
+
+
+# --- the truth -----------------------------------------------------------------------------------
+
+def test_intervals_cover_the_truth(planar):
+    # 50 recordings of one motion, with white noise of 1 N·m and 0.5 N·m
+    states, effort, true = planar
+    z = []
+    for seed in range(50):
+        one = estimate(recorded(ARM, states, effort, np.array([1.0, 0.5]), seed))
+        assert one.excited.all()
+        z.append((one.values - true_values(true)) / one.deviations)
+    z = np.array(z)
+    assert 0.92 <= np.mean(np.abs(z) < 1.96) <= 0.985
+    assert np.mean(np.abs(z) < 3.0) >= 0.99
+    # and no parameter is off by more than noise makes it
+    assert np.abs(z.mean(axis=0)).max() < 0.6
+
+
+def test_the_whole_way_predicts_new_samples(planar, found):
+    tests, true = found.tests, planar[2]
+    assert (tests['base'].relative() < 0.02).all()
+    assert (tests['consistent'].relative() < 0.02).all()
+    assert (tests['base'].relative() < 0.5 * tests['urdf and friction'].relative()).all()
+    assert (tests['urdf and friction'].relative() < tests['urdf'].relative()).all()
+    assert tests['base'].samples == (1800, 1200)
+    r = BASE.rank
+    off = (found.estimate.values[:r] - true_values(true)[:r]) / found.estimate.deviations[:r]
+    assert np.abs(off).max() < 4.0
+
+
+def test_the_consistent_set_is_consistent(found):
+    fit = found.models.consistent
+    assert all(is_consistent(phi) for phi in fit.parameters.reshape(-1, 10))
+    assert (np.delete(fit.joint_values, OFFSET, axis=1) >= 0.0).all()
+
+
+def test_the_library_computes_what_was_reported(planar, found):
+    motion = recorded(ARM, *planar[:2], noise=0.2)
+    fit = found.models.consistent
+    rows = regression_rows(ARM, motion, fit)
+    dynamics = ArmDynamics(identified_arm(ARM, fit))
+    q, v, a = motion.position, motion.velocity, motion.acceleration
+    load = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
+    along = load + dynamics.friction_along(q, v, load)
+    assert along == pytest.approx(rows.model(fit), rel=1e-8, abs=1e-7)
+    single = dynamics.inverse_dynamics_batch(q, v, a)
+    assert single == pytest.approx(rows.model(without_memory(fit)), rel=1e-8, abs=1e-7)
+
+
+def test_four_recordings_halve_the_deviations(planar):
+    motions = [recorded(ARM, *planar[:2], 1.0, seed) for seed in range(4)]
+    one, four = (
+        estimate_parameters(
+            merge([reduce_motion(ARM, motion, 1.0) for motion in some]), BASE, PRIOR,
+            [SIGMOID] * 2) for some in (motions[:1], motions))
+    assert four.deviations == pytest.approx(0.5 * one.deviations, rel=0.1)
+
+
+# --- bad data, little data -----------------------------------------------------------------------
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_never_worse_than_the_urdf_with_friction(seed):
+    # 30 Hz, coarse positions, no velocity, pauses, and friction of a kind that is not offered
+    arm = load_arm(robot_urdf('ur5'))
+    states = moves_with_pauses(arm, 30.0, 40.0, seed)
+    effort = rigid_effort(changed_arm(arm, 0.2, seed), states) + lugre_friction(states, seed)
+    noise = 0.05 * np.sqrt(np.mean(effort**2, axis=0))
+    motion = recorded(arm, states, effort, noise, seed, quantum=1e-3, has_velocity=False)
+    tests = identify(arm, [motion]).tests
+    for model in ('base', 'consistent'):
+        change = np.log(tests[model].relative() / tests['urdf and friction'].relative())
+        assert change.mean() < 0.0
+        assert change.max() < np.log(1.1)
+
+
+def test_where_the_urdf_is_right_it_is_believed():
+    states = moves_with_pauses(ARM, 50.0, 20.0)
+    effort = rigid_effort(ARM, states) + smooth_friction(states.v)
+    found = identify(ARM, [recorded(ARM, states, effort, noise=1.0)])
+    base, simple = (found.tests[name].rms() for name in ('base', 'urdf and friction'))
+    assert (base < 1.1 * simple + 0.02).all()
+    masses = found.models.consistent.parameters[[0, 10]]
+    assert masses == pytest.approx(inertial_parameters(ARM)[[0, 10]], rel=0.3)
+
+
+def test_a_contact_counts_little(planar):
+    states, effort, true = planar
+    pushed = effort.copy()
+    pushed[600:700, 0] += 80.0
+    motion = recorded(ARM, states, pushed, 0.2)
+    reference = identify(ARM, [motion], 1.0).models.base
+    expected = true_values(true)[:BASE.rank]
+    plain, weighted = (
+        np.abs(estimate(motion, reference=each).values[:BASE.rank] / expected - 1.0)
+        for each in (None, reference))
+    assert weighted.mean() < 0.5 * plain.mean()
+
+
+def test_what_does_not_move_is_named():
+    states = fourier_motion(ARM, 100.0, 30.0)
+    moves = np.array([1.0, 0.0])
+    still = states._replace(q=states.q * moves, v=states.v * moves, a=states.a * moves)
+    effort = rigid_effort(ARM, still) + F_V * still.v
+    found = identify(ARM, [recorded(ARM, still, effort, noise=0.2)])
+    assert 'Ia(joint2)' in found.estimate.unexcited
+    assert found.estimate.condition > 1e3
+    assert (found.tests['consistent'].relative() < 0.1).all()
+
+
+# --- payload and gains ---------------------------------------------------------------------------
+
+def test_a_known_payload_is_no_part_of_the_arm(planar):
+    states, _, true = planar
+    load = make_payload('link2', 2.0, (0.0, 0.0, 0.7))
+    effort = rigid_effort(true.with_payloads([load]), states, ROTORS) + smooth_friction(states.v)
+    one = estimate(recorded(ARM, states, effort, 0.2), ARM.with_payloads([load]))
+    assert np.abs((one.values - true_values(true)) / one.deviations).max() < 4.0
+
+
+def test_the_gain_of_a_drive_by_the_masses_of_the_urdf():
+    states = fourier_motion(ARM, 100.0, 30.0)
+    K = np.array([12.0, 0.4])
+    effort = rigid_effort(ARM, states, ROTORS) + smooth_friction(states.v)
+    motion = recorded(ARM, states, effort / K, 0.2 / K)
+    gains = drive_gains(reduce_motion(ARM, motion, 1.0), inertial_parameters(ARM))
+    assert gains.is_known.all()
+    assert gains.gain == pytest.approx(K, rel=0.02)
+
+
+def test_a_gain_without_a_load_cannot_be_told():
+    # The last joint of the UR10 turns a body that is round in its URDF: nothing to compare with.
+    arm = load_arm(robot_urdf('ur10'))
+    states = fourier_motion(arm, 100.0, 20.0)
+    effort = rigid_effort(arm, states) + 5.0 * np.tanh(states.v / WIDTH)
+    gains = drive_gains(
+        reduce_motion(arm, recorded(arm, states, effort, 0.3), 1.0), inertial_parameters(arm))
+    assert gains.is_known[:3].all()
+    assert not gains.is_known[5]
+
+
+# --- parts ---------------------------------------------------------------------------------------
+
+def test_correlated_samples_count_less():
+    white = np.random.default_rng(0).normal(size=20000)
+    assert correlation_time(white) == pytest.approx(1.0, abs=0.2)
+    slow = np.convolve(white, np.ones(10) / 10.0, 'valid')
+    assert correlation_time(slow) == pytest.approx(10.0, rel=0.3)
+    assert correlation_time(np.zeros(10)) == 1.0
+
+
+def test_outliers_weigh_less():
+    residual = np.random.default_rng(1).normal(size=(1000, 1))
+    residual[10] = 100.0
+    weights = huber_weights(residual)
+    assert weights[10] == pytest.approx(0.04, rel=0.1)
+    assert np.mean(weights == 1.0) > 0.99
+
+
+def test_without_effort_there_is_nothing_to_identify():
+    states = fourier_motion(ARM, 100.0, 20.0)
+    stamps = np.asarray(np.round(states.times * 1e9), dtype=np.int64)
+    motion = filter_motion(JointSeries(ARM.joint_names, stamps, states.q, states.v, None, 0))
+    with pytest.raises(RecordingError, match='has no effort'):
+        identify(ARM, [motion])

@@ -1,0 +1,104 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Pseudo-inertias: consistency, coordinates that keep it, and the divergence from a prior."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from robot_dynamics.pseudo_inertia import (
+    divergence_residuals,
+    from_coordinates,
+    is_consistent,
+    jacobian,
+    parameters_of,
+    pseudo_inertia,
+    relative_rows,
+)
+
+
+def some_body(seed):
+    """Return φ of a few point masses: a real mass distribution."""
+    rng = np.random.default_rng(seed)
+    body = pin.Inertia.Zero()
+    for _ in range(6):
+        body += pin.Inertia(rng.uniform(0.1, 1.0), rng.normal(size=3), np.zeros((3, 3)))
+    return body.toDynamicParameters()
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_a_mass_distribution_is_consistent_and_comes_back(seed):
+    phi = some_body(seed)
+    assert is_consistent(phi)
+    assert parameters_of(pseudo_inertia(phi)) == pytest.approx(phi, rel=1e-12)
+
+
+def test_impossible_bodies_are_told():
+    phi = some_body(0)
+    for change in (np.eye(10)[0] * -2.0 * phi[0], np.eye(10)[4] * 100.0):
+        assert not is_consistent(phi + change)  # a negative mass; one moment above the others' sum
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_coordinates_reach_consistent_bodies_alone(seed):
+    L0 = np.linalg.cholesky(pseudo_inertia(some_body(seed)))
+    rng = np.random.default_rng(seed)
+    assert from_coordinates(L0, np.zeros(10)) == pytest.approx(some_body(seed), rel=1e-10)
+    for _ in range(50):
+        assert is_consistent(from_coordinates(L0, rng.normal(scale=1.5, size=10)))
+
+
+def test_the_jacobian_against_differences():
+    L0 = np.linalg.cholesky(pseudo_inertia(some_body(3)))
+    x = np.random.default_rng(3).normal(scale=0.3, size=10)
+    step = 1e-6
+    differences = np.array([
+        (from_coordinates(L0, x + step * e) - from_coordinates(L0, x - step * e)) / (2.0 * step)
+        for e in np.eye(10)]).T
+    assert jacobian(L0, x) == pytest.approx(differences, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize('size', [0.0, 1e-7, 1e-3, 0.5, 2.0])
+def test_the_residuals_are_the_entropic_divergence(size):
+    phi = some_body(4)
+    P0 = pseudo_inertia(phi)
+    L0 = np.linalg.cholesky(P0)
+    x = size * np.random.default_rng(4).normal(size=10)
+    ratio = np.linalg.solve(P0, pseudo_inertia(from_coordinates(L0, x)))
+    divergence = np.trace(ratio) - np.log(np.linalg.det(ratio)) - 4.0
+    r, slope = divergence_residuals(x)
+    assert r @ r == pytest.approx(divergence, rel=1e-6, abs=1e-12)
+    step = 1e-7
+    differences = (divergence_residuals(x + step)[0] - divergence_residuals(x - step)[0]) / (
+        2.0 * step)
+    assert slope == pytest.approx(differences, rel=1e-4, abs=1e-4)
+
+
+def test_near_the_prior_the_rows_measure_twice_the_divergence_in_any_frame():
+    phi = some_body(5)
+    L0 = np.linalg.cholesky(pseudo_inertia(phi))
+    x = 1e-4 * np.random.default_rng(5).normal(size=10)
+    near = from_coordinates(L0, x)
+    distance = float(np.sum((relative_rows(L0) @ (near - phi))**2))
+    r, _ = divergence_residuals(x)
+    assert distance == pytest.approx(2.0 * float(r @ r), rel=1e-3)
+    # seen from another frame, it is the same
+    move = pin.SE3.Random()
+
+    def moved(parameters):
+        return move.act(pin.Inertia.FromDynamicParameters(parameters)).toDynamicParameters()
+
+    M0 = np.linalg.cholesky(pseudo_inertia(moved(phi)))
+    assert float(np.sum((relative_rows(M0) @ (moved(near) - moved(phi)))**2)) == pytest.approx(
+        distance, rel=1e-4)

@@ -1,0 +1,155 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The torque regressor against inverse dynamics, base parameters, and exact merging."""
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.base_parameters import base_parameters
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification import base_parameters_of
+from robot_dynamics.information import BLOCKS, merge, reduce_rows
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.regressor import (
+    body_names,
+    inertial_parameters,
+    parameter_names,
+    random_states,
+    TorqueRegressor,
+    with_inertial_parameters,
+)
+from robot_dynamics.rigid_body import RigidBody
+from robots import robot_urdf
+
+
+@pytest.mark.parametrize('name', ['panda', 'ur10', 'kinova', 'tiago_pro'])
+def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
+    # among them continuous, prismatic and mimic joints
+    arm = load_arm(robot_urdf(name))
+    q, v, a = random_states(arm, 20)
+    Y = TorqueRegressor(arm)(q, v, a)
+    expected = RigidBody(arm).inverse_dynamics_batch(q, v, a)
+    assert Y @ inertial_parameters(arm) == pytest.approx(
+        expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+
+
+def test_parameters_make_an_arm_and_come_back():
+    arm = load_arm(robot_urdf('ur10'))
+    phi = 1.3 * inertial_parameters(arm)
+    changed = with_inertial_parameters(arm, phi)
+    assert inertial_parameters(changed) == pytest.approx(phi, rel=1e-9, abs=1e-12)
+    q, v, a = random_states(arm, 3)
+    assert RigidBody(changed).inverse_dynamics_batch(q, v, a) == pytest.approx(
+        1.3 * RigidBody(arm).inverse_dynamics_batch(q, v, a), rel=1e-9, abs=1e-9)
+
+
+def test_bodies_are_named_after_the_links_that_move():
+    arm = load_arm(robot_urdf('ur10'))
+    assert body_names(arm)[:3] == ('shoulder_link', 'upper_arm_link', 'forearm_link')
+    assert parameter_names(arm)[:2] == ('m(shoulder_link)', 'mx(shoulder_link)')
+
+
+# --- base parameters -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('name', 'rank'), [('ur10', 40), ('kinova', 40)])
+def test_base_parameters_of_real_arms(name, rank):
+    # 36 of a 6R arm with a vertical first axis, 40 with the rotors of joints 3 to 6
+    arm = load_arm(robot_urdf(name))
+    base = base_parameters_of(arm)
+    assert base.rank == rank
+    q, v, a = random_states(arm, 30, seed=1)
+    Y = TorqueRegressor(arm)(q, v, a)
+    n = arm.joint_count
+    rotors = a[:, :, np.newaxis] * np.eye(n)
+    X = np.concatenate([Y, rotors], axis=2).reshape(30 * n, -1)
+    phi = np.random.default_rng(0).normal(size=X.shape[1])
+    assert X[:, base.columns] @ (base.matrix @ phi) == pytest.approx(X @ phi, abs=1e-6)
+
+
+def test_base_parameters_of_two_links_by_hand():
+    base = base_parameters_of(load_arm(default_arm_urdf()))
+    assert base.labels[-1] == 'Ia(joint2)'
+    by_name = dict(zip(base.labels, base.expressions))
+    # the link's length l1 = 1 carries the mass of the second: Huygens–Steiner
+    assert by_name['mz(link1)*'] == 'mz(link1) + m(link2)'
+    assert by_name['Iyy(link1)*'] == 'Iyy(link1) + m(link2) + Ia(joint1)'
+
+
+def test_dependent_columns_are_regrouped():
+    rng = np.random.default_rng(2)
+    a, b = rng.normal(size=(2, 50))
+    base = base_parameters(
+        np.column_stack([a, np.zeros(50), 2.0 * a, b, a - 3.0 * b]), ['p', 'q', 'r', 's', 't'])
+    assert base.rank == 2
+    assert base.expressions == ('p + 2·r + t', 's - 3·t')
+    assert base.labels == ('p*', 's*')
+
+
+# --- information ---------------------------------------------------------------------------------
+
+def some_rows(seed, m=400, n=3, p=5):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(m, n, p)), rng.normal(size=(m, n))
+
+
+def reduced(X, y):
+    n, p = X.shape[1:]
+    return reduce_rows(
+        [f'j{i}' for i in range(n)], [f'c{i}' for i in range(p)], X, y, 6, np.full(n, 4.0))
+
+
+def squares(factors, theta):
+    return np.array([float(np.sum((R @ np.append(theta, -1.0))**2)) for R in factors])
+
+
+def test_merged_factors_hold_what_all_samples_hold():
+    parts = [some_rows(seed, m) for seed, m in ((0, 400), (1, 300), (2, 777))]
+    both = merge([reduced(*part) for part in parts])
+    X, y = np.concatenate([X for X, _ in parts]), np.concatenate([y for _, y in parts])
+    assert both.sample_count == len(y)
+    assert both.samples_a_sample == pytest.approx(np.full(3, 4.0))
+    for seed in range(3):
+        theta = np.random.default_rng(seed).normal(size=5)
+        expected = np.sum((X @ theta - y)**2, axis=0)
+        assert squares(both.together(), theta) == pytest.approx(expected, rel=1e-12)
+    swapped = merge([reduced(*part) for part in parts[::-1]])
+    grams = [np.swapaxes(each.factors, -1, -2) @ each.factors for each in (both, swapped)]
+    assert grams[0] == pytest.approx(grams[1], rel=1e-10, abs=1e-9)
+
+
+def test_a_block_left_out_shares_no_sample_and_no_neighbour_with_the_others():
+    X, y = some_rows(3)
+    information = reduced(X, y)
+    theta = np.ones(5)
+    r2 = (X @ theta - y)**2
+    edges = np.concatenate([[0], np.cumsum(information.rows).astype(int)])
+    assert edges[-1] == len(y)
+    for block in range(BLOCKS):
+        first, last = edges[2 * block], edges[2 * block + 1]
+        assert squares(information.block(block), theta) == pytest.approx(
+            r2[first:last].sum(axis=0), rel=1e-10)
+        left = edges[max(2 * block - 1, 0)]
+        right = edges[min(2 * block + 2, len(edges) - 1)]
+        assert squares(information.all_but(block), theta) == pytest.approx(
+            r2.sum(axis=0) - r2[left:right].sum(axis=0), rel=1e-10)
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(InvalidInputError, match='there is no recording to merge'):
+        merge([])
+    with pytest.raises(InvalidInputError, match='cannot be merged, expected the same joints'):
+        merge([reduced(*some_rows(0)), reduced(*some_rows(0, n=2))])
+    with pytest.raises(InvalidInputError, match='has 50 samples to train with, expected at least'):
+        reduced(*some_rows(0, m=50))

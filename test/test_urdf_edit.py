@@ -1,0 +1,105 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Elements replaced in a URDF: nothing else changes, and the new model is the identified one."""
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.identified_urdf import identified_urdf
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.pseudo_inertia import from_coordinates, pseudo_inertia
+from robot_dynamics.regressor import inertial_parameters
+from robot_dynamics.urdf_edit import with_elements
+from robots import robot_urdf
+
+URDF = """<?xml version="1.0" encoding="latin-1"?>
+<!-- before: <link name="a"/> -->
+<robot name='x'>
+  <link name="base"/><link name='a'>
+    <inertial><mass value="1"/></inertial> <!-- kept -->
+    <visual><geometry><sphere radius="1 > 0"/></geometry></visual>
+  </link>
+  <!-- <link name="a"><inertial/></link> -->
+  <joint name="j" type="revolute"> <dynamics damping="1"/> <axis xyz="0 0 1"/> </joint>
+  <joint name="k" type="fixed"/>
+</robot>"""
+
+
+def test_only_what_is_named_changes():
+    changed = with_elements(
+        URDF, {'a': '<inertial>A</inertial>', 'base': '<inertial>B</inertial>'},
+        {'k': '<dynamics/>', 'j': '<dynamics damping="2"/>'})
+    expected = URDF.replace(' encoding="latin-1"', '')
+    for old, new in (
+            ('<link name="base"/>', '<link name="base">\n    <inertial>B</inertial>\n  </link>'),
+            ("<link name='a'>\n    <inertial><mass value=\"1\"/></inertial>",
+             "<link name='a'>\n    <inertial>A</inertial>"),
+            ('> <dynamics damping="1"/>', '>\n    <dynamics damping="2"/> '),
+            ('<joint name="k" type="fixed"/>',
+             '<joint name="k" type="fixed">\n    <dynamics/>\n  </joint>')):
+        assert old in expected
+        expected = expected.replace(old, new, 1)
+    assert changed == expected + '\n'
+
+
+def test_an_element_is_taken_away_with_its_line():
+    assert '<inertial>' not in with_elements(URDF, {'a': None}, {}).split('<!-- <link')[0]
+    assert with_elements(URDF, {}, {}) == URDF.replace(' encoding="latin-1"', '') + '\n'
+
+
+def test_what_is_no_xml_is_refused():
+    with pytest.raises(ModelError, match='is no XML'):
+        with_elements('<robot>', {}, {})
+
+
+def changed_parameters(arm, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.concatenate([
+        from_coordinates(np.linalg.cholesky(pseudo_inertia(phi)), rng.normal(scale=0.2, size=10))
+        for phi in inertial_parameters(arm).reshape(-1, 10)])
+
+
+@pytest.mark.parametrize('name', ['default', 'ur10', 'panda', 'xarm7'])
+def test_the_written_arm_is_the_identified_one(name):
+    urdf = default_arm_urdf() if name == 'default' else robot_urdf(name)
+    joints = [f'panda_joint{i}' for i in range(1, 8)] if name == 'panda' else ()
+    arm = load_arm(urdf, joints)
+    phi = changed_parameters(arm)
+    n = arm.joint_count
+    viscous, dry = np.arange(1.0, n + 1.0), 0.5 * np.arange(1.0, n + 1.0)
+    found = load_arm(identified_urdf(urdf, arm, phi, viscous, dry), joints)
+    assert inertial_parameters(found) == pytest.approx(phi, rel=1e-8, abs=1e-9)
+    assert found.friction.viscous.tolist() == viscous.tolist()
+    assert found.friction.coulomb.tolist() == dry.tolist()
+
+
+def test_links_fixed_to_a_body_give_their_mass_up_where_it_does_not_fit():
+    # The hand of the panda, locked, weighs more than all of its last body now.
+    joints = [f'panda_joint{i}' for i in range(1, 8)]
+    urdf = robot_urdf('panda')
+    arm = load_arm(urdf, joints)
+    phi = inertial_parameters(arm)
+    phi[-10:] *= 0.1
+    found = load_arm(identified_urdf(urdf, arm, phi, np.zeros(7), np.zeros(7)), joints)
+    assert inertial_parameters(found) == pytest.approx(phi, rel=1e-8, abs=1e-10)
+
+
+def test_impossible_bodies_are_not_written():
+    arm = load_arm(default_arm_urdf())
+    phi = inertial_parameters(arm)
+    phi[0] = -1.0
+    with pytest.raises(ModelError, match="of the body 'link1' belong to no mass distribution"):
+        identified_urdf(default_arm_urdf(), arm, phi, np.zeros(2), np.zeros(2))
