@@ -17,6 +17,7 @@
 from collections.abc import Callable
 
 from benchmarks import (
+    analysis,
     batch,
     control_path,
     disturbance,
@@ -42,6 +43,7 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
     'rate': rate.main,
     'disturbance': disturbance.main,
     'memory': memory.main,
+    'analysis': analysis.main,
 }
 LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
     'memory_hour': memory.hour,

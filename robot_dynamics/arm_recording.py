@@ -25,6 +25,7 @@ from robot_dynamics.effort_semantics import MOTOR_SIDE
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.parameter_file import described_arm
 from robot_dynamics.recording import JointSeries, RecordedTopic, Recording
+from robot_dynamics.sample_faults import counted
 
 ROBOT_DESCRIPTION = '/robot_description'
 IMPLAUSIBLE = 10.0
@@ -95,10 +96,11 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     if series.effort is None:
         remarks.append('no effort was recorded: there is nothing to compare the model with')
     if held:
-        remarks.append(f'the first {held} samples have no effort at all, as with brakes on, and '
-                       'are left out')
+        remarks.append(f'left out: the first {counted(held, "sample")} without any effort, as '
+                       'with brakes on')
     if wild:
-        remarks.append(f'left out: {wild} samples beyond {IMPLAUSIBLE:g} times a limit of the arm')
+        remarks.append(f'left out: {counted(wild, "sample")} beyond {IMPLAUSIBLE:g} times a limit '
+                       'of the arm')
     return ReadRecording(path, topic, arm, series, losses, tuple(remarks))
 
 

@@ -79,21 +79,21 @@ class SampleFaults:
             longest = max(self.gaps, key=lambda gap: gap.end_ns - gap.start_ns)
             lines.append(
                 f'dropped: about {self.dropped} samples, in '
-                f'{_counted(len(self.gaps), "gap")} beyond {GAP:g} median periods of '
+                f'{counted(len(self.gaps), "gap")} beyond {GAP:g} median periods of '
                 f'{1e-6 * self.period_ns:.3g} ms, the longest '
                 f'{1e-6 * (longest.end_ns - longest.start_ns):.3g} ms; '
                 + self._at([gap.start_ns for gap in self.gaps]))
         for what, stamps in (
                 ('duplicated', self.duplicated_ns), ('out of order', self.backward_ns)):
             if len(stamps):
-                lines.append(f'{what}: {_counted(len(stamps), "sample")} left out; '
+                lines.append(f'{what}: {counted(len(stamps), "sample")} left out; '
                              + self._at(stamps.tolist()))
         for what, count in (
                 ('without the wanted joints', self.other_joints),
                 ('with a number missing or not finite', self.incomplete),
                 ('that cannot be decoded', self.unreadable)):
             if count:
-                lines.append(f'left out: {_counted(count, "message")} {what}')
+                lines.append(f'left out: {counted(count, "message")} {what}')
         return lines
 
     def _at(self, stamps: Sequence[int]) -> str:
@@ -103,7 +103,8 @@ class SampleFaults:
         return f'at {", ".join(times)} s' + (f' and {more} more' if more > 0 else '')
 
 
-def _counted(count: int, noun: str) -> str:
+def counted(count: int, noun: str) -> str:
+    """Return a number of things in words."""
     return f'{count} {noun}{"" if count == 1 else "s"}'
 
 

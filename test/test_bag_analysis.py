@@ -144,7 +144,8 @@ def test_brakes_at_the_start_are_left_out_and_said(tmp_path):
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
         MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, tau)))
     analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
-    assert any('the first 100 samples' in remark for remark in analysis.recording.remarks)
+    assert any('first 100 samples without any effort' in remark
+               for remark in analysis.recording.remarks)
     assert analysis.motion.stamps_ns[0] == MOTION.stamps_ns[100]
     assert (analysis.statistics.relative < 2e-3).all()
 
@@ -155,7 +156,7 @@ def test_noise_of_a_damaged_file_is_left_out_and_said(tmp_path):
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
         MOTION.stamps_ns, MOTION.names, MOTION.q, v, MOTION.tau)))
     analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
-    assert any('1 samples beyond 10 times' in remark for remark in analysis.recording.remarks)
+    assert any('1 sample beyond 10 times' in remark for remark in analysis.recording.remarks)
     assert (analysis.statistics.relative < 2e-3).all()
 
 

@@ -100,6 +100,33 @@ def test_split_recordings_are_one(tmp_path, form):
     assert find_recordings([tmp_path]) == [path]
 
 
+def test_chunks_in_lz4_without_an_index(recordings, tmp_path):
+    """As some writers make them; rosbags writes none, so a chunk is packed anew."""
+    lz4 = pytest.importorskip('lz4.frame')
+    data = stored_file(recordings['mcap']).read_bytes()
+    (length,) = struct.unpack_from('<Q', data, 9)
+    at = 17 + length
+    (chunk_length,) = struct.unpack_from('<Q', data, at + 1)
+    first, last, size, _, no_name, stored = struct.unpack_from('<QQQIIQ', data, at + 9)
+    assert (data[at], no_name, stored) == (6, 0, size)
+    packed = lz4.compress(data[at + 9 + 40:at + 9 + chunk_length])
+    body = struct.pack('<QQQII', first, last, size, 0, 3) + b'lz4' + struct.pack(
+        '<Q', len(packed)) + packed
+    chunk = struct.pack('<BQ', 6, len(body)) + body
+    end = struct.pack('<BQI', 15, 4, 0) + struct.pack('<BQQQI', 2, 20, 0, 0, 0) + data[:8]
+    path = tmp_path / 'lz4.mcap'
+    path.write_bytes(data[:at] + chunk + end)
+    series, losses, _ = read(path)
+    assert_part_of_it(series)
+    assert losses == []
+    assert series.stamps_ns[-1] == last
+    path.write_bytes((data[:at] + chunk)[:-len(packed) // 2])
+    half, losses, _ = read(path)
+    assert_part_of_it(half)
+    assert 0 < len(half.stamps_ns) < len(series.stamps_ns)
+    assert 'cut off' in losses[0].reason
+
+
 # --- missing -------------------------------------------------------------------------------------
 
 def test_a_missing_file_of_a_split_recording(tmp_path):
