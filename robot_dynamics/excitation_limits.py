@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reference_motion import start_pose
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray
@@ -55,7 +54,7 @@ class MotionLimits:
     """
     The limits of a motion from `start`, each (n,), infinite for none.
 
-    `below` and `above` are how far positions may go from the start [rad or m], both >= 0.
+    `below` and `above` are how far positions may go from the start [rad or m], both > 0.
     """
 
     start: FloatArray
@@ -88,8 +87,8 @@ def motion_limits(
     """
     Return what a motion from `start` (n,), or from a pose that is chosen, may use.
 
-    Raises InvalidInputError on a share out of (0, 1], a start outside the limits, and where
-    holding the arm there takes more than the allowed effort.
+    Raises InvalidInputError on a share out of (0, 1], a start where a joint has no room within
+    its limits, and where holding the arm there takes more than the allowed effort.
     """
     arm = dynamics.arm
     margin = check_scalar('position_margin', shares.position_margin, 0.0, 0.49)
@@ -102,10 +101,12 @@ def motion_limits(
         'start', start, n, arm.joint_names)
     span = limits.upper - limits.lower
     kept = margin * np.where(np.isfinite(span), span, 0.0)
-    for name, q, low, high in zip(arm.joint_names, q0, limits.lower, limits.upper):
-        if not low <= q <= high:
+    for name, q, low, high in zip(
+            arm.joint_names, q0, limits.lower + kept, limits.upper - kept):
+        if not low < q < high:
             raise InvalidInputError(
-                f'start of {name!r} is {q:g}, expected a position in [{low:g}, {high:g}]')
+                f'start of {name!r} is {q:g}, expected a position between {low:g} and {high:g}, '
+                'where it can move, or a joint left out of joints')
     allowed = effort * limits.effort
     holding = np.abs(dynamics.rigid_body.gravity(q0))
     if (holding >= allowed).any():
@@ -115,14 +116,6 @@ def motion_limits(
             f'expected less than the allowed effort of {allowed[j]:.4g}: another start, or a '
             'larger effort_scale')
     return MotionLimits(
-        q0, np.minimum(np.maximum(q0 - limits.lower - kept, 0.0), LARGEST_SWING),
-        np.minimum(np.maximum(limits.upper - kept - q0, 0.0), LARGEST_SWING),
+        q0, np.minimum(q0 - limits.lower - kept, LARGEST_SWING),
+        np.minimum(limits.upper - kept - q0, LARGEST_SWING),
         velocity * limits.velocity, np.full(n, acceleration), allowed)
-
-
-def limits_in_words(arm: ArmModel, limits: MotionLimits) -> list[str]:
-    """Return for each joint that cannot move from the start why that is."""
-    return [
-        f'{name}: the start leaves no room within the margin'
-        for name, below, above in zip(arm.joint_names, limits.below, limits.above)
-        if below <= 0.0 or above <= 0.0]

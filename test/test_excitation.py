@@ -134,6 +134,7 @@ def test_rounded_angles_of_a_urdf_tell_no_parameters() -> None:
     (LimitShares(position_margin=0.5), None, 'position_margin is 0.5'),
     (LimitShares(acceleration=-1.0), None, 'acceleration is -1'),
     (LimitShares(effort=0.1), [1.5, 0.0], "'joint1' needs .* to hold the arm at the start"),
+    (LimitShares(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
     (LimitShares(), [0.0], 'start has 1 values, expected 2'),
 ])
 def test_limits_that_make_no_sense_are_refused(
@@ -141,6 +142,12 @@ def test_limits_that_make_no_sense_are_refused(
 ) -> None:
     with pytest.raises(InvalidInputError, match=words):
         motion_limits(dynamics, shares, None if start is None else np.array(start))
+
+
+def test_a_start_that_leaves_no_room_is_refused() -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    with pytest.raises(InvalidInputError, match="start of 'shoulder_pan_joint' is .* can move"):
+        motion_limits(ArmDynamics(arm), LimitShares(), arm.limits.upper)
 
 
 # ------------------------------------------------------------------------------ the file
