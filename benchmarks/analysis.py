@@ -78,17 +78,22 @@ def _print_steps(name: str, bag: Path, settings: AnalysisSettings) -> None:
 
 
 def _print_many(bag: Path, settings: AnalysisSettings) -> None:
-    """Print the throughput of the task on many recordings, by one process and by one a core."""
+    """Print what the task takes on many recordings, by one process and by one a core."""
     configuration = task_configuration(settings)
     print(f'{BAGS} of the MCAP recordings, each a task, by processes:')
     for processes in sorted({1, os.cpu_count() or 1}):
-        start = time.perf_counter()
+        start, used = time.perf_counter(), _processor_seconds()
         outcomes = run_tasks(analyze_task, [bag] * BAGS, configuration, processes)
-        seconds = time.perf_counter() - start
+        seconds, used = time.perf_counter() - start, _processor_seconds() - used
         assert not any(outcome.error for outcome in outcomes)
-        rate = BAGS * SAMPLES / seconds
         print(f'  {processes} process{"es" if processes > 1 else ""}: {seconds:.1f} s with their '
-              f'start, {rate:.0f} samples/s, {rate / processes:.0f} a core')
+              f'start, {BAGS * SAMPLES / seconds:.0f} samples/s; {used:.1f} s of processor time, '
+              f'{BAGS * SAMPLES / used:.0f} samples/s of it')
+
+
+def _processor_seconds() -> float:
+    """Return the processor time of this process, and of those that it started and that ended."""
+    return sum(os.times()[:4])
 
 
 def _messages(urdf: str) -> list[tuple[int, bytes]]:

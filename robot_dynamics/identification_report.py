@@ -105,7 +105,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             for model, test in identification.tests.items()},
         'cross_validation': {'relative_residual': _numbers(choice.validated), 'pull': choice.pull},
         'rank': identification.base.rank,
-        'condition_number': estimate.condition,
+        'condition_number': _number(estimate.condition),
         'base_parameters': [
             {'name': estimate.names[i], 'is': identification.base.expressions[i],
              'value': float(estimate.values[i]), 'urdf': float(estimate.prior[i]),

@@ -149,6 +149,8 @@ def _of_models(identification: Identification) -> Iterator[str]:
                    f'{" with friction" if simple[j] <= urdf[j] else ""} predicts the test '
                    f'samples better, {percent(min(simple[j], urdf[j]))} against '
                    f'{percent(consistent[j])}')
+        if np.isnan(base[j]):
+            yield f'{name}: no effort was recorded, so that nothing was identified at it'
         if consistent[j] > 0.5:
             yield f'{name}: half of its effort or more is not explained'
 

@@ -30,6 +30,7 @@ import numpy as np
 from robot_dynamics.friction_columns import FrictionStructure, SIMPLEST, structures
 from robot_dynamics.information import BLOCKS, Information
 from robot_dynamics.pulled_least_squares import Fit, grams_of, is_physical, Prior, solve
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
 
 PULLS = tuple(10.0**exponent for exponent in range(-3, 7))
@@ -68,6 +69,7 @@ class CrossValidation:
         self.all = grams_of(information.together())
         rows = information.rows[::2].sum()
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
+        self.is_measured = self.effort_power > 0.0
         self.rows = max(float(rows), 1.0)
 
     def squares(
@@ -84,11 +86,12 @@ class CrossValidation:
         return np.asarray(np.sqrt(squares.sum(axis=0) / power))
 
     def weights(self, squares: FloatArray) -> FloatArray:
-        """Return w = 1 / (σ² × samples that count as one), (n,)."""
+        """Return w = 1 / (σ² × samples that count as one), (n,); 0 without any effort."""
         variance = squares.sum(axis=0) / self.rows
         least = 1e-12 * max(float(self.effort_power.max()) / self.rows, 1e-30)
-        return np.asarray(
-            1.0 / (np.maximum(variance, least) * self.information.samples_a_sample))
+        return np.asarray(np.where(
+            self.is_measured, 1.0 / (
+                np.maximum(variance, least) * self.information.samples_a_sample), 0.0))
 
 
 def choose_model(
@@ -102,21 +105,22 @@ def choose_model(
     pull = _FIRST_PULL
     weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
     for _ in range(SWEEPS):
-        for joint in range(n):
+        for joint in np.flatnonzero(validation.is_measured).tolist():
             chosen[joint] = _best_structure(validation, chosen, joint, weights, pull)
         weights = validation.weights(validation.squares(chosen, weights, pull))
         by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
-        best = _best_pull(by_pull)
+        best = _best_pull(by_pull, validation.is_measured)
         pull, weights = PULLS[best], validation.weights(by_pull[best])
     by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
-    best = _best_pull(by_pull)
+    best = _best_pull(by_pull, validation.is_measured)
     return ModelChoice(
         tuple(chosen), PULLS[best], weights, validation.relative(by_pull[best]),
         np.stack([validation.relative(squares) for squares in by_pull]))
 
 
-def _best_pull(by_pull: Sequence[FloatArray]) -> int:
+def _best_pull(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:
     """Return the number of the strongest pull that predicts as well as the best."""
+    by_pull = [squares[:, is_measured] for squares in every_joint]
     totals = [np.maximum(squares.sum(axis=0), 1e-300) for squares in by_pull]
     # the sum of logarithms over joints: a percent counts the same at each
     best = int(np.argmin([np.log(total).sum() for total in totals]))

@@ -49,8 +49,9 @@ class ModelTest:
     def relative(self, which: str = 'test') -> FloatArray:
         """Return RMS of residual over RMS of effort, (n,), of 'train', 'test', …; NaN of none."""
         effort = self.train_effort if which == 'train' else self.test_effort
-        with np.errstate(divide='ignore', invalid='ignore'):
-            return np.asarray(np.sqrt(getattr(self, which) / effort))
+        squares: FloatArray = getattr(self, which)
+        return np.sqrt(np.divide(
+            squares, effort, out=np.full_like(squares, np.nan), where=effort > 0.0))
 
     def rms(self, which: str = 'test') -> FloatArray:
         """Return the RMS of the residual, (n,) [N·m] or [N]."""

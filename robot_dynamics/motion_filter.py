@@ -213,7 +213,9 @@ def zero_phase(
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
 
 
-def filter_like(motion: FilteredMotion, values: FloatArray, order: int = FILTER_ORDER) -> FloatArray:
+def filter_like(
+    motion: FilteredMotion, values: FloatArray, order: int = FILTER_ORDER,
+) -> FloatArray:
     """
     Return what the filter of a motion makes of signals (m, k) at its samples.
 

@@ -81,8 +81,8 @@ def regression_rows(
 
     `reference` is the model whose load presses on the gears, with its rotors, as inverse dynamics
     has it; None takes the arm. With `is_filtered`, sharp friction passes the filter of the motion,
-    as the effort did: for estimates without a bias. What a payload of the arm takes is subtracted from y. Raises
-    RecordingError where no effort was recorded.
+    as the effort did: for estimates without a bias. What a payload of the arm takes is subtracted
+    from y. Raises RecordingError where no effort was recorded.
     """
     if motion.effort is None:
         raise RecordingError('the recording has no effort, expected the measured effort')

@@ -82,14 +82,16 @@ def estimate_parameters(
     factors = information.together()
     rows = float(information.rows.sum())
     samples = information.samples_a_sample
-    weights = np.ones(n)
+    is_measured = np.array([bool(factors[j][:, -1].any()) for j in range(n)])
+    weights = np.where(is_measured, 1.0, 0.0)
     sigma = np.ones(n)
     blocks, names = _columns(information, base, structures, p)
     r = base.rank
     for _ in range(4):
         A = np.concatenate([np.sqrt(weights[j]) * factors[j] @ blocks[j] for j in range(n)])
         b = np.concatenate([np.sqrt(weights[j]) * factors[j][:, -1] for j in range(n)])
-        scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        norm = np.linalg.norm(A, axis=0)
+        scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
         U, s, Vt = np.linalg.svd(A * scale, full_matrices=False)
         kept = s > 1e-10 * s[0]
         x = scale * (Vt[kept].T @ ((U[:, kept].T @ b) / s[kept]))
@@ -98,11 +100,11 @@ def estimate_parameters(
             for j in range(n)])
         free = np.maximum(rows - samples * len(x) / n, 1.0)
         sigma = np.sqrt(np.maximum(squares / free, 1e-30))
-        weights = 1.0 / (sigma**2 * samples)
+        weights = np.where(is_measured, 1.0 / (sigma**2 * samples), 0.0)
     inverse = np.where(kept, 1.0 / np.maximum(s, 1e-300), np.inf)
     with np.errstate(invalid='ignore'):
         variance = np.nansum((Vt.T * inverse)**2, axis=1)
-    deviations = scale * np.sqrt(variance)
+        deviations = np.where(norm > 0.0, scale * np.sqrt(variance), np.inf)
     s_base = np.linalg.svd(A[:, :r] * scale[:r], compute_uv=False)
     size = _scale_of(base, prior, n)
     before = np.concatenate([
@@ -110,7 +112,7 @@ def estimate_parameters(
     excited = np.concatenate([
         deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
     return ParameterEstimate(
-        names, x, deviations, before, r, float(s_base[0] / max(s_base[-1], 1e-300)), excited,
+        names, x, deviations, before, r, _condition(s_base), excited,
         sigma)
 
 
@@ -138,6 +140,10 @@ def _columns(
         blocks.append(block)
         first += len(columns)
     return blocks, tuple(names)
+
+
+def _condition(singular: FloatArray) -> float:
+    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float('inf')
 
 
 def _scale_of(base: BaseParameters, prior: Prior, n: int) -> FloatArray:

@@ -14,7 +14,8 @@
 
 """Friction of gears and drives: its laws, in inverse and forward dynamics, and presliding."""
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics

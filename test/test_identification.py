@@ -249,3 +249,16 @@ def test_without_effort_there_is_nothing_to_identify():
     motion = filter_motion(JointSeries(ARM.joint_names, stamps, states.q, states.v, None, 0))
     with pytest.raises(RecordingError, match='has no effort'):
         identify(ARM, [motion])
+
+
+def test_a_joint_without_effort_says_nothing():
+    states = fourier_motion(ARM, 100.0, 20.0)
+    effort = rigid_effort(changed_arm(ARM, 0.2), states) + smooth_friction(states.v)
+    effort[:, 1] = 0.0
+    motion = recorded(ARM, states, effort, noise=np.array([0.1, 0.0]))
+    found = identify(ARM, [motion])
+    assert found.tests['consistent'].relative()[0] < 0.05
+    assert np.isnan(found.tests['consistent'].relative()[1])
+    assert not found.models.consistent.joint_values[1].any()
+    own = [name for name in found.estimate.names if name.endswith('(joint2)')]
+    assert set(own) <= set(found.estimate.unexcited) | {'Ia(joint2)'}
