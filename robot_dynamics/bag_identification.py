@@ -69,12 +69,13 @@ class BagIdentification:
 
 def identify_bags(
     bags: Sequence[Path], configuration: Mapping[str, Any], run: Runner,
-    effort_is_current: bool = False, on_stage: Callable[[str], None] = lambda _: None,
+    effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
 ) -> BagIdentification:
     """
     Return the identification of an arm from recordings; `configuration` as for the tasks.
 
-    `on_stage` hears of each of STAGES before it begins. Recordings that fail are left out. Raises
+    `effort_is_current` None takes effort for currents where the gains of joints differ. `on_stage`
+    hears of each of STAGES before it begins. Recordings that fail are left out. Raises
     RecordingError where all fail, InvalidInputError where their joints differ, or no drive's gain
     can be told.
     """
@@ -94,13 +95,20 @@ def identify_bags(
 
     gains: DriveGains | None = None
     more: dict[str, Any] = {}
+    first: list[Result] = []
+    if effort_is_current is None:
+        first = results(reduce_task)
+        arm = arm_of(configuration, first[0]['joint_names'])
+        bare = inertial_parameters(arm.with_payloads(()))
+        effort_is_current = drive_gains(_merged(first), bare).differ
     if effort_is_current:
         raw = results(reduce_task, keeps_payload=True)
         arm = arm_of(configuration, raw[0]['joint_names'])
         gains = drive_gains(_merged(raw), inertial_parameters(arm))
         _check_gains(gains, arm)
         more['drive_gain'] = np.where(gains.is_known, gains.gain, 1.0).tolist()
-    first = results(reduce_task, **more)
+    if not first or more:
+        first = results(reduce_task, **more)
     arm = arm_of(configuration, first[0]['joint_names'])
     on_stage(STAGES[1])
     information = _merged(first)

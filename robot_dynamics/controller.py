@@ -218,10 +218,10 @@ class Controller:
             if active is not None:
                 sample = partial(active.sample, stamp_ns)
                 a, v_r = self._track(active, stamp_ns, q, v)
-                computed_torque = load = dynamics.rigid_body.inverse_dynamics(q, v, a)
+                computed_torque = dynamics.rigid_body.inverse_dynamics(q, v, a)
                 if not dynamics.is_frictionless:
-                    friction = self._friction(v_r, v, load)
-                    computed_torque = load + friction
+                    friction = self._friction(v_r, v, computed_torque)
+                    computed_torque = computed_torque + friction
         gravity_peak = largest(gravity)
         peak = 0.0 if computed_torque is None else largest(computed_torque)
         if not (gravity_peak < math.inf and peak < math.inf):

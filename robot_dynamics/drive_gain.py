@@ -32,6 +32,9 @@ from robot_dynamics.validation import FloatArray
 
 LEAST_CERTAINTY = 5.0
 """1/K over its deviation, at least."""
+LEAST_JOINTS = 3
+LARGEST_RATIO = 2.0
+"""By which half of the gains may differ from their median."""
 _FRICTION = FrictionStructure(sigmoid=1).columns
 
 
@@ -45,6 +48,19 @@ class DriveGains(NamedTuple):
     gain: FloatArray
     deviation: FloatArray
     is_known: BoolArray
+
+    @property
+    def differ(self) -> bool:
+        """
+        Tell whether the gains of most joints differ, so that effort can have no common unit.
+
+        A joint or two of which the URDF has wrong masses do not make it so, nor do masses that
+        are all wrong by the same factor.
+        """
+        sizes = np.log(self.gain[self.is_known])
+        if len(sizes) < LEAST_JOINTS:
+            return False
+        return bool(np.median(np.abs(sizes - np.median(sizes))) > np.log(LARGEST_RATIO))
 
 
 def drive_gains(information: Information, parameters: FloatArray) -> DriveGains:

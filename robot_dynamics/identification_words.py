@@ -158,6 +158,9 @@ def _of_models(identification: Identification) -> Iterator[str]:
 def _of_effort(found: BagIdentification) -> Iterator[str]:
     names = found.identification.arm.joint_names
     if found.gains is not None:
+        if found.gains.differ:
+            yield ('the gains of most joints differ, so that effort is taken for currents, with '
+                   'the masses of the URDF as reference; --effort torque does not')
         unknown = [name for name, known in zip(names, found.gains.is_known) if not known]
         if unknown:
             yield (f'the drive gain cannot be told at {", ".join(unknown)}, which bear little '

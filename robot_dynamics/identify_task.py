@@ -87,7 +87,9 @@ def read_motion(bag: Path, configuration: Configuration) -> (
         'joint_kinds': list(arm.joint_kinds), 'samples': len(motion.stamps_ns),
         'rate_hz': motion.sample_rate_hz, 'cutoff_hz': motion.cutoff_hz,
         'cutoff_reason': motion.cutoff_reason, 'losses': list(read.losses),
-        'remarks': [*read.remarks, *([remark] if remark else [])]}
+        'remarks': [*read.remarks, *([remark] if remark else []), *(
+            [f'recorded velocity is no derivative of the position, and is not used, of '
+             f'{", ".join(motion.differentiated)}'] if motion.differentiated else [])]}
     return arm, replace(motion, effort=effort), about
 
 

@@ -31,6 +31,7 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError,
 from robot_dynamics.recording import IntArray, JointSeries, NANOSECONDS_PER_SECOND
 from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.velocity_check import contradicts_position
 
 FILTER_ORDER = 4
 LONGEST_HOLE = 0.05
@@ -68,6 +69,8 @@ class FilteredMotion:
     segment: IntArray
     usable: BoolArray
     left_out: int
+    differentiated: tuple[str, ...] = ()
+    """Joints whose recorded velocity contradicts their position, and was not used."""
 
     @property
     def times(self) -> FloatArray:
@@ -91,7 +94,7 @@ def filter_motion(
     `cutoff_hz` [Hz] is where the filter of this `order`, run forward and backward, halves an
     amplitude; None chooses it from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled
     to the median interval between gaps and read back at the stamps. Velocity that was not
-    recorded is differentiated from position.
+    recorded, or is no derivative of the position, is differentiated from position.
 
     Raises RecordingError where there is no position or too few samples, InvalidInputError for a
     cut-off that the sampling rate cannot bear, MissingDependencyError without scipy.
@@ -105,9 +108,11 @@ def filter_motion(
     interval = float(np.median(np.diff(series.times)))
     rate = 1.0 / interval
     segments = _between_gaps(series.times, interval)
+    bad = np.zeros(len(series.joint_names), dtype=np.bool_) if series.velocity is None else (
+        contradicts_position(series.times, series.position, series.velocity, segments))
     if cutoff_hz is None:
         chosen = choose_cutoff(
-            [_acceleration(series, rows, interval) for rows in segments], rate)
+            [_acceleration(series, rows, interval, bad) for rows in segments], rate)
     else:
         highest = HIGHEST_SHARE * rate / 2.0
         given = check_scalar('cutoff', cutoff_hz, 0.0, exclusive_minimum=True)
@@ -123,13 +128,14 @@ def filter_motion(
         raise RecordingError(
             f'the recording has no {shortest:.3g} s without a gap, expected at least that much '
             f'for a cut-off of {chosen.hz:.3g} Hz')
-    return _join(series, kept, chosen, rate, order)
+    return _join(series, kept, chosen, rate, order, bad)
 
 
 def _join(
     series: JointSeries, segments: list[IntArray], cutoff: Cutoff, rate: float, order: int,
+    bad: BoolArray,
 ) -> FilteredMotion:
-    parts = [_filter_segment(series, rows, cutoff.hz, rate, order) for rows in segments]
+    parts = [_filter_segment(series, rows, cutoff.hz, rate, order, bad) for rows in segments]
     rows = np.concatenate(segments)
     ends = [series.times[part[[0, -1]]] for part in segments]
     usable = np.concatenate([
@@ -150,7 +156,9 @@ def _join(
         velocity_was_recorded=series.velocity is not None,
         segment=np.repeat(np.arange(len(segments)), [len(part) for part in segments]),
         usable=usable,
-        left_out=len(series.stamps_ns) - len(rows))
+        left_out=len(series.stamps_ns) - len(rows),
+        differentiated=tuple(
+            name for name, is_bad in zip(series.joint_names, bad) if is_bad))
 
 
 def _between_gaps(times: FloatArray, interval: float) -> list[IntArray]:
@@ -160,12 +168,17 @@ def _between_gaps(times: FloatArray, interval: float) -> list[IntArray]:
     return np.split(np.arange(len(times)), breaks)
 
 
-def _acceleration(series: JointSeries, rows: IntArray, interval: float) -> FloatArray:
+def _acceleration(
+    series: JointSeries, rows: IntArray, interval: float, bad: BoolArray,
+) -> FloatArray:
     """Return the acceleration with all its noise, on an even grid."""
-    known, order = (series.position, 2) if series.velocity is None else (series.velocity, 1)
-    assert known is not None
-    values = _on_grid(series.times[rows], known[rows], interval)[1]
-    return np.asarray(np.diff(values, order, axis=0) / interval**order)
+    assert series.position is not None
+    position = _on_grid(series.times[rows], series.position[rows], interval)[1]
+    by_position = np.asarray(np.diff(position, 2, axis=0) / interval**2)
+    if series.velocity is None:
+        return by_position
+    velocity = _on_grid(series.times[rows], series.velocity[rows], interval)[1]
+    return np.where(bad, by_position, np.diff(velocity[:-1], axis=0) / interval)
 
 
 def _on_grid(times: FloatArray, values: FloatArray, interval: float) -> (
@@ -180,6 +193,7 @@ def _on_grid(times: FloatArray, values: FloatArray, interval: float) -> (
 
 def _filter_segment(
     series: JointSeries, rows: IntArray, cutoff_hz: float, rate: float, order: int,
+    bad: BoolArray,
 ) -> _Signals:
     times = series.times[rows]
     make_spline = _scipy('interpolate').make_interp_spline
@@ -190,8 +204,12 @@ def _filter_segment(
 
     assert series.position is not None
     position = make_spline(*smooth(series.position), k=5)
-    velocity = position.derivative() if series.velocity is None else make_spline(
-        *smooth(series.velocity), k=5)
+    if series.velocity is None:
+        velocity = position.derivative()
+    else:
+        grid, recorded = smooth(series.velocity)
+        velocity = make_spline(
+            grid, np.where(bad, position.derivative()(grid), recorded), k=5)
     effort = None if series.effort is None else make_spline(*smooth(series.effort), k=3)(times)
     return _Signals(
         np.asarray(position(times)), np.asarray(velocity(times)),

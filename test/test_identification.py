@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.drive_gain import drive_gains
+from robot_dynamics.drive_gain import drive_gains, DriveGains
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.friction_columns import FrictionStructure, OFFSET
 from robot_dynamics.identification import base_parameters_of, identify, prior_of
@@ -223,6 +223,18 @@ def test_a_gain_without_a_load_cannot_be_told():
         reduce_motion(arm, recorded(arm, states, effort, 0.3), 1.0), inertial_parameters(arm))
     assert gains.is_known[:3].all()
     assert not gains.is_known[5]
+
+
+def test_gains_that_differ_are_no_torque():
+    def gains(*values, known=True):
+        size = np.array(values)
+        return DriveGains(size, 0.01 * size, np.full(len(size), known))
+
+    assert gains(0.05, 0.3, 2.0, 5.0).differ
+    assert not gains(1.0, 0.9, 0.1, 1.2).differ  # one wrong mass
+    assert not gains(8.0, 8.5, 7.0, 9.0).differ  # one factor for all
+    assert not gains(0.05, 5.0).differ  # too few to tell
+    assert not gains(0.05, 0.3, 2.0, 5.0, known=False).differ
 
 
 # --- parts ---------------------------------------------------------------------------------------

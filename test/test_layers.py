@@ -35,7 +35,7 @@ LAUNCH_FILES = sorted((Path(__file__).parents[1] / 'launch').glob('*.py'))
 LAYERS = {
     # numpy alone
     'core': (
-        'cutoff', 'gear_friction', 'urdf_edit', 'presliding', 'pseudo_inertia',
+        'cutoff', 'gear_friction', 'urdf_edit', 'velocity_check', 'presliding', 'pseudo_inertia',
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
         'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
         'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',

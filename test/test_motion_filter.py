@@ -115,6 +115,20 @@ def test_what_was_not_recorded_is_said():
     assert found.effort is None
 
 
+@pytest.mark.parametrize('kind', ['zeros', 'degrees', 'late'])
+def test_a_velocity_that_contradicts_the_position_is_not_used(kind):
+    times = np.arange(0.0, 20.0, 0.01)
+    q, v, a = motion(times)
+    wrong = {'zeros': 0.0 * v, 'degrees': np.rad2deg(v), 'late': motion(times - 0.4)[1]}[kind]
+    recorded = np.column_stack([v[:, 0], wrong[:, 1]])
+    found = filter_motion(series(times, q, recorded))
+    assert found.differentiated == ('b',)
+    assert np.all(relative_error(found.velocity[found.usable], v[found.usable]) < 0.01)
+    assert np.all(relative_error(found.acceleration[found.usable], a[found.usable]) < 0.05)
+    noisy = v + np.random.default_rng(0).normal(scale=0.3, size=v.shape)
+    assert filter_motion(series(times, q, noisy)).differentiated == ()
+
+
 def test_bad_input():
     times = np.arange(0.0, 20.0, 0.01)
     q, v, _ = motion(times)

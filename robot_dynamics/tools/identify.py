@@ -88,10 +88,10 @@ def _parser() -> argparse.ArgumentParser:
         '--cutoff', type=float, metavar='HZ',
         help='of the filter [Hz] (default: chosen from the data, and printed)')
     parser.add_argument(
-        '--effort', choices=('torque', 'current'), default='torque',
+        '--effort', choices=('auto', 'torque', 'current'), default='auto',
         help='what recorded effort is: torque or force, or current, whose gains are then '
-             'identified with the masses of the URDF, and of payloads, as reference '
-             '(default: torque)')
+             'identified with the masses of the URDF, and of payloads, as reference (default: '
+             'auto, which is torque unless most joints differ in their gains)')
     parser.add_argument(
         '--payload', action='append', default=[], type=_payload, metavar='LINK=KG[,X,Y,Z]',
         help='a load that the arm carries in all recordings: its mass [kg] and centre of mass '
@@ -189,7 +189,8 @@ def _run(arguments: argparse.Namespace) -> int:
                 task, left, more, arguments.jobs, kept, arguments.dask, advance)
 
         found = identify_bags(
-            bags, configuration, run, arguments.effort == 'current',
+            bags, configuration, run,
+            None if arguments.effort == 'auto' else arguments.effort == 'current',
             lambda stage: advance(stage) if stage in (STAGES[1], STAGES[3]) else None)
     paths = write_identification(found, urdf, arguments.output, parameters)
     print_identification(found, paths)

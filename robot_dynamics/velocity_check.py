@@ -1,0 +1,58 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Whether a recorded velocity is the derivative of the position recorded with it.
+
+Some drivers publish zeros, other units, or a velocity that lags far behind. Integrated over
+windows of a few seconds, where noise hardly counts, it must move as the position does.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.sticking import BoolArray
+from robot_dynamics.validation import FloatArray
+
+WINDOW = 4.0
+"""[s]"""
+LARGEST_ERROR = 0.2
+"""RMS of the difference within windows, by that of the position's own movement there."""
+_LEAST_MOVE = 1e-3
+
+
+def contradicts_position(
+    times: FloatArray, position: FloatArray, velocity: FloatArray,
+    stretches: Sequence[npt.NDArray[np.integer]],
+) -> BoolArray:
+    """
+    Return for which joints (n,) velocity is no derivative of position, both (m, n).
+
+    `times` (m,) [s]; `stretches` are the rows of samples without gaps between them. A joint
+    that hardly moves, beside the one that moves most, is not judged.
+    """
+    error, moved = np.zeros(position.shape[1]), np.zeros(position.shape[1])
+    for rows in stretches:
+        t, q, v = times[rows], position[rows], velocity[rows]
+        steps = 0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, np.newaxis]
+        integral = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(steps, axis=0)])
+        count = max(int((t[-1] - t[0]) / WINDOW), 1)
+        edges = np.searchsorted(t, np.linspace(t[0], t[-1], count + 1)[1:-1])
+        for q_window, x in zip(np.split(q, edges), np.split(integral, edges)):
+            own = q_window - q_window.mean(axis=0)
+            moved += np.sum(own**2, axis=0)
+            error += np.sum((own - (x - x.mean(axis=0)))**2, axis=0)
+    is_judged = moved > _LEAST_MOVE**2 * max(float(moved.max()), 1e-300)
+    return np.asarray(is_judged & (error > LARGEST_ERROR**2 * moved))
