@@ -71,16 +71,19 @@ def storage_groups(directory: Path) -> list[tuple[Path, ...]]:
     return groups
 
 
-def find_recordings(paths: Iterable[Path]) -> list[Path]:
+def find_recordings(paths: Iterable[Path], outputs: Path | None = None) -> list[Path]:
     """
     Return the recordings that paths stand for: themselves, or all below a folder, sorted.
 
+    Those in the directory `outputs`, which a tool wrote before, are passed over in folders.
     Files that were split off one recording, without metadata.yaml in a folder with others, are
     given one by one. Raises RecordingError where a path has none.
     """
     found: dict[Path, None] = {}
     for path in paths:
-        below = _recordings_below(path)
+        below = [bag for bag in _recordings_below(path)
+                 if outputs is None or bag == path
+                 or outputs.resolve() not in bag.resolve().parents]
         if not below:
             raise RecordingError(
                 f'{str(path)!r} {"has no recording" if path.exists() else "does not exist"}, '

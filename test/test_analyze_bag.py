@@ -16,6 +16,7 @@
 
 import csv
 from html.parser import HTMLParser
+import shutil
 import subprocess
 import sys
 
@@ -191,7 +192,18 @@ def test_a_folder_of_recordings(directory, capsys, tmp_path):
     assert (status, '3 of them from an earlier run' in out) == (1, True)
 
 
+def test_outputs_inside_the_folder_are_no_recordings(directory, capsys, tmp_path):
+    shutil.copytree(directory / 'bags' / 'whole', tmp_path / 'whole')
+    shutil.copytree(directory / 'bags' / 'cut', tmp_path / 'cut')
+    arguments = (tmp_path, '--output', tmp_path / 'out', '--no-report', '--jobs', 1)
+    for _ in range(2):
+        status, out, _ = run(directory, capsys, *arguments)
+        assert status == 0
+        assert 'Together: 2 recordings' in out
+
+
 @pytest.mark.parametrize(('arguments', 'words'), [
+    (['{bags}/whole', '--parquet'], '--parquet is given without --output'),
     (['{bags}/nothing'], "'.*nothing' does not exist, expected a file .mcap or .db3"),
     (['{bags}/deep/empty'], 'is empty'),
     (['{bags}/whole', '--map', 'a'], "'a', expected two names as fer_joint1=panda_joint1"),

@@ -32,6 +32,9 @@ from robot_dynamics.planar_urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recording import JOINT_STATE, RecordingWriter  # noqa: E402
 from robots import robot_urdf  # noqa: E402
 
+# A warning of numpy is a number that nobody checked.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
 UR10 = Path(__file__).parents[2] / 'shared' / 'data' / 'ur10'
 URDF = default_arm_urdf()
 MOTION = KnownMotion()

@@ -14,6 +14,7 @@
 
 """Damaged recordings: what can be read is given as it was, and what is lost is said."""
 
+import secrets
 import shutil
 import sqlite3
 import struct
@@ -33,6 +34,9 @@ from recordings import (  # noqa: E402
 from robot_dynamics.exceptions import RecordingError  # noqa: E402
 from robot_dynamics.recording import Recording  # noqa: E402
 from robot_dynamics.recording_files import find_recordings  # noqa: E402
+
+# A warning of numpy is a number that nobody checked.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 MOTION = KnownMotion(seconds=60.0)
 MESSAGES = MOTION.messages()
@@ -284,11 +288,8 @@ def test_a_page_of_noise_in_a_database(copied):
     assert series.faults.dropped == lost
 
 
-@pytest.mark.parametrize('form', FORMATS)
-@pytest.mark.parametrize('seed', range(2))
-def test_whatever_hits_a_recording_is_answered(copied, form, seed):
-    """Bytes replaced anywhere: samples, or one clear error; never another exception."""
-    path = copied(form)
+def spoil_and_read(path, seed):
+    """Replace bytes anywhere: samples must come, or one clear error; never another exception."""
     rng = np.random.default_rng(seed)
 
     def spoil(data):
@@ -304,6 +305,23 @@ def test_whatever_hits_a_recording_is_answered(copied, form, seed):
     assert (np.diff(series.stamps_ns) > 0).all()
     assert np.isfinite(series.position).all()
     assert all(loss.words() for loss in losses)
+
+
+@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('seed', range(2))
+def test_whatever_hits_a_recording_is_answered(copied, form, seed):
+    spoil_and_read(copied(form), seed)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('form', FORMATS)
+def test_a_thousand_recordings_with_noise_are_answered(copied, form):
+    first = secrets.randbelow(2**32)
+    for seed in range(first, first + 1000):
+        print(f'seed {seed}')
+        path = copied(form)
+        spoil_and_read(path, seed)
+        shutil.rmtree(path)
 
 
 def test_a_database_with_a_journal_is_read_with_what_that_holds(copied):

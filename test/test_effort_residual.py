@@ -29,6 +29,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.friction import make_friction
 from robots import robot_urdf
 
+# A warning of numpy is a number that nobody checked.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
 FIELDS = ('rms_measured', 'mean_measured', 'rms', 'mean', 'largest', 'relative', 'r_squared')
 
 

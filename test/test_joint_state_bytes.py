@@ -23,6 +23,9 @@ from robot_dynamics.joint_series import RecordedJointStates
 from robot_dynamics.joint_state_bytes import decode_joint_states
 from robot_dynamics.message_tables import DYNAMICS_TERMS_TEXT, joint_state_messages
 
+# A warning of numpy is a number that nobody checked.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
 typesys = pytest.importorskip('rosbags.typesys')
 STORE = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 

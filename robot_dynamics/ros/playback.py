@@ -85,7 +85,7 @@ class Playback:
         stamp = int(self._series.stamps_ns[i])
         state, count = self._message(i), self._recorder.counts[self._answers]
         give_up = time.monotonic() + TIMEOUT
-        said = 0
+        said, before = 0, count.received  # a stamp of 0 is that of no answer, too
         while time.monotonic() < give_up:
             self._publisher.publish(state)
             said += 1
@@ -93,7 +93,7 @@ class Playback:
             while (remaining := again - time.monotonic()) > 0.0:
                 self._recorder.wait(self._answers, remaining)
                 self._recorder.drain()
-                if count.stamp_ns == stamp:
+                if count.received > before and count.stamp_ns == stamp:
                     return said - 1
             check()
         raise RecordingError(

@@ -26,6 +26,7 @@ from pathlib import Path
 import sys
 from typing import Any, NoReturn
 
+from robot_dynamics.analysis_files import require_parquet
 from robot_dynamics.analysis_task import (
     analyze_task,
     OUTPUTS,
@@ -40,7 +41,7 @@ from robot_dynamics.analysis_task import (
 from robot_dynamics.arm_recording import AnalysisSettings
 from robot_dynamics.bag_analysis import STEPS
 from robot_dynamics.bag_tasks import require_dask, run_tasks, TaskOutcome
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.parameter_file import read_parameter_file
 from robot_dynamics.recording_files import find_recordings, relative_names
 from robot_dynamics.tools.analysis_console import print_failures, print_many, print_one
@@ -138,7 +139,13 @@ def _count(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    bags = find_recordings(arguments.bags)
+    if arguments.parquet:
+        require_parquet()
+        if arguments.output is None:
+            raise InvalidInputError('--parquet is given without --output, the directory for it')
+    if arguments.dask is not None:
+        require_dask()
+    bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
     parameters = {} if arguments.parameters is None else read_parameter_file(arguments.parameters)
     settings = AnalysisSettings(
@@ -151,8 +158,6 @@ def _run(arguments: argparse.Namespace) -> int:
         kept.mkdir(parents=True, exist_ok=True)
         each = [{'directory': str(arguments.output.resolve() / (name if len(bags) > 1 else ''))}
                 for name in names]
-    if arguments.dask is not None:
-        require_dask()
     outcomes = _run_with_progress(
         bags, task_configuration(settings, outputs), arguments, kept, each)
     results = [outcome for outcome in outcomes if outcome.result is not None]
