@@ -54,6 +54,7 @@ setup(
             'analyze_bag = robot_dynamics.tools.analyze_bag:main',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
+            'excite = robot_dynamics.tools.excite:main',
             'identify = robot_dynamics.tools.identify:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
         ],

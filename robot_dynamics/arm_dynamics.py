@@ -129,6 +129,14 @@ class ArmDynamics:
             tau = self._load_of(v, tau - self.friction.effort(v))
         return self.rigid_body.forward_dynamics(q, v, tau, wrenches)
 
+    def load_behind(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """
+        Return what a measured effort (..., n) leaves for the rigid bodies: less all friction.
+
+        For measured motions: around rest the sign is smooth.
+        """
+        return self._load_of(v, effort - self.friction.smooth_effort(v))
+
     def _load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
         """Return what an effort leaves for the rigid bodies after the friction of gears."""
         return effort if self._gears is None else self._gears.load_of(v, effort)

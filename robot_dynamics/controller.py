@@ -143,6 +143,11 @@ class Controller:
                 self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
 
     @property
+    def loaded_arm(self) -> ArmModel:
+        """The arm with the load that is in force."""
+        return self._dynamics.arm
+
+    @property
     def has_reference(self) -> bool:
         """Tell whether there is one to follow, now or from the first state on."""
         return self._waiting is not None or self._follower.active is not None

@@ -129,6 +129,25 @@ def measured_from_joint(
     return motors.current(torque) if measured_effort == 'motor_current' else torque
 
 
+def joint_from_measured(
+    measured_effort: str, effort: FloatArray, v: FloatArray, gravity: FloatArray,
+    actuators: Actuators | None,
+) -> FloatArray:
+    """
+    Return the joint effort (n,) of what a robot reports at the velocity v: the way back.
+
+    `gravity` (n,) is g(q) of the robot's own model. Raises InvalidInputError for an effort of the
+    motor without actuators, and for `none`.
+    """
+    if measured_effort == 'joint_torque_without_gravity':
+        return np.asarray(effort + gravity)
+    if measured_effort not in MOTOR_SIDE:
+        return joint_effort_at_rest(measured_effort, effort, actuators)
+    motors = _required(measured_effort, actuators)
+    torque = effort * motors.torque_constant if measured_effort == 'motor_current' else effort
+    return motors.effort(torque, v, np.zeros_like(v))
+
+
 def _required(measured_effort: str, actuators: Actuators | None) -> Actuators:
     if actuators is None:
         raise InvalidInputError(

@@ -54,6 +54,7 @@ class Plant:
         self.wrenches: dict[str, ExternalWrench] = {}
         self.position_noise = 0.0
         self.velocity_noise = 0.0
+        self.effort_noise = 0.0
         self.encoders_at_motor = False
         self.has_brakes = brakes
         self._noise = noise
@@ -107,4 +108,6 @@ class Plant:
             q = q + self.position_noise * self._noise.standard_normal(n)
         if self.velocity_noise > 0.0:
             v = v + self.velocity_noise * self._noise.standard_normal(n)
+        if self.effort_noise > 0.0:
+            effort = effort + self.effort_noise * self._noise.standard_normal(len(effort))
         return Measured(q, v, effort, simulation.motor_state)

@@ -113,6 +113,25 @@ def make_reference_motion(
         q0, trajectory, np.abs(v).max(axis=0), peaks, ratio, arm.joint_names[worst])
 
 
+def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
+    """
+    Return a trajectory of somebody else's with what it takes of this arm.
+
+    Raises InvalidInputError where it is one point alone, or starts outside the limits.
+    """
+    if trajectory.is_set_point:
+        raise InvalidInputError(
+            'the trajectory has 1 point, expected at least 2: a motion to follow')
+    q0 = _checked_start(arm, trajectory.points[0].position)
+    dynamics = ArmDynamics(arm)
+    q, v, a = _sample(trajectory)
+    peaks = np.abs(dynamics.inverse_dynamics_batch(q, v, a)).max(axis=0)
+    worst = int(np.argmax(peaks / arm.limits.effort))
+    return ReferenceMotion(
+        q0, trajectory, np.abs(v).max(axis=0), peaks, _effort_ratio(arm, peaks),
+        arm.joint_names[worst])
+
+
 def start_pose(dynamics: ArmDynamics) -> FloatArray:
     """
     Return a pose (n,) well within the limits, at which gravity matters and can be borne.

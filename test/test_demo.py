@@ -23,13 +23,15 @@ import sys
 
 import numpy as np
 import pytest
-from robot_dynamics.recording import Recording
+from robot_dynamics.recording import Recording, stack
 from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_motion import measured_motion
 from robot_dynamics.tools.demo_nodes import choose_domain
 from robot_dynamics.tools.demo_progress import Progress
+from robot_dynamics.trajectory import quintic_point_to_point
+from robot_dynamics.trajectory_file import write_trajectory
 from robots import robot_path
-from ros_harness import TIMEOUT
+from ros_harness import TIMEOUT, write_parameters
 
 UR10 = Path(__file__).parents[2] / 'shared' / 'data' / 'ur10'
 
@@ -94,6 +96,26 @@ def errors_of(out):
     """Return the printed RMS and largest error of each joint."""
     rows = re.findall(r'^(\w+) +(\S+) (?:rad|m) +(\S+) (?:rad|m) +0\.01 ', out, re.MULTILINE)
     return {name: (float(rms), float(largest)) for name, rms, largest in rows}
+
+
+def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
+    """One joint moves 0.2 rad from where it starts, against friction that both nodes have."""
+    names = ['joint1', 'joint2']
+    path = quintic_point_to_point(names, [0.4, 0.1], [0.6, 0.1], 1.0)
+    write_trajectory(tmp_path / 'trajectory.yaml', path)
+    write_parameters(tmp_path / 'robot.yaml', {'joints': names, 'friction.viscous': [3.0, 1.0]})
+    status, out, err = run_demo(
+        tmp_path, '--trajectory', 'trajectory.yaml', '--parameters', 'robot.yaml', '--out', 'here',
+        '--rate', 100, '--no-plot')
+    assert status == 0 or 'did not track' in err, out + err  # on a machine that is too busy
+    with Recording(tmp_path / 'here' / 'recording') as recording:
+        states = recording.joint_series('/joint_states', names)
+        (_, sent), = recording.messages('/dynamics/joint_trajectory')
+        _, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
+    assert states.position[0] == pytest.approx([0.4, 0.1])
+    assert [list(point.positions) for point in sent.points] == [[0.4, 0.1], [0.6, 0.1]]
+    # 3 N m s/rad at the largest velocity of the quintic, 15/8 of the mean, and what errors add
+    assert terms['friction'][:, 0].max() > 0.9 * 3.0 * 0.2 * 15.0 / 8.0
 
 
 # --- the closed loop -----------------------------------------------------------------------------
@@ -257,6 +279,8 @@ def test_replay_of_a_real_arm(tmp_path):
     (['--robot', 'package://no_such_package/x.urdf'], "no package 'no_such_package'"),
     (['--replay', 'no_such_bag'], "'no_such_bag' does not exist"),
     (['--topic', '/x'], '--topic is given without --replay'),
+    (['--trajectory', 'x', '--duration', '3'], '--trajectory is given with --duration'),
+    (['--trajectory', 'none.yaml'], "'none.yaml' cannot be read"),
     (['--out', __file__], '--out: .*cannot be used'),
 ])
 def test_a_mistake_is_one_line_and_status_2(tmp_path, arguments, words):

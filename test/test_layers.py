@@ -45,6 +45,7 @@ LAYERS = {
         'result_store', 'runge_kutta', 'sample_faults',
         'set_point_stream', 'state_watch',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
+        'fourier_series', 'low_pass', 'momentum_observer',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),
@@ -65,6 +66,8 @@ LAYERS = {
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'tracking',
         'trajectory_efforts',
+        'excitation', 'excitation_limits', 'excitation_trajectory', 'external_effort',
+        'live_residual', 'trajectory_file',
     ),
     # and ROS
     'ros': ('ros.',),

@@ -23,9 +23,12 @@ import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
+from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.plant import Plant
 from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import SetPayload
@@ -207,6 +210,22 @@ def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
     push.publish(message)
     stepped.node.wait_for_log(r"Refused an external wrench: .*'hand'")
     stepped.client.node.destroy_publisher(push)
+
+
+def test_noise_is_on_what_is_measured_alone() -> None:
+    """And that of one kind is there without the others."""
+    for kind in range(3):
+        plant = Plant(
+            ArmSimulation(ARM, START), RobotSide(ARM, EffortSemantics()), True,
+            np.random.default_rng(0))
+        plant.position_noise, plant.velocity_noise, plant.effort_noise = (
+            0.3 * (kind == k) for k in range(3))
+        measured = [plant.measure() for _ in range(2000)]
+        for k, true in enumerate((START, [0.0, 0.0], [0.0, 0.0])):
+            values = np.array([m[k] for m in measured])
+            assert values.mean(axis=0) == pytest.approx(true, abs=0.03)
+            assert values.std(axis=0) == pytest.approx(0.3 * (kind == k), rel=0.1)
+        assert plant.simulation.q.tolist() == START
 
 
 def test_wall_time_goes_on_by_itself(client: RosClient) -> None:

@@ -31,6 +31,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
@@ -95,11 +96,12 @@ class ControlPath:
         self._gravity = publisher(JointState, '~/gravity_compensation')
         self._computed_torque = publisher(JointState, '~/computed_torque')
         self._terms = publisher(DynamicsTerms, '~/terms')
+        self.estimates = LiveEstimates(node)
         self.command = SafeCommand(node, NEWEST_ONLY, self._forget_reference)
 
     def use(
-        self, controller: Controller, watch: StateWatch, check: EffortCheck, limits: GuardLimits,
-        options: SafetyOptions,
+        self, controller: Controller, watch: StateWatch, check: EffortCheck,
+        estimates: Estimates, limits: GuardLimits, options: SafetyOptions,
     ) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
@@ -108,12 +110,14 @@ class ControlPath:
             self._served = _Served(
                 controller, JointStateReader(names), list(names), effort_template(names), watch,
                 check)
+            self.estimates.use(estimates)
             self.command.use(controller.arm, limits, options)
 
     def forget(self) -> None:
         """Serve no arm."""
         with self._answering:
             self._served = None
+            self.estimates.forget()
             self.command.forget()
 
     def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
@@ -194,6 +198,7 @@ class ControlPath:
             self.counters.repeated += 1
             command = self.command.repeat(state.stamp)
         self._publish(state, served, output)
+        self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
         self.counters.states += 1
         self.counters.following = output.sample is not None
         self.counters.lacks_velocity = v is None

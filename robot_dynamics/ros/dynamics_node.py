@@ -34,6 +34,7 @@ from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
+from robot_dynamics.ros.live_estimates import Estimates
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
 from robot_dynamics.ros.model_check_log import check_or_refuse
@@ -66,6 +67,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
+        self._estimates: Estimates | None = None
         self._xml = ''
         self._waiting: tuple[str, ArmModel] | None = None
         self._descriptions: Any = None
@@ -140,7 +142,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         """Forget the model."""
         self._path.forget()
         self._dynamics_services.forget()
-        self._arm = self._controller = self._effort_check = None
+        self._arm = self._controller = self._effort_check = self._estimates = None
         self._xml, self._waiting = '', None
         if self._descriptions is not None:
             self.destroy_subscription(self._descriptions)
@@ -231,12 +233,14 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         watch = StateWatch(
             arm.joint_names, arm.limits.velocity, values['state_max_age'],
             np.array([kind == 'continuous' for kind in arm.joint_kinds]))
+        estimates = Estimates(controller, options.semantics, values)
         self._path.use(
-            controller, watch, check, guard_limits(values, arm), safety_options(values))
+            controller, watch, check, estimates, guard_limits(values, arm),
+            safety_options(values))
         self._path.set_limits(values['state_max_age'], values['reference_timeout'])
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
-        self._effort_check = check
+        self._effort_check, self._estimates = check, estimates
         self._payload_in_force(None)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
@@ -258,6 +262,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             options_from(values, self._arm)
 
     def _apply(self, values: Values) -> None:
+        if self._estimates is not None:
+            self._estimates.set_bandwidths(values)
         if self._controller is not None and self._arm is not None:
             self._controller.set_options(options_from(values, self._arm))
             self._path.command.set_options(
@@ -294,6 +300,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             *self._report.statuses(self._settings.values['state_timeout']),
             self._reference_status(),
             self._path.command.status(),
+            self._path.estimates.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],

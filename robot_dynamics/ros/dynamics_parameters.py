@@ -22,6 +22,7 @@ from robot_dynamics.control import (
 )
 from robot_dynamics.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
 from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.ros.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.model_check_log import IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
@@ -80,6 +81,7 @@ SPECS = (
         'effort_check', Type.BOOL, True,
         'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
         'is compensated twice, or not as declared.', read_only=True),
+    *ESTIMATE_SPECS,
     *SAFETY_SPECS,
     ParameterSpec(
         'autostart', Type.BOOL, True,

@@ -95,6 +95,10 @@ SPECS = (
         'Standard deviation of the noise on measured velocities [rad/s] or [m/s].',
         minimum=0.0, maximum=10.0),
     ParameterSpec(
+        'effort_noise', Type.DOUBLE, 0.0,
+        'Standard deviation of the noise on measured efforts, in what measured_effort is in.',
+        minimum=0.0, maximum=1e6),
+    ParameterSpec(
         'seed', Type.INTEGER, 0, 'Seed of the noise.', read_only=True,
         minimum=0, maximum=2**31 - 1),
     ParameterSpec(
@@ -150,6 +154,7 @@ class SimulatedArmNode(GuardedCallbacks):
             self._plant.commands.timeout = values['command_timeout']
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
+            self._plant.effort_noise = values['effort_noise']
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         """Take the wrench on this link from now on; all zeros lift it."""

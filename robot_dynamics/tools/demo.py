@@ -27,9 +27,13 @@ import os
 from pathlib import Path
 import signal
 import sys
-from typing import NoReturn
+from typing import NoReturn, TYPE_CHECKING
 
 from robot_dynamics.exceptions import RobotDynamicsError
+
+if TYPE_CHECKING:
+    from robot_dynamics.arm_model import ArmModel
+    from robot_dynamics.reference_motion import ReferenceMotion
 
 DEFAULT_DURATION = 10.0
 DEFAULT_RATE = 500.0
@@ -82,6 +86,12 @@ def _parser() -> argparse.ArgumentParser:
         help=f'joint states a second (default: {DEFAULT_RATE:g}); with --replay: at most so many '
              '(default: as fast as they are answered)')
     parser.add_argument(
+        '--trajectory', type=Path, metavar='FILE',
+        help='follow this trajectory_msgs/JointTrajectory in YAML, as excite writes it')
+    parser.add_argument(
+        '--parameters', type=Path, metavar='FILE',
+        help='parameters for both nodes, as friction, motors and noise')
+    parser.add_argument(
         '--replay', type=Path, metavar='BAG',
         help='play the joint states of this recording to the node instead: a directory of '
              'rosbag2, a file .mcap or .db3')
@@ -113,6 +123,10 @@ def _number(low: float, high: float) -> 'type[float]':
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and arguments.replay is None:
         return _mistake('--topic is given without --replay, whose recording has the topic')
+    for option, other in (('trajectory', 'replay'), ('trajectory', 'duration'),
+                          ('parameters', 'replay')):
+        if None not in (getattr(arguments, option), getattr(arguments, other)):
+            return _mistake(f'--{option} is given with --{other}, expected one of the two')
     try:
         directory = _make_directory(arguments.out)
     except OSError as error:
@@ -126,17 +140,16 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
-    from robot_dynamics.arm_model import load_arm
     from robot_dynamics.tools.demo_loop import run_closed_loop
     from robot_dynamics.tools.demo_nodes import DemoError
     from robot_dynamics.tools.demo_report import loop_report, print_report, save_picture
     from robot_dynamics.tools.demo_session import PICTURE, RECORDING
     try:
         urdf = _description(arguments.robot, directory)
-        arm = load_arm(urdf)
+        arm = _arm(urdf, arguments.parameters)
         run = run_closed_loop(
-            arm, urdf, arguments.duration or DEFAULT_DURATION, arguments.rate or DEFAULT_RATE,
-            directory)
+            arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
+            arguments.parameters)
     except DemoError as error:
         return _failure(str(error))
     except RobotDynamicsError as error:
@@ -158,6 +171,19 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
         return _failure(f'did not track: RMS error too large at {", ".join(report.missed)}')
     print('All joints tracked.')
     return DONE
+
+
+def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
+    from robot_dynamics.parameter_file import described_arm, read_parameter_file
+    return described_arm(urdf, (), {} if parameters is None else read_parameter_file(parameters))
+
+
+def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion':
+    from robot_dynamics.reference_motion import make_reference_motion, motion_along
+    if arguments.trajectory is None:
+        return make_reference_motion(arm, arguments.duration or DEFAULT_DURATION)
+    from robot_dynamics.trajectory_file import read_trajectory
+    return motion_along(arm, read_trajectory(arguments.trajectory, arm.joint_names))
 
 
 def _replay(arguments: argparse.Namespace, directory: Path) -> int:

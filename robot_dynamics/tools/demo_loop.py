@@ -20,7 +20,7 @@ import time
 
 from rclpy.qos import QoSProfile
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.reference_motion import make_reference_motion, ReferenceMotion
+from robot_dynamics.reference_motion import ReferenceMotion
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, SIMULATED_ARM
@@ -64,16 +64,18 @@ class LoopRun:
 
 
 def run_closed_loop(
-    arm: ArmModel, urdf: str, duration: float, rate: float, directory: Path,
+    arm: ArmModel, urdf: str, motion: ReferenceMotion, rate: float, directory: Path,
+    parameters: Path | None = None,
 ) -> LoopRun:
     """
-    Let the arm follow a motion of `duration` [s] at `rate` [Hz], and record it in `directory`.
+    Let the arm follow a motion at `rate` [Hz], and record it in `directory`.
 
-    An interrupt ends it early, with what there is. Raises DemoError where the loop does not
-    close, RobotDynamicsError where there is no motion for the arm.
+    Both nodes read the file `parameters` too, where there is one. An interrupt ends it early,
+    with what there is. Raises DemoError where the loop does not close, ModelError where the arm
+    cannot be simulated.
     """
     ArmSimulation(arm).check_inertia()  # before any process is started
-    run = LoopRun(make_reference_motion(arm, duration), rate)
+    run = LoopRun(motion, rate)
     print(f'Starting dynamics_node and simulated_arm ({arm.name}, {arm.joint_count} joints, '
           f'{rate:g} Hz) ...', flush=True)
     description = str((directory / DESCRIPTION).resolve())
@@ -81,11 +83,12 @@ def run_closed_loop(
         with recording_session(directory, urdf, (*TOPICS, CLOCK)) as session:
             session.nodes.start(
                 'dynamics', DYNAMICS,
-                {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT})
+                {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT},
+                parameters)
             # In time of its own, a pause of the machine delays the motion and does not cut it.
             session.nodes.start('simulated_arm', SIMULATED_ARM, {
                 'robot_description_file': description, 'rate': rate, 'publish_clock': True,
-                'initial_position': run.motion.start.tolist()})
+                'initial_position': run.motion.start.tolist()}, parameters)
             try:
                 _close_the_loop(session, run)
                 _follow(session, run)
@@ -119,7 +122,7 @@ def _close_the_loop(session: Session, run: LoopRun) -> None:
 def _follow(session: Session, run: LoopRun) -> None:
     """Record until the motion is over and held for a moment."""
     duration = run.motion.trajectory.duration
-    print(f'Following a quintic trajectory of {duration:g} s ...', flush=True)
+    print(f'Following a trajectory of {duration:g} s ...', flush=True)
     counts = session.recorder.counts
     efforts, newest = 0, time.monotonic()
     with Progress(duration, 's') as progress:

@@ -73,8 +73,9 @@ class NodeProcess:
 
     def __init__(
         self, name: str, module: str, parameters: Mapping[str, Any], directory: Path,
+        others: Path | None = None,
     ) -> None:
-        """Start it; `directory` gets `<name>.yaml` and `<name>.log`."""
+        """Start it; `directory` gets `<name>.yaml`, which outdoes `others`, and `<name>.log`."""
         self.name = name
         self.log = directory / f'{name}.log'
         file = directory / f'{name}.yaml'
@@ -82,8 +83,10 @@ class NodeProcess:
         file.write_text(
             json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
             encoding='utf-8')
-        command = [
-            sys.executable, '-m', module, '--ros-args', '--params-file', str(file.resolve())]
+        files = [file] if others is None else [others, file]
+        command = [sys.executable, '-m', module, '--ros-args']
+        for each in files:
+            command += ['--params-file', str(each.resolve())]
         with self.log.open('wb') as log:
             # In a session of its own, so that Ctrl-C reaches the demo alone, which stops it.
             self._process = subprocess.Popen(
@@ -123,9 +126,11 @@ class Nodes:
         self._directory = directory
         self._processes: list[NodeProcess] = []
 
-    def start(self, name: str, module: str, parameters: Mapping[str, Any]) -> NodeProcess:
-        """Start a node."""
-        process = NodeProcess(name, module, parameters, self._directory)
+    def start(
+        self, name: str, module: str, parameters: Mapping[str, Any], others: Path | None = None,
+    ) -> NodeProcess:
+        """Start a node with these parameters, and with those of the file `others` beside."""
+        process = NodeProcess(name, module, parameters, self._directory, others)
         self._processes.append(process)
         return process
 

@@ -59,7 +59,7 @@ TOPICS = (
     TopicSpec(TRAJECTORY, JointTrajectory),
     TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)),
 )
-"""Every topic of `dynamics`, with the joint states that it answers."""
+"""What `dynamics` says of its command, with the joint states that it answers."""
 CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
 
 START_TIMEOUT = 10.0

@@ -1,0 +1,246 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+An exciting motion: one that tells as much as it can about the parameters of an arm.
+
+The motion is a Fourier series (`fourier_series`) about a start pose, from rest to rest. Its
+coefficients minimise the condition number of the base regressor with columns of unit length, by
+which errors of the measurement at most grow on their way into the parameters (M. Gautier and
+W. Khalil, "Exciting trajectories for the identification of base inertial parameters of robots",
+Int. J. Robotics Research 11(4), 1992; J. Swevers et al., IEEE Trans. Robotics and Automation
+13(5), 1997). Whatever the coefficients, each joint swings as far as its limits of position,
+velocity and acceleration let it; where inverse dynamics asks for more effort than is allowed, all
+joints swing less. Collisions are not looked at.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.base_parameters import base_parameters
+from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+from robot_dynamics.excitation_limits import MotionLimits
+from robot_dynamics.fourier_series import free_coefficients, series_basis, SeriesBasis
+from robot_dynamics.friction import sigmoid
+from robot_dynamics.regressor import random_states, TorqueRegressor
+from robot_dynamics.validation import FloatArray
+
+MOST_HARMONICS = 50
+RANDOM_MOTIONS = 20
+"""Motions to compare with; the search goes on from the best."""
+STARTS = 2
+ITERATIONS = 40
+"""Of the search, from each start."""
+STEPS = STARTS * ITERATIONS
+SEARCH_SAMPLES, CHECK_SAMPLES = 12, 200
+"""A period of the fastest harmonic: of the search, and of the check of limits."""
+EFFORT_WEIGHT = 10.0
+"""Decades of condition number that twice the allowed effort costs in the search."""
+LEAST_SHARE = 1e-4
+"""
+Of a column that is left beside those before it, for a parameter to count.
+
+Angles in a URDF are rounded: π/2 as 1.5708 lets efforts tell more parameters than the arm has, but
+by a millionth.
+"""
+WORST = 1e8
+"""A condition number beyond which squares tell nothing."""
+SMOOTHING_VELOCITY = 0.05
+"""[rad/s] or [m/s] of the sigmoid that stands for Coulomb friction."""
+KEPT = 1.0 - 2e-4
+"""
+Share of the limits that is used at the samples, so that nothing passes them in between.
+
+Between samples a series of degree N exceeds them by at most ½ (π / CHECK_SAMPLES)² of its peak, as
+its second derivative is at most (N ω)² times that (Bernstein's inequality).
+"""
+KEPT_EFFORT = 1.0 - 2e-3
+"""Likewise for efforts, which are no such series."""
+_SHRINK = 0.97
+_SMALLEST_SCALE = 1e-2
+
+
+class Motion(NamedTuple):
+    """Position, velocity and acceleration at m times, (m, n) each."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """
+    An exciting motion: the coefficients (2 N − 2, n) of its series about `limits.start`.
+
+    `condition` is its condition number, beside those of random series within the same limits;
+    `parameter_count` is the number of base parameters that it is of.
+    """
+
+    coefficients: FloatArray
+    limits: MotionLimits
+    harmonics: int
+    duration: float
+    parameter_count: int
+    condition: float
+    random_conditions: FloatArray
+
+    def motion(self, times: FloatArray) -> Motion:
+        """Return the motion at `times` (m,) [s] from its start."""
+        basis = series_basis(self.harmonics, self.duration, times)
+        return _motion(basis, self.coefficients, self.limits.start)
+
+
+class ConditionNumber:
+    """The condition number of motions of one arm: of inertia, rotors, friction and offsets."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        self._regressor = TorqueRegressor(arm)
+        rows = self._rows(Motion(*random_states(arm, 40 * arm.joint_count)))
+        names = [str(i) for i in range(rows.shape[1])]
+        columns = np.array(base_parameters(rows, names).columns)
+        base = rows[:, columns]
+        left = np.abs(np.diag(np.linalg.qr(base / np.linalg.norm(base, axis=0), mode='r')))
+        self._columns = columns[left > LEAST_SHARE]
+
+    @property
+    def parameter_count(self) -> int:
+        return len(self._columns)
+
+    def __call__(self, motion: Motion) -> float:
+        """Return the condition number of the base regressor with columns of unit length."""
+        W = self._rows(motion)[:, self._columns]
+        gram = W.T @ W
+        size = np.sqrt(np.diag(gram))
+        if not size.all():
+            return WORST
+        squares = np.linalg.eigvalsh(gram / np.outer(size, size))
+        return float(min(np.sqrt(squares[-1] / max(squares[0], 1e-300)), WORST))
+
+    def _rows(self, motion: Motion) -> FloatArray:
+        """Return the whole regressor, one row for each effort of each sample."""
+        q, v, a = motion
+        m, n = q.shape
+        joints = np.zeros((m, n, 4, n))
+        j = np.arange(n)
+        for kind, column in enumerate((a, v, sigmoid(v, SMOOTHING_VELOCITY), np.ones_like(v))):
+            joints[:, j, kind, j] = column
+        bodies = self._regressor(q, v, a)
+        return np.concatenate((bodies, joints.reshape(m, n, 4 * n)), axis=2).reshape(m * n, -1)
+
+
+class _Search:
+    """Motions of one arm within its limits, by numbers x of any size: 2 N − 2 for each joint."""
+
+    def __init__(
+        self, dynamics: ArmDynamics, limits: MotionLimits, harmonics: int, duration: float,
+    ) -> None:
+        self._dynamics, self._limits = dynamics, limits
+        self._shape = free_coefficients(harmonics), dynamics.arm.joint_count
+        self.count = self._shape[0] * self._shape[1]
+        self.condition = ConditionNumber(dynamics.arm)
+
+        def basis(samples: int) -> SeriesBasis:
+            count = samples * harmonics
+            return series_basis(harmonics, duration, np.arange(0.0, count) * (duration / count))
+
+        self._few, self._many = basis(SEARCH_SAMPLES), basis(CHECK_SAMPLES)
+
+    def cost(self, x: FloatArray) -> float:
+        """Return the decades of the condition number, and what too much effort costs."""
+        motion = _motion(self._few, self._swung(x, self._few), self._limits.start)
+        excess = max(self._effort_ratio(motion) - 1.0, 0.0)
+        return float(np.log10(self.condition(motion)) + EFFORT_WEIGHT * min(excess, 1e3)**2)
+
+    def within_limits(self, x: FloatArray) -> FloatArray:
+        """Return the coefficients (2 N − 2, n) of x, within all limits; raise as below."""
+        coefficients = KEPT * self._swung(x, self._many)
+        scale = 1.0
+        while scale > _SMALLEST_SCALE:
+            motion = _motion(self._many, scale * coefficients, self._limits.start)
+            if self._effort_ratio(motion) <= KEPT_EFFORT:
+                return scale * coefficients
+            scale *= _SHRINK
+        raise InvalidInputError(
+            'even the slightest motion takes more than the allowed effort, expected a larger '
+            'effort_scale, or another start')
+
+    def condition_of(self, coefficients: FloatArray) -> float:
+        return self.condition(_motion(self._few, coefficients, self._limits.start))
+
+    def _swung(self, x: FloatArray, basis: SeriesBasis) -> FloatArray:
+        """Return the coefficients of x with which each joint swings as far as it may."""
+        coefficients = x.reshape(self._shape)
+        return coefficients * self._limits.largest_scale(*basis.motion(coefficients))
+
+    def _effort_ratio(self, motion: Motion) -> float:
+        return self._limits.effort_ratio(self._dynamics.inverse_dynamics_batch(*motion))
+
+
+def find_excitation(
+    dynamics: ArmDynamics, limits: MotionLimits, harmonics: int, duration: float, seed: int = 0,
+    when_done: Callable[[float], None] = lambda _: None,
+) -> Excitation:
+    """
+    Return the best motion of `duration` [s] that the search finds; the same for the same seed.
+
+    Position, velocity, acceleration and effort keep within `limits` at CHECK_SAMPLES times a
+    period of the fastest harmonic. `when_done` hears what share of the search is done. Raises
+    InvalidInputError, MissingDependencyError without scipy.
+    """
+    if harmonics > MOST_HARMONICS:
+        raise InvalidInputError(
+            f'harmonics is {harmonics}, expected at most {MOST_HARMONICS}')
+    minimize = _minimizer()
+    search = _Search(dynamics, limits, harmonics, duration)
+    random = np.random.default_rng(seed)
+    guesses = [random.normal(size=search.count) for _ in range(RANDOM_MOTIONS)]
+    others = np.array([search.condition_of(search.within_limits(x)) for x in guesses])
+    found = []
+    for start, x in enumerate(sorted(guesses, key=search.cost)[:STARTS]):
+        done = [start * ITERATIONS]
+
+        def count(_: Any, done: list[int] = done) -> None:
+            done[0] += 1
+            when_done(done[0] / STEPS)
+
+        result = minimize(
+            search.cost, x, method='L-BFGS-B', callback=count,
+            options={'maxiter': ITERATIONS, 'maxfun': 10**9})
+        found.append(search.within_limits(np.asarray(result.x)))
+    when_done(1.0)
+    conditions = [search.condition_of(coefficients) for coefficients in found]
+    best = int(np.argmin(conditions))
+    return Excitation(
+        found[best], limits, harmonics, duration, search.condition.parameter_count,
+        conditions[best], others)
+
+
+def _motion(basis: SeriesBasis, coefficients: FloatArray, start: FloatArray) -> Motion:
+    x, v, a = basis.motion(coefficients)
+    return Motion(start + x, v, a)
+
+
+def _minimizer() -> Any:
+    try:
+        from scipy.optimize import minimize
+    except ImportError:
+        raise MissingDependencyError(
+            'the search for an exciting motion needs the library scipy (apt install '
+            'python3-scipy, or pip install scipy)') from None
+    return minimize

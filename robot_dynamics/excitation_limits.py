@@ -1,0 +1,121 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What an exciting motion may use of an arm's limits, and how far it may swing within them.
+
+Position, velocity and acceleration of a joint are linear in how far it swings, so that the largest
+swing follows at once. Efforts are not: they are checked.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.reference_motion import start_pose
+from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+
+LARGEST_SWING = np.pi
+"""[rad] from the start, for joints without limits of position; [m] likewise."""
+DEFAULT_ACCELERATION = 6.0
+"""[rad/s²] or [m/s²]"""
+
+
+@dataclass(frozen=True)
+class LimitShares:
+    """
+    How much of the limits a motion may use.
+
+    `position_margin` is the share of a joint's range that is kept free at either end, `velocity`
+    and `effort` the shares of those limits; `acceleration` [rad/s²] or [m/s²] itself, as a URDF
+    has none.
+    """
+
+    position_margin: float = 0.05
+    velocity: float = 0.6
+    effort: float = 0.8
+    acceleration: float = DEFAULT_ACCELERATION
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """
+    The limits of a motion from `start`, each (n,), infinite for none.
+
+    `below` and `above` are how far positions may go from the start [rad or m], both > 0.
+    """
+
+    start: FloatArray
+    below: FloatArray
+    above: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    effort: FloatArray
+
+    def largest_scale(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return by what (n,) a motion x = q − start may be multiplied, x, v, a (m, n)."""
+        n = len(self.start)
+        scale = np.full(n, np.inf)
+        for used, limit in (
+                (x.max(axis=0), self.above), (-x.min(axis=0), self.below),
+                (np.abs(v).max(axis=0), self.velocity),
+                (np.abs(a).max(axis=0), self.acceleration)):
+            moves = used > 0.0
+            scale[moves] = np.minimum(scale, limit / np.where(moves, used, 1.0))[moves]
+        return np.where(np.isfinite(scale), scale, 0.0)
+
+    def effort_ratio(self, efforts: FloatArray) -> float:
+        """Return the largest share of the allowed effort in efforts (m, n)."""
+        return float(np.max(np.abs(efforts) / self.effort, initial=0.0))
+
+
+def motion_limits(
+    dynamics: ArmDynamics, shares: LimitShares, start: FloatArray | None = None,
+) -> MotionLimits:
+    """
+    Return what a motion from `start` (n,), or from a pose that is chosen, may use.
+
+    Raises InvalidInputError on a share out of (0, 1], a start where a joint has no room within
+    its limits, and where holding the arm there takes more than the allowed effort.
+    """
+    arm = dynamics.arm
+    margin = check_scalar('position_margin', shares.position_margin, 0.0, 0.49)
+    velocity = check_scalar('velocity_scale', shares.velocity, 0.0, 1.0, exclusive_minimum=True)
+    effort = check_scalar('effort_scale', shares.effort, 0.0, 1.0, exclusive_minimum=True)
+    acceleration = check_scalar(
+        'acceleration', shares.acceleration, 0.0, exclusive_minimum=True)
+    limits, n = arm.limits, arm.joint_count
+    q0 = start_pose(dynamics) if start is None else check_vector(
+        'start', start, n, arm.joint_names)
+    span = limits.upper - limits.lower
+    kept = margin * np.where(np.isfinite(span), span, 0.0)
+    for name, q, low, high in zip(
+            arm.joint_names, q0, limits.lower + kept, limits.upper - kept):
+        if not low < q < high:
+            raise InvalidInputError(
+                f'start of {name!r} is {q:g}, expected a position between {low:g} and {high:g}, '
+                'where it can move, or a joint left out of joints')
+    allowed = effort * limits.effort
+    holding = np.abs(dynamics.rigid_body.gravity(q0))
+    if (holding >= allowed).any():
+        j = int(np.argmax(holding / allowed))
+        raise InvalidInputError(
+            f'joint {arm.joint_names[j]!r} needs {holding[j]:.4g} to hold the arm at the start, '
+            f'expected less than the allowed effort of {allowed[j]:.4g}: another start, or a '
+            'larger effort_scale')
+    return MotionLimits(
+        q0, np.minimum(q0 - limits.lower - kept, LARGEST_SWING),
+        np.minimum(limits.upper - kept - q0, LARGEST_SWING),
+        velocity * limits.velocity, np.full(n, acceleration), allowed)

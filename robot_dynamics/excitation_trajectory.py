@@ -1,0 +1,103 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+An exciting motion as a joint trajectory, and what it really takes once it is interpolated.
+
+Points lie so close that quintics between them, as `dynamics` and `joint_trajectory_controller`
+interpolate, are the Fourier series to about a millionth.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.excitation import Excitation
+from robot_dynamics.reference_motion import sample_trajectory
+from robot_dynamics.trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.validation import check_scalar, FloatArray
+
+POINTS_PER_PERIOD = 24
+"""Points in a period of the fastest harmonic."""
+_CHECKS_PER_SEGMENT = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitingTrajectory:
+    """
+    A trajectory, and the peaks (n,) of what is interpolated from it.
+
+    `lowest` and `highest` position [rad or m], `velocity`, `acceleration` and `effort` in size;
+    `interpolation_error` is the largest distance from the series [rad or m]. `lead` [s] is the
+    time of its first point, at which it rests at the start of the motion.
+    """
+
+    trajectory: JointTrajectory
+    lead: float
+    lowest: FloatArray
+    highest: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    effort: FloatArray
+    interpolation_error: float
+
+
+def exciting_trajectory(
+    excitation: Excitation, dynamics: ArmDynamics, lead: float = 0.0,
+) -> ExcitingTrajectory:
+    """
+    Return the motion as a trajectory that has `lead` [s] to reach its first point.
+
+    Raises InvalidInputError where the lead is negative, or what is interpolated from the points
+    is beyond a limit, which happens where those cannot follow the series.
+    """
+    check_scalar('lead', lead, 0.0)
+    count = POINTS_PER_PERIOD * excitation.harmonics
+    times = np.linspace(0.0, excitation.duration, count + 1)
+    names = dynamics.arm.joint_names
+    motion = excitation.motion(times)
+    for values in motion:  # at the ends exactly, not but for rounding
+        values[-1] = values[0]
+    motion.velocity[[0, -1]] = motion.acceleration[[0, -1]] = 0.0
+
+    def begun_at(first: float) -> JointTrajectory:
+        q, v, a = (values.tolist() for values in motion)
+        return make_trajectory(names, (first + times).tolist(), q, v, a, names)
+
+    trajectory = begun_at(0.0)
+    dense = np.linspace(0.0, excitation.duration, _CHECKS_PER_SEGMENT * count + 1)
+    q, v, a = sample_trajectory(trajectory, dense)
+    effort = np.abs(dynamics.inverse_dynamics_batch(q, v, a)).max(axis=0)
+    found = ExcitingTrajectory(
+        begun_at(lead), lead,
+        q.min(axis=0), q.max(axis=0), np.abs(v).max(axis=0), np.abs(a).max(axis=0), effort,
+        float(np.abs(q - excitation.motion(dense).position).max()))
+    _check(excitation, found)
+    return found
+
+
+def _check(excitation: Excitation, found: ExcitingTrajectory) -> None:
+    limits = excitation.limits
+    for field, used, limit in (
+            ('position', found.highest - limits.start, limits.above),
+            ('position', limits.start - found.lowest, limits.below),
+            ('velocity', found.velocity, limits.velocity),
+            ('acceleration', found.acceleration, limits.acceleration),
+            ('effort', found.effort, limits.effort)):
+        if (used > limit).any():
+            j = int(np.argmax(used - limit))
+            raise InvalidInputError(
+                f'{field} of {found.trajectory.joint_names[j]!r} uses {used[j]:.6g}, expected at '
+                f'most {limit[j]:.6g}')

@@ -1,0 +1,77 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Periodic motions that begin and end at rest: Fourier series with a few coefficients tied.
+
+    q(t) = q₀ + Σ_l a_l / (ω l) sin(ω l t) − b_l / (ω l) (cos(ω l t) − 1),   l = 1 … N,  ω = 2π / T
+
+leaves q₀ at t = 0 and comes back at T; velocity and acceleration are zero there where Σ a_l = 0
+and Σ l b_l = 0. What is left are 2 N − 2 free coefficients a joint. Everything is band-limited,
+and known without differentiating. Source: J. Swevers, C. Ganseman, D. Tükel, J. De Schutter,
+H. Van Brussel, "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation
+13(5), 1997, section III; the ties at the ends are added here.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.validation import check_scalar, FloatArray
+
+FEWEST_HARMONICS = 2
+
+
+class SeriesBasis(NamedTuple):
+    """What each free coefficient adds to q − q₀, q̇ and q̈ at m times: (m, 2 N − 2) each."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+    def motion(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return q − q₀, q̇ and q̈, (m, n) each, of coefficients (2 N − 2, n)."""
+        return (self.position @ coefficients, self.velocity @ coefficients,
+                self.acceleration @ coefficients)
+
+
+def free_coefficients(harmonics: int) -> int:
+    """Return how many coefficients a joint has; raise InvalidInputError for less than one."""
+    if harmonics < FEWEST_HARMONICS:
+        raise InvalidInputError(
+            f'harmonics is {harmonics}, expected at least {FEWEST_HARMONICS}: fewer cannot begin '
+            'and end at rest')
+    return 2 * harmonics - 2
+
+
+def series_basis(harmonics: int, duration: float, times: FloatArray) -> SeriesBasis:
+    """
+    Return the basis of motions of `duration` T [s] with N `harmonics`, at `times` (m,) [s].
+
+    The coefficients are orthonormal directions of (a, b) within the ties. Raises
+    InvalidInputError.
+    """
+    count = free_coefficients(harmonics)
+    T = check_scalar('duration', duration, 0.0, exclusive_minimum=True)
+    order = np.arange(1.0, harmonics + 1.0)
+    w = 2.0 * math.pi / T * order
+    sine, cosine = np.sin(np.outer(times, w)), np.cos(np.outer(times, w))
+    ties = np.zeros((2, 2 * harmonics))
+    ties[0, :harmonics], ties[1, harmonics:] = 1.0, order
+    free = np.asarray(np.linalg.svd(ties)[2][-count:].T)
+    return SeriesBasis(
+        np.hstack((sine / w, (1.0 - cosine) / w)) @ free,
+        np.hstack((cosine, sine)) @ free,
+        np.hstack((-w * sine, w * cosine)) @ free)

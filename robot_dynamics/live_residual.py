@@ -1,0 +1,85 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measured less modelled effort, while it is measured: what `analyze_bag` does to a recording, live.
+
+A recording is filtered forwards and backwards, so that nothing is late. Live there is no later
+sample: position, velocity and effort all pass the same causal filter (`low_pass`), whose
+derivative of the velocity is the acceleration. So both sides of the difference are of the same
+instant, √2/ω ago, and of the same band.
+"""
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.control import wrap_to_pi
+from robot_dynamics.effort_residual import model_terms
+from robot_dynamics.low_pass import LowPass
+from robot_dynamics.validation import FloatArray
+
+
+class LiveResidual:
+    """Compares the measured effort of an arm with its model, state by state."""
+
+    def __init__(self, dynamics: ArmDynamics, bandwidth: float) -> None:
+        """Filter at `bandwidth` [Hz] > 0, the cut-off; raise InvalidInputError."""
+        self._dynamics = dynamics
+        self._position, self._velocity = LowPass(bandwidth), LowPass(bandwidth)
+        self._effort = LowPass(bandwidth)
+        self._turns = np.array([kind == 'continuous' for kind in dynamics.arm.joint_kinds])
+        self._last: FloatArray | None = None
+        self._settled = 0.0
+
+    def set_bandwidth(self, bandwidth: float) -> None:
+        """Go on with another cut-off [Hz]."""
+        for low_pass in (self._position, self._velocity, self._effort):
+            low_pass.set_cutoff(bandwidth)
+
+    def use(self, dynamics: ArmDynamics) -> None:
+        """Go on with another model of the same joints, as with a load that was put on."""
+        self._dynamics = dynamics
+
+    def restart(self) -> None:
+        """Begin anew with the next state."""
+        for low_pass in (self._position, self._velocity, self._effort):
+            low_pass.restart()
+        self._last, self._settled = None, 0.0
+
+    def update(
+        self, dt: float, q: FloatArray, v: FloatArray, effort: FloatArray,
+    ) -> FloatArray | None:
+        """
+        Return measured − model (n,) at a state dt [s] after the one before.
+
+        `effort` (n,) [N·m] or [N] is measured, on the joint side of the gearbox. None until the
+        filter has forgotten how it was started, `LowPass.settling_time` after the first state.
+        """
+        if self._last is not None:
+            self._settled += dt
+        q_f = self._position.update(self._unwound(q), dt)
+        v_f = self._velocity.update(v, dt)
+        measured = self._effort.update(effort, dt, held=True)
+        if self._settled < self._velocity.settling_time:
+            return None
+        terms = model_terms(
+            self._dynamics, q_f[None], v_f[None], self._velocity.rate[None])
+        return np.asarray(measured - terms.effort[0])
+
+    def _unwound(self, q: FloatArray) -> FloatArray:
+        """Return the position without the steps of whole turns that encoders may make."""
+        if self._last is not None and self._turns.any():
+            way = q - self._last
+            q = self._last + np.where(self._turns, wrap_to_pi(way), way)
+        self._last = q
+        return q

@@ -1,0 +1,82 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A causal low-pass filter of second order that gives the derivative too, at uneven stamps.
+
+    ÿ = ω² (u − y) − √2 ω ẏ
+
+is a Butterworth filter with the cut-off ω: y follows u, and ẏ is exactly the derivative of y. Its
+group delay is √2 / ω at low frequencies. Between two samples u is a straight line, or constant at
+the later one; for both the solution is known in closed form, so that a step is exact, and stable
+however long it is. Source: A. V. Oppenheim and A. S. Willsky, *Signals and Systems*, 2nd edition,
+section 6.5.2 (second-order systems), here with the damping ratio 1/√2.
+"""
+
+import math
+
+import numpy as np
+from robot_dynamics.validation import check_scalar, FloatArray
+
+SETTLING_TIME = 7.0
+"""[1/ω] after which less than 1 % is left of how the filter was started."""
+
+
+class LowPass:
+    """Second-order low-pass filters of several signals, all with the same cut-off."""
+
+    def __init__(self, cutoff: float) -> None:
+        """`cutoff` [Hz] > 0; without a value until the first sample. Raises InvalidInputError."""
+        self.value: FloatArray | None = None
+        """y, of the shape of the samples."""
+        self.rate: FloatArray = np.zeros(0)
+        """ẏ, likewise [1/s]."""
+        self._sample: FloatArray = np.zeros(0)
+        self.set_cutoff(cutoff)
+
+    def set_cutoff(self, cutoff: float) -> None:
+        """Go on from where it is with another cut-off [Hz]."""
+        self.omega = 2.0 * math.pi * check_scalar('cutoff', cutoff, 0.0, exclusive_minimum=True)
+
+    @property
+    def settling_time(self) -> float:
+        """The time [s] until the start is forgotten, to 1 %."""
+        return SETTLING_TIME / self.omega
+
+    def restart(self) -> None:
+        """Begin anew with the next sample."""
+        self.value = None
+
+    def update(self, sample: FloatArray, dt: float, held: bool = False) -> FloatArray:
+        """
+        Return y at a sample dt [s] after the one before; the first sample is taken for steady.
+
+        `held` tells that the sample says what was since the one before, as of an effort that was
+        held, and not only what is now.
+        """
+        if self.value is None:
+            self.value, self.rate = sample.copy(), np.zeros_like(sample)
+            self._sample = sample
+            return self.value
+        before = sample if held else self._sample
+        slope = (sample - before) / dt
+        lag = math.sqrt(2.0) / self.omega
+        # The steady answer to this straight line is itself, √2/ω late; what differs dies out.
+        y, rate = self.value - (before - lag * slope), self.rate - slope
+        d = self.omega / math.sqrt(2.0)
+        decay, c, s = math.exp(-d * dt), math.cos(d * dt), math.sin(d * dt)
+        self.value = sample - lag * slope + decay * ((c + s) * y + s / d * rate)
+        self.rate = slope + decay * ((c - s) * rate - 2.0 * d * s * y)
+        self._sample = sample
+        return self.value

@@ -1,0 +1,64 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The generalised-momentum observer: which effort the environment exerts on the joints.
+
+With the momentum p = M(q) q̇, the manipulator equation reads ṗ = τ + Cᵀ q̇ − g − τ_f + τ_ext: of
+all that changes the momentum, only τ_ext is not known. The residual
+
+    r = K (p(t) − p(0) − ∫ (τ + Cᵀ q̇ − g − τ_f + r) dt)     so that    ṙ = K (τ_ext − r)
+
+follows τ_ext as a low-pass filter of first order does, each joint by itself, without acceleration
+and without inverting M. Sources: A. De Luca and R. Mattone, "Actuator failure detection and
+isolation using generalized momenta", ICRA 2003; "Sensorless robot collision detection and hybrid
+force/motion control", ICRA 2005; S. Haddadin, A. De Luca, A. Albu-Schäffer, "Robot collisions: a
+survey on detection, isolation, and identification", IEEE Trans. Robotics 33(6), 2017, section V-E.
+"""
+
+import math
+
+import numpy as np
+from robot_dynamics.validation import check_scalar, FloatArray
+
+
+class MomentumObserver:
+    """The filter of the observer, for n joints; `estimate` (n,) is r [N·m] or [N]."""
+
+    def __init__(self, joint_count: int, bandwidth: float) -> None:
+        """Start at r = 0; `bandwidth` [Hz] > 0 is K / 2π. Raises InvalidInputError."""
+        self.estimate: FloatArray = np.zeros(joint_count)
+        self.set_bandwidth(bandwidth)
+
+    def set_bandwidth(self, bandwidth: float) -> None:
+        """Go on from the estimate of now with another bandwidth [Hz]."""
+        self.gain = 2.0 * math.pi * check_scalar(
+            'bandwidth', bandwidth, 0.0, exclusive_minimum=True)
+
+    def restart(self) -> None:
+        """Know nothing of the environment: r = 0."""
+        self.estimate = np.zeros_like(self.estimate)
+
+    def update(self, momentum_change: FloatArray, impulse: FloatArray, dt: float) -> FloatArray:
+        """
+        Return the estimate dt [s] after the one before.
+
+        `momentum_change` (n,) is p less that of then, `impulse` (n,) is ∫ (τ + Cᵀq̇ − g − τ_f) dt
+        over that time, both [N·m·s] or [N·s]. What they leave is the mean of τ_ext; the step is
+        the exact solution where τ_ext is constant meanwhile, so that it is stable at any K dt.
+        """
+        share = -math.expm1(-self.gain * dt)
+        mean = (momentum_change - impulse) / dt
+        self.estimate = self.estimate + share * (mean - self.estimate)
+        return self.estimate

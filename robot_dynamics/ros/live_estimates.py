@@ -1,0 +1,206 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What `dynamics` estimates from measured efforts beside the control path, for those who listen.
+
+`~/external_effort` and `~/residual` are computed after the command is out, and only while somebody
+subscribes; each begins anew when its first subscriber comes. They never disturb the control path.
+"""
+
+from collections import Counter
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.controller import Controller
+from robot_dynamics.effort_semantics import EffortSemantics, joint_from_measured
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.external_effort import ExternalEffort
+from robot_dynamics.live_residual import LiveResidual
+from robot_dynamics.ros.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.serialized import effort_template, SensedState
+from robot_dynamics.state_watch import Judgement
+from robot_dynamics.validation import all_finite, FloatArray
+from sensor_msgs.msg import JointState
+
+DEFAULT_BANDWIDTH = 10.0
+"""[Hz]"""
+LONGEST_STEP = 0.1
+"""[s] from one state to the next after which estimates begin anew: it is not known what was."""
+NEWEST_ONLY = QoSProfile(depth=1)
+UNHEARD = 'nobody listens'
+
+ESTIMATE_SPECS = (
+    ParameterSpec(
+        'external_effort_bandwidth', Type.DOUBLE, DEFAULT_BANDWIDTH,
+        'Bandwidth of ~/external_effort [Hz]: it follows as a low-pass filter of first order '
+        'with this cut-off does.', minimum=0.01, maximum=1000.0),
+    ParameterSpec(
+        'residual_bandwidth', Type.DOUBLE, DEFAULT_BANDWIDTH,
+        'Cut-off [Hz] of the low-pass filter of second order that ~/residual comes through.',
+        minimum=0.01, maximum=1000.0),
+)
+
+
+class Estimates:
+    """The estimates of one arm: external effort, then residual, each made where it is wanted."""
+
+    def __init__(
+        self, controller: Controller, semantics: EffortSemantics, values: Values,
+    ) -> None:
+        """Estimate with the load in force, at the bandwidths of the parameters."""
+        self.semantics, self._controller = semantics, controller
+        self.template = effort_template(controller.arm.joint_names)
+        self._arm = controller.loaded_arm
+        dynamics = ArmDynamics(self._arm)
+        self._external = ExternalEffort(dynamics, values['external_effort_bandwidth'])
+        self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
+        self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
+
+    def set_bandwidths(self, values: Values) -> None:
+        """Go on from where the estimates are at the bandwidths of the parameters."""
+        self._external.set_bandwidth(values['external_effort_bandwidth'])
+        self._residual.set_bandwidth(values['residual_bandwidth'])
+
+    def restart(self) -> None:
+        """Begin anew with the next state."""
+        for estimator in self._all:
+            estimator.restart()
+
+    def joint_effort(
+        self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
+    ) -> FloatArray:
+        """Return a measured effort (n,) as one at the joints."""
+        return joint_from_measured(
+            self.semantics.measured_effort, measured, v, robot_gravity,
+            self._controller.arm.actuators)
+
+    def update(
+        self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
+        effort: FloatArray,
+    ) -> list[FloatArray | None]:
+        """Return each estimate (n,) that is wanted, and there yet; what is not begins anew."""
+        self._take_load()
+        found: list[FloatArray | None] = []
+        for is_wanted, estimator in zip(wanted, self._all):
+            estimate = None
+            if is_wanted:
+                estimate = estimator.update(dt, q, v, effort)
+            else:
+                estimator.restart()
+            found.append(estimate)
+        return found
+
+    def _take_load(self) -> None:
+        arm = self._controller.loaded_arm
+        if arm is not self._arm:
+            self._arm, dynamics = arm, ArmDynamics(arm)
+            for estimator in self._all:
+                estimator.use(dynamics)
+
+
+class LiveEstimates:
+    """Publishes estimates; `look` is for the control path's thread, `status` for any."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publishers = (
+            node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
+            node.create_publisher(JointState, '~/residual', NEWEST_ONLY))
+        self._estimates: Estimates | None = None
+        self._is_on = self._is_lacking = False
+        self._words = UNHEARD
+        self._stamp = 0
+        self._restarts: Counter[str] = Counter()
+
+    def use(self, estimates: Estimates) -> None:
+        """Make these estimates from the next state on."""
+        self._estimates, self._is_on = estimates, False
+
+    def forget(self) -> None:
+        """Make no estimates."""
+        self._estimates, self._is_on, self._is_lacking = None, False, False
+        self._words = UNHEARD
+
+    def look(
+        self, reader: JointStateReader, state: SensedState, q: FloatArray,
+        v: FloatArray | None, judgement: Judgement, robot_gravity: FloatArray,
+    ) -> None:
+        """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
+        external, residual = self._publishers
+        wanted = (
+            external.get_subscription_count() > 0, residual.get_subscription_count() > 0)
+        estimates = self._estimates
+        if estimates is None or not any(wanted):
+            self._is_on, self._is_lacking, self._words = False, False, UNHEARD
+        elif judgement.is_news:
+            try:
+                self._take(estimates, wanted, reader, state, q, v, judgement, robot_gravity)
+            except RobotDynamicsError as error:
+                self._lack(str(error))
+            except Exception as error:  # an estimate may fail, the control path may not
+                self._lack(repr(error))
+
+    def _take(
+        self, estimates: Estimates, wanted: tuple[bool, bool], reader: JointStateReader,
+        state: SensedState, q: FloatArray, v: FloatArray | None, judgement: Judgement,
+        robot_gravity: FloatArray,
+    ) -> None:
+        measured = reader.effort(state)
+        if estimates.semantics.measured_effort == 'none':
+            raise InvalidInputError("measured_effort is 'none'")
+        if measured is None or not all_finite(measured):
+            raise InvalidInputError('joint states have no effort')
+        if v is None:
+            raise InvalidInputError('joint states have no velocity')
+        dt = self._begin_where_needed(estimates, judgement)
+        with np.errstate(over='ignore', invalid='ignore'):
+            effort = estimates.joint_effort(measured, v, robot_gravity)
+            found = estimates.update(wanted, dt, q, v, effort)
+        if not all(estimate is None or all_finite(estimate) for estimate in found):
+            raise InvalidInputError('they are beyond all numbers')
+        for publisher, estimate in zip(self._publishers, found):
+            if estimate is not None:
+                publisher.publish(estimates.template.filled(state.stamp, estimate))
+
+    def _begin_where_needed(self, estimates: Estimates, judgement: Judgement) -> float:
+        """Return the time [s] since the state before, which does not count after a restart."""
+        dt = 1e-9 * (judgement.stamp - self._stamp)
+        self._stamp = judgement.stamp
+        reason = judgement.restart
+        if not reason and not 0.0 < dt <= LONGEST_STEP:
+            reason = 'gap'
+        if self._is_on and reason:
+            self._restarts[reason] += 1
+        if reason or not self._is_on:
+            estimates.restart()
+        self._is_on, self._is_lacking, self._words = True, False, 'made'
+        return dt
+
+    def _lack(self, words: str) -> None:
+        """Make no estimate of this state, and begin anew with the next."""
+        self._is_on, self._is_lacking, self._words = False, True, f'none: {words}'
+        self._node.get_logger().warning(
+            f'No ~/external_effort and no ~/residual: {words}', throttle_duration_sec=LOG_PERIOD)
+
+    def status(self) -> Status:
+        """Return whether estimates are made, for the diagnostics."""
+        restarts = dict(self._restarts)  # a copy in one go, as another thread counts
+        return Status('estimates', WARN if self._is_lacking else OK, self._words, {
+            f'begun anew: {reason}': count for reason, count in sorted(restarts.items())})

@@ -1,0 +1,180 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Find an exciting trajectory: `excite --urdf URDF --output trajectory.yaml`.
+
+Exit status: 0 done; 2 a mistake in the arguments, or no motion can be found; 130 interrupted.
+"""
+
+import argparse
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import sys
+from typing import NoReturn, TYPE_CHECKING
+
+from robot_dynamics.exceptions import RobotDynamicsError
+
+if TYPE_CHECKING:
+    from robot_dynamics.arm_model import ArmModel
+    from robot_dynamics.excitation import Excitation
+    from robot_dynamics.excitation_trajectory import ExcitingTrajectory
+
+DEFAULT_DURATION = 10.0
+DEFAULT_HARMONICS = 5
+DEFAULT_LEAD = 3.0
+DONE, MISTAKE, INTERRUPTED = 0, 2, 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        print(f'excite: {message} (excite --help lists the options)', file=sys.stderr)
+        raise SystemExit(MISTAKE)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    # Before numpy is loaded: matrices of this size only lose by being shared among threads.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    try:
+        return _run(arguments)
+    except RobotDynamicsError as error:
+        print(f'excite: {error}', file=sys.stderr)
+        return MISTAKE
+    except OSError as error:
+        print(f'excite: {error.filename!r} cannot be used: {error.strerror}', file=sys.stderr)
+        return MISTAKE
+    except KeyboardInterrupt:
+        print('excite: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog='excite', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Find a trajectory that tells the parameters of an arm, for identify: a '
+                    'Fourier series from\nrest to rest within the limits of the arm, whose '
+                    'condition number is small.',
+        epilog='exit status: 0 done, 2 a mistake in the arguments or no motion can be found, 130 '
+               'interrupted')
+    parser.add_argument(
+        '--urdf', metavar='FILE_OR_PACKAGE',
+        help='a path, or package://PACKAGE/PATH; .xacro too (default: the planar two-link arm)')
+    parser.add_argument(
+        '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
+        help='the trajectory_msgs/JointTrajectory (default: %(default)s)')
+    parser.add_argument(
+        '--parameters', type=Path, metavar='FILE',
+        help='parameters of dynamics_node: joints, gravity, friction, motors')
+    parser.add_argument(
+        '--joints', nargs='+', default=[], metavar='JOINT',
+        help='the joints to move, as the parameter joints (default: all); the rest is locked')
+    parser.add_argument(
+        '--start', nargs='+', type=float, metavar='Q',
+        help='where the motion starts and ends, one a joint [rad] or [m] (default: a pose well '
+             'within the limits)')
+    parser.add_argument(
+        '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
+        help='of the motion [s] (default: %(default)g)')
+    parser.add_argument(
+        '--harmonics', type=int, default=DEFAULT_HARMONICS, metavar='N',
+        help='of the series; the fastest is N / duration [Hz] (default: %(default)d)')
+    parser.add_argument(
+        '--lead', type=float, default=DEFAULT_LEAD, metavar='S',
+        help='time to reach the start in [s], before the motion (default: %(default)g)')
+    for name, default, words in (
+            ('position-margin', 0.05, 'share of each range to keep free at either end'),
+            ('velocity-scale', 0.6, 'share of the velocity limits to use'),
+            ('effort-scale', 0.8, 'share of the effort limits to use'),
+            ('acceleration', 6.0, 'largest acceleration [rad/s^2] or [m/s^2]')):
+        parser.add_argument(
+            f'--{name}', type=float, default=default, metavar='X',
+            help=f'{words} (default: %(default)g)')
+    parser.add_argument(
+        '--seed', type=int, default=0, metavar='N',
+        help='of the search; the same gives the same trajectory (default: %(default)d)')
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    import numpy as np
+    from robot_dynamics.arm_dynamics import ArmDynamics
+    from robot_dynamics.excitation import find_excitation, STEPS
+    from robot_dynamics.excitation_limits import LimitShares, motion_limits
+    from robot_dynamics.excitation_trajectory import exciting_trajectory
+    from robot_dynamics.tools.demo_progress import Progress
+    from robot_dynamics.trajectory_file import write_trajectory
+    arm = _arm(arguments)
+    dynamics = ArmDynamics(arm)
+    shares = LimitShares(
+        arguments.position_margin, arguments.velocity_scale, arguments.effort_scale,
+        arguments.acceleration)
+    start = None if arguments.start is None else np.array(arguments.start)
+    limits = motion_limits(dynamics, shares, start)
+    print(f'Searching for {arm.name} ({arm.joint_count} joints) ...', flush=True)
+    with Progress(STEPS, 'steps') as progress:
+        excitation = find_excitation(
+            dynamics, limits, arguments.harmonics, arguments.duration, arguments.seed,
+            lambda share: progress.update(share * STEPS))
+    found = exciting_trajectory(excitation, dynamics, arguments.lead)
+    write_trajectory(arguments.output, found.trajectory)
+    _report(arm, excitation, found)
+    print(f'Trajectory         {arguments.output}')
+    print('Not looked at: whether the arm meets itself, or anything else. Watch it slowly first.')
+    return DONE
+
+
+def _arm(arguments: argparse.Namespace) -> 'ArmModel':
+    from robot_dynamics.parameter_file import described_arm, read_parameter_file
+    from robot_dynamics.planar_urdf import default_arm_urdf
+    from robot_dynamics.tools.robot_argument import read_robot
+    urdf = default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf)
+    parameters = {} if arguments.parameters is None else read_parameter_file(arguments.parameters)
+    return described_arm(urdf, arguments.joints, parameters)
+
+
+def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajectory') -> None:
+    import numpy as np
+    from robot_dynamics.tools.demo_report import print_table
+    rows: list[tuple[str, ...]] = [('joint', 'start', 'lowest', 'highest', 'velocity',
+                                    'acceleration', 'effort')]
+    for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
+        unit = 'm' if kind == 'prismatic' else 'rad'
+        rows.append((
+            name, *(f'{x[j]:.3f} {unit}' for x in (
+                excitation.limits.start, found.lowest, found.highest)),
+            f'{found.velocity[j]:.3f} {unit}/s', f'{found.acceleration[j]:.3f} {unit}/s2',
+            _effort(found.effort[j], arm.limits.effort[j], kind)))
+    print()
+    print_table(rows)
+    print()
+    random = excitation.random_conditions
+    print(f'Condition number   {excitation.condition:.1f} of {excitation.parameter_count} base '
+          f'parameters, friction and rotors; of {len(random)} random series within the same '
+          f'limits:\n                   median {np.median(random):.1f}, best {random.min():.1f}')
+    print(f'Motion             {found.lead:g} s to the start, then {excitation.duration:g} s; '
+          f'{len(found.trajectory.points)} points, interpolated to '
+          f'{found.interpolation_error:.1e} of the series')
+
+
+def _effort(effort: float, limit: float, kind: str) -> str:
+    unit = 'N' if kind == 'prismatic' else 'N m'
+    share = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
+    return f'{effort:.2f} {unit}{share}'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

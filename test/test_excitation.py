@@ -1,0 +1,239 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exciting motions: at rest at both ends, within every limit, and better than what is random."""
+
+import json
+import math
+from pathlib import Path
+import subprocess
+import sys
+
+from builtin_interfaces.msg import Duration
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.excitation import ConditionNumber, Excitation, find_excitation, Motion
+from robot_dynamics.excitation_limits import LimitShares, motion_limits
+from robot_dynamics.excitation_trajectory import exciting_trajectory
+from robot_dynamics.fourier_series import series_basis
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.reference_motion import sample_trajectory
+from robot_dynamics.ros.conversions import trajectory_from_ros
+from robot_dynamics.tools.excite import main
+from robot_dynamics.trajectory_file import read_trajectory, write_trajectory
+from robots import robot_path, robot_urdf
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+DURATION, HARMONICS = 8.0, 4
+LONG = 300.0
+
+
+# ------------------------------------------------------------------------------ the series
+
+@pytest.mark.parametrize('harmonics', [2, 5])
+def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmonics: int) -> None:
+    times = np.linspace(0.0, DURATION, 4001)
+    basis = series_basis(harmonics, DURATION, times)
+    assert basis.position.shape == (4001, 2 * harmonics - 2)
+    for values in basis:
+        assert values[[0, -1]] == pytest.approx(0.0, abs=1e-12)
+    for values, rates in zip(basis, basis[1:]):
+        assert np.gradient(values, times, axis=0)[1:-1] == pytest.approx(rates[1:-1], abs=1e-4)
+
+
+def test_the_coefficients_of_a_series_do_not_depend_on_one_another() -> None:
+    basis = series_basis(5, DURATION, np.linspace(0.0, DURATION, 200))
+    assert np.linalg.matrix_rank(basis.position) == 8
+
+
+def test_one_harmonic_cannot_begin_and_end_at_rest() -> None:
+    with pytest.raises(InvalidInputError, match='harmonics is 1, expected at least 2'):
+        series_basis(1, DURATION, np.zeros(1))
+
+
+# ------------------------------------------------------------------------------ the motion
+
+@pytest.fixture(scope='module')
+def dynamics() -> ArmDynamics:
+    return ArmDynamics(load_arm(default_arm_urdf()))
+
+
+@pytest.fixture(scope='module')
+def excitation(dynamics: ArmDynamics) -> Excitation:
+    """Return a motion that effort limits too, as the arm is to use little of it."""
+    shares = LimitShares(velocity=0.5, effort=0.4, acceleration=20.0)
+    return find_excitation(dynamics, motion_limits(dynamics, shares), HARMONICS, DURATION)
+
+
+def test_no_limit_is_passed_anywhere(dynamics: ArmDynamics, excitation: Excitation) -> None:
+    """As the node interpolates, at ten times as many instants as were looked at."""
+    found = exciting_trajectory(excitation, dynamics)
+    trajectory = found.trajectory
+    q, v, a = sample_trajectory(trajectory, np.linspace(0.0, DURATION, 9973))
+    limits, arm = excitation.limits, dynamics.arm
+    assert (np.abs(q - limits.start) <= math.pi).all()
+    assert (np.abs(v).max(axis=0) <= 0.5 * arm.limits.velocity).all()
+    assert (np.abs(a).max(axis=0) <= 20.0).all()
+    used = np.abs(dynamics.inverse_dynamics_batch(q, v, a)).max(axis=0) / arm.limits.effort
+    assert 0.36 < used.max() <= 0.4
+    assert found.interpolation_error < 1e-7
+    for point in (trajectory.points[0], trajectory.points[-1]):
+        assert point.position == pytest.approx(limits.start, abs=1e-12)
+        assert not point.velocity.any()
+        assert not point.acceleration.any()
+
+
+def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(
+    dynamics: ArmDynamics, excitation: Excitation,
+) -> None:
+    assert len(excitation.random_conditions) == 20
+    assert excitation.condition < excitation.random_conditions.min()
+    assert excitation.condition < 0.6 * np.median(excitation.random_conditions)
+    again = find_excitation(dynamics, excitation.limits, HARMONICS, DURATION)
+    assert again.coefficients.tolist() == excitation.coefficients.tolist()
+
+
+def test_the_condition_number_is_that_of_the_base_regressor(dynamics: ArmDynamics) -> None:
+    """Of a planar arm with two links it can be written down: seven columns, and friction."""
+    random = np.random.default_rng(5)
+    q, v, a = random.normal(size=(3, 50, 2))
+    condition = ConditionNumber(dynamics.arm)
+    assert condition.parameter_count == 7 + 6
+    values = condition(Motion(q, v, a))
+    assert condition(Motion(q, v, a)) == values > 1.0
+    # a joint that stands tells nothing of its rotor and its friction
+    v[:, 1] = a[:, 1] = 0.0
+    assert condition(Motion(q, v, a)) >= 1e8
+
+
+def test_rounded_angles_of_a_urdf_tell_no_parameters() -> None:
+    """The xArm 7 turns its axes by 1.5708, which is π/2 but for 4e-6."""
+    arm = load_arm(robot_urdf('xarm7'))
+    q, v, a = np.random.default_rng(0).normal(size=(3, 100, 7))
+    assert ConditionNumber(arm)(Motion(q, v, a)) < 1e3
+
+
+@pytest.mark.parametrize(('shares', 'start', 'words'), [
+    (LimitShares(velocity=0.0), None, 'velocity_scale is 0'),
+    (LimitShares(effort=1.5), None, 'effort_scale is 1.5'),
+    (LimitShares(position_margin=0.5), None, 'position_margin is 0.5'),
+    (LimitShares(acceleration=-1.0), None, 'acceleration is -1'),
+    (LimitShares(effort=0.1), [1.5, 0.0], "'joint1' needs .* to hold the arm at the start"),
+    (LimitShares(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
+    (LimitShares(), [0.0], 'start has 1 values, expected 2'),
+])
+def test_limits_that_make_no_sense_are_refused(
+    dynamics: ArmDynamics, shares: LimitShares, start: list[float] | None, words: str,
+) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        motion_limits(dynamics, shares, None if start is None else np.array(start))
+
+
+def test_a_start_that_leaves_no_room_is_refused() -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    with pytest.raises(InvalidInputError, match="start of 'shoulder_pan_joint' is .* can move"):
+        motion_limits(ArmDynamics(arm), LimitShares(), arm.limits.upper)
+
+
+# ------------------------------------------------------------------------------ the file
+
+def test_a_file_is_a_message_and_comes_back(
+    dynamics: ArmDynamics, excitation: Excitation, tmp_path: Path,
+) -> None:
+    trajectory = exciting_trajectory(excitation, dynamics, lead=2.0).trajectory
+    path = tmp_path / 'trajectory.yaml'
+    write_trajectory(path, trajectory)
+    data = json.loads(path.read_text(encoding='utf-8'))
+    message = JointTrajectoryMsg(joint_names=data['joint_names'], points=[
+        JointTrajectoryPoint(**{**point, 'time_from_start': Duration(**point['time_from_start'])})
+        for point in data['points']])
+    names = ('joint2', 'joint1')
+    for read in (read_trajectory(path, names), trajectory_from_ros(message, names)):
+        assert read.joint_names == names
+        assert len(read.points) == 24 * HARMONICS + 1 < 2000
+        for back, point in zip(read.points, trajectory.points):
+            assert back.time_from_start == pytest.approx(point.time_from_start, abs=1e-9)
+            for ours, theirs in zip(
+                    (back.position, back.velocity, back.acceleration),
+                    (point.position, point.velocity, point.acceleration)):
+                assert ours[::-1] == pytest.approx(theirs, abs=1e-9)
+    assert read.points[0].time_from_start == 2.0
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('joint_names: [joint1', 'trajectory.yaml: while parsing'),
+    ('[]', 'is list, expected a mapping'),
+    ('{joint_names: [joint1, joint2]}', 'points is NoneType, expected a list'),
+    ('{joint_names: [joint1, joint2], points: [3]}', r'points\[0\] is int, expected a mapping'),
+    ('{joint_names: [joint1, joint2], points: [{time_from_start: {sec: x}}]}',
+     'expected sec and nanosec'),
+    ('{joint_names: [joint1], points: []}', 'lacks'),
+])
+def test_what_is_no_trajectory_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / 'trajectory.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(TrajectoryError, match=words):
+        read_trajectory(path, ('joint1', 'joint2'))
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match='none.yaml'):
+        read_trajectory(tmp_path / 'none.yaml', ('joint1',))
+
+
+# ------------------------------------------------------------------------------ the tool
+
+def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
+    path = tmp_path / 'ur10.yaml'
+    done = subprocess.run(
+        [sys.executable, '-m', 'robot_dynamics.tools.excite', '--urdf', str(robot_path('ur10')),
+         '--harmonics', '3', '--output', str(path)],
+        capture_output=True, text=True, timeout=LONG, check=False)
+    assert done.returncode == 0, done.stderr
+    assert '100 %' in done.stderr
+    assert 'whether the arm meets itself' in done.stdout
+    arm = load_arm(robot_urdf('ur10'))
+    trajectory = read_trajectory(path, arm.joint_names)
+    dense = np.linspace(0.0, trajectory.duration, 5000)
+    q, v, a = sample_trajectory(trajectory, dense)
+    low, high = arm.limits.lower, arm.limits.upper
+    assert (q >= low + 0.05 * (high - low)).all()
+    assert (q <= high - 0.05 * (high - low)).all()
+    assert (np.abs(v) <= 0.6 * arm.limits.velocity).all()
+    efforts = ArmDynamics(arm).inverse_dynamics_batch(q, v, a)
+    assert (np.abs(efforts) <= 0.8 * arm.limits.effort).all()
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['--harmonics', '1'], 'harmonics is 1, expected at least 2'),
+    (['--harmonics', '51'], 'harmonics is 51, expected at most 50'),
+    (['--duration', '-1'], 'duration is -1'),
+    (['--joints', 'elbow'], "'elbow', expected joints out of"),
+    (['--urdf', 'none.urdf'], 'none.urdf'),
+    (['--start', '0', 'nan'], 'start'),
+])
+def test_the_tool_says_what_is_wrong(
+    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv('OPENBLAS_NUM_THREADS', '1')
+    assert main([*arguments, '--output', str(tmp_path / 'trajectory.yaml')]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert 'Traceback' not in error
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,211 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The momentum observer: what it estimates is the environment's effort through a known filter."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from robot_dynamics.actuator import make_actuators
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.effort_semantics import (
+    joint_from_measured,
+    MEASURED_EFFORTS,
+    measured_from_joint,
+)
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.external_effort import ExternalEffort
+from robot_dynamics.friction import make_friction
+from robot_dynamics.gear_friction import make_gear_friction
+from robot_dynamics.momentum_observer import MomentumObserver
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.simulation import ArmSimulation
+
+BANDWIDTH = 8.0
+K = 2.0 * math.pi * BANDWIDTH
+START = np.array([0.8, 0.5, -0.4])
+PUSH = ExternalWrench('tool0', np.array([15.0, 4.0, -6.0]), np.array([0.0, 2.0, 0.0]))
+
+
+def three_links() -> ArmModel:
+    return load_arm(planar_arm_urdf([4.0, 2.0, 1.0], [0.8, 0.6, 0.4], [0.4, 0.3, 0.2],
+                                    [0.2, 0.06, 0.02]))
+
+
+def with_everything(arm: ArmModel) -> ArmModel:
+    """Return the arm with viscous friction and rotors; dry friction is for another test."""
+    names = arm.joint_names
+    motors = make_actuators(names, [0.1] * 3, [80.0] * 3, rotor_inertia=[2e-5] * 3)
+    return arm.with_friction(make_friction(names, [1.5, 0.8, 0.3])).with_actuators(motors)
+
+
+# ------------------------------------------------------------------------------ the filter
+
+@pytest.mark.parametrize('gain_times_dt', [1e-9, 1e-3, 0.5, 2.0, 50.0, 1e6])
+def test_a_constant_effort_is_approached_as_by_a_first_order_filter(gain_times_dt: float) -> None:
+    observer, effort = MomentumObserver(2, BANDWIDTH), np.array([3.0, -7.0])
+    dt = gain_times_dt / K
+    for k in range(1, 200):
+        estimate = observer.update(dt * effort, np.zeros(2), dt)
+        assert estimate == pytest.approx(effort * -math.expm1(-K * k * dt), rel=1e-9)
+
+
+def test_uneven_stamps_change_nothing() -> None:
+    observer, effort, t = MomentumObserver(1, BANDWIDTH), np.array([5.0]), 0.0
+    for dt in np.random.default_rng(1).exponential(0.01, 300).tolist():
+        t += dt
+        estimate = observer.update(dt * (effort + 2.0), np.array([2.0 * dt]), dt)
+        assert estimate == pytest.approx(effort * -math.expm1(-K * t), rel=1e-9)
+
+
+@pytest.mark.parametrize('bandwidth', [0.0, -1.0, math.nan, math.inf])
+def test_a_bandwidth_has_to_be_positive(bandwidth: float) -> None:
+    with pytest.raises(InvalidInputError, match='bandwidth'):
+        MomentumObserver(2, bandwidth)
+
+
+# ------------------------------------------------------------------------------ with a model
+
+class Run(NamedTuple):
+    """
+    Estimates (m + 1, n) at the ends of m steps.
+
+    `off` (m, n) is by how much what entered the filter differs from the true effort in a step, `v`
+    (m, n) the velocity in its middle.
+    """
+
+    estimates: np.ndarray
+    off: np.ndarray
+    v: np.ndarray
+
+
+def run(
+    arm: ArmModel, model: ArmModel, dt: float, seconds: float, push_at: float = 0.05,
+    load: Any = None,
+) -> Run:
+    """
+    Let the observer look at an arm that is pushed.
+
+    `arm` moves under efforts held for `dt` [s]; PUSH acts from `push_at` on, a `load` is put on
+    arm and model at half time.
+    """
+    simulation = ArmSimulation(arm, START, np.array([0.5, -0.4, 0.8]), max_step=5e-4)
+    simulation.release()
+    body = ArmDynamics(arm).rigid_body
+    observer = ExternalEffort(ArmDynamics(model), BANDWIDTH)
+    hold = body.gravity(START)
+    estimates, off, velocities = [np.zeros(3)], [], []
+    observer.update(dt, *simulation.state, np.zeros(3))
+    decay = math.exp(-K * dt)
+    for k in range(round(seconds / dt)):
+        if load is not None and k == round(0.5 * seconds / dt):
+            simulation.set_payload(load)
+            observer.use(ArmDynamics(model.with_payloads([load])))
+        wrenches = [PUSH] if k * dt >= push_at - 1e-9 else []
+        before, v = simulation.state
+        effort = hold + 5.0 * np.sin(3.0 * k * dt + np.arange(3))
+        simulation.step(effort, dt, wrenches)
+        estimate = observer.update(dt, simulation.q, simulation.v, effort)
+        assert estimate is not None
+        true = -body.external(0.5 * (before + simulation.q), wrenches)
+        off.append((estimate - decay * estimates[-1]) / (1.0 - decay) - true)
+        estimates.append(estimate)
+        velocities.append(0.5 * (v + simulation.v))
+    return Run(np.array(estimates), np.array(off), np.array(velocities))
+
+
+def test_a_push_is_followed_as_by_a_first_order_filter() -> None:
+    """The mean external effort of every step is found, and the better the shorter the steps."""
+    arm = with_everything(three_links())
+    errors = [np.abs(run(arm, arm, dt, 0.2).off).max() for dt in (4e-3, 2e-3, 1e-3)]
+    assert errors[-1] < 2e-3  # of a push of up to 20 N m
+    assert errors[0] > 3.5 * errors[1] > 12.0 * errors[2]
+
+
+def test_before_the_push_there_is_nothing() -> None:
+    arm = with_everything(three_links())
+    assert np.abs(run(arm, arm, 1e-3, 0.3, push_at=1.0).estimates).max() < 1e-3
+
+
+def test_friction_that_the_model_lacks_is_taken_for_environment() -> None:
+    bare = three_links()
+    arm = bare.with_friction(make_friction(bare.joint_names, [1.5, 0.8, 0.3]))
+    seen = run(arm, arm, 1e-3, 0.2, push_at=1.0)
+    assert np.abs(seen.off).max() < 5e-3
+    unseen = run(arm, bare, 1e-3, 0.2, push_at=1.0)
+    assert np.abs(unseen.off + arm.friction.viscous * unseen.v).max() < 5e-3
+    assert np.abs(unseen.off).max() > 0.5
+
+
+def test_a_load_that_the_model_has_too_makes_no_step() -> None:
+    arm, load = with_everything(three_links()), make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
+    off = run(arm, arm, 1e-3, 0.2, push_at=1.0, load=load).off
+    assert np.abs(off).max() < 5e-3  # of 12 N m of weight, and momentum of 1 N m s in 1 ms
+
+
+def test_a_restart_forgets() -> None:
+    observer = ExternalEffort(ArmDynamics(three_links()), BANDWIDTH)
+    state = START, np.zeros(3), np.zeros(3)
+    assert observer.update(1e-3, *state) is None
+    first = observer.update(1e-3, *state)
+    observer.update(1e-3, *state)
+    observer.restart()
+    assert observer.update(7.0, *state) is None
+    again = observer.update(1e-3, *state)
+    assert first is not None
+    assert first.tolist() == np.asarray(again).tolist()
+
+
+# ------------------------------------------------------------------------------ the effort
+
+@pytest.mark.parametrize('kind', [kind for kind in MEASURED_EFFORTS if kind != 'none'])
+def test_what_is_measured_gives_the_joint_effort_back(kind: str) -> None:
+    motors = make_actuators(('a', 'b'), [0.1, 0.2], [50.0, -80.0], efficiency=[0.8, 0.9])
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        effort, v, gravity = random.normal(size=(3, 2))
+        measured = measured_from_joint(kind, effort, v, gravity, motors)
+        assert joint_from_measured(kind, measured, v, gravity, motors) == pytest.approx(effort)
+
+
+def test_no_effort_cannot_be_converted() -> None:
+    with pytest.raises(InvalidInputError, match="measured_effort is 'none'"):
+        joint_from_measured('none', np.zeros(0), np.zeros(2), np.zeros(2), None)
+
+
+def test_friction_of_gears_that_press_harder_under_load_is_no_environment() -> None:
+    bare = three_links()
+    names = bare.joint_names
+    dynamics = ArmDynamics(bare.with_gear_friction(make_gear_friction(
+        names, sigmoid=[1.0] * 3, load=[0.2, 0.1, 0.3], effort_offset=[0.5, 0.0, -0.2])))
+
+    def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        w, A = np.array([3.0, 4.0, 5.0]), np.array([0.5, 0.6, 0.4])
+        return START + A * np.sin(w * t), A * w * np.cos(w * t), -A * w**2 * np.sin(w * t)
+
+    observer, dt = ExternalEffort(dynamics, BANDWIDTH), 1e-3
+    frictionless = ExternalEffort(ArmDynamics(bare), BANDWIDTH)
+    seen, unseen = [], []
+    for k in range(1000):
+        q, v, _ = motion(k * dt)
+        effort = dynamics.inverse_dynamics(*motion((k - 0.5) * dt))
+        seen.append(observer.update(dt, q, v, effort))
+        unseen.append(frictionless.update(dt, q, v, effort))
+    assert np.abs(np.array(seen[1:])).max() < 0.02
+    assert np.abs(np.array(unseen[1:])).max() > 5.0

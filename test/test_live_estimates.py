@@ -1,0 +1,216 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real nodes: `~/external_effort` and `~/residual` while the simulated arm is pushed."""
+
+from collections.abc import Callable
+import math
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
+from robot_dynamics_interfaces.srv import SetPayload
+from ros_harness import (
+    DYNAMICS,
+    has_stamp,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+START = [0.8, 0.5]
+BANDWIDTH = 5.0
+K = 2.0 * math.pi * BANDWIDTH
+RATE = 500.0
+FORCE = np.array([30.0, 0.0, -10.0])
+LONG = 60.0
+"""[s] for things that take many messages on a busy machine."""
+ROBOT = {
+    'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'actuator.torque_constant': [0.1, 0.1],
+    'actuator.gear_ratio': [100.0, 50.0], 'actuator.rotor_inertia': [2e-5, 2e-5]}
+"""What both nodes know of the arm beside its URDF."""
+ARM = load_arm(default_arm_urdf())
+BODY = ArmDynamics(ARM).rigid_body
+GRAVITY = BODY.gravity(np.array(START))
+LIFT = np.array([0.0, 3.0])
+STEP = 0.01
+"""[s] between two states of the robot below."""
+
+
+def by_stamp(messages: list[Any], field: str) -> dict[int, np.ndarray]:
+    return {stamp_from_ros(m.header.stamp): np.array(getattr(m, field)) for m in messages}
+
+
+def push(wrench: bool) -> WrenchStamped:
+    message = WrenchStamped()
+    message.header.frame_id = 'tool0'
+    message.wrench.force.x, _, message.wrench.force.z = (FORCE * wrench).tolist()
+    return message
+
+
+def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> None:
+    """In lock-step time, so that what is seen at each stamp does not depend on the machine."""
+    step = round(1e9 / RATE)
+    with client.collect(JointState, '/pushed/joint_states') as states, \
+            client.collect(JointState, '/pushed/dynamics/external_effort') as estimates, \
+            client.collect(JointState, '/pushed/dynamics/residual') as residuals, \
+            running(
+                NodeProcess(DYNAMICS, {
+                    **ROBOT, 'external_effort_bandwidth': BANDWIDTH,
+                    'gains.natural_frequency': [40.0]}, namespace='/pushed'),
+                NodeProcess(SIMULATED_ARM, {
+                    **ROBOT, 'rate': RATE, 'lock_step': True, 'initial_position': START},
+                    namespace='/pushed')):
+        wrenches = client.publisher(WrenchStamped, '/pushed/simulated_arm/external_wrench')
+        holding = client.publisher(JointTrajectory, '/pushed/dynamics/joint_trajectory')
+        holding.publish(JointTrajectory(joint_names=NAMES, points=[
+            JointTrajectoryPoint(positions=START, velocities=[0.0, 0.0])]))
+        client.wait_for(JointState, '/pushed/dynamics/computed_torque', timeout=LONG)
+        first = estimates.wait_count(20, LONG)[-1]
+        wrenches.publish(push(True))
+        seen = estimates.wait_for(lambda m: np.abs(m.effort).max() > 1.0, LONG)
+        end = stamp_from_ros(seen.header.stamp) + round(12e9 / K)
+        estimates.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
+        residuals.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
+        states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
+    assert list(first.name) == NAMES
+    assert not len(first.position)
+    assert np.abs(first.effort).max() < 1e-6
+    q, r = by_stamp(states.messages, 'position'), by_stamp(estimates.messages, 'effort')
+    steps = [t for t in r if t - step in r and min(q) < t <= max(q)]
+    assert len(steps) > 20  # an observer may miss some
+    stamps = sorted(q)
+    positions = np.array([q[t] for t in stamps])
+    decay, wrench = math.exp(-K / RATE), ExternalWrench('tool0', FORCE, np.zeros(3))
+    for t in steps:
+        found = (r[t] - decay * r[t - step]) / (1.0 - decay)
+        middle = np.array([
+            np.interp(t - 0.5 * step, stamps, column) for column in positions.T])
+        true = -BODY.external(middle, [wrench])
+        acts = np.abs(found).max() > 1.0
+        assert found == pytest.approx(true if acts else 0.0 * true, abs=0.05)
+    true = -BODY.external(q[max(q)], [wrench])  # it stands by now
+    assert np.abs(true).max() > 20.0
+    assert r[max(r)] == pytest.approx(true, abs=0.05)
+    # measured − model is what the environment takes off the actuators
+    left = by_stamp(residuals.messages, 'effort')
+    assert left[max(left)] == pytest.approx(-true, abs=0.1)
+
+
+# ------------------------------------------------------------------------------ a robot of its own
+
+class Held:
+    """A robot at rest that is held, while somebody lifts joint2; each state has its answer."""
+
+    def __init__(self, client: RosClient, namespace: str) -> None:
+        self._client = client
+        self._states = client.publisher(JointState, f'{namespace}/joint_states')
+        self._answers = client.collect(
+            JointState, f'{namespace}/dynamics/gravity_compensation')
+        self._answers.wait_matched()
+        self.stamp = round(1e9)
+
+    def say(self, count: int = 1, step: float = STEP, **fields: Any) -> int:
+        """Let `step` [s] pass before each of `count` states; return the stamp of the last."""
+        for _ in range(count):
+            self.stamp += round(1e9 * step)
+            message = JointState(**{
+                'name': NAMES, 'position': START, 'velocity': [0.0, 0.0],
+                'effort': (GRAVITY - LIFT).tolist(), **fields})
+            message.header.stamp = stamp_to_ros(self.stamp)
+            self._client.answer_to(self._states, message, self._answers)
+        return self.stamp
+
+
+def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:
+    """Return whether a status of the estimates has these words, and this figure."""
+    def fits(message: DiagnosticArray) -> bool:
+        status = next(s for s in message.status if s.name.endswith(': estimates'))
+        return words in status.message and (status.level == DiagnosticStatus.WARN) == (
+            words.startswith('none')) and (not key or any(
+                pair.key == key and pair.value == value for pair in status.values))
+
+    return fits
+
+
+def test_what_is_missing_is_told_and_estimates_begin_anew(client: RosClient) -> None:
+    def begun(steps: int) -> Any:
+        return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
+
+    with NodeProcess(
+            DYNAMICS, {'external_effort_bandwidth': BANDWIDTH}, namespace='/held') as node, \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+        robot, topic = Held(client, '/held'), '/held/dynamics/external_effort'
+        robot.say()
+        diagnostics.wait_for(says('nobody listens'))
+        with client.collect(JointState, topic) as estimates:
+            estimates.wait_matched()
+            wait_until(lambda: bool(robot.say() and estimates.messages), 'an estimate', LONG)
+            robot.say(10)
+
+            def estimate(stamp: int) -> np.ndarray:
+                message = estimates.wait_for(has_stamp(stamp_to_ros(stamp)))
+                return np.array(message.effort)
+
+            assert estimate(robot.stamp)[1] > 2.0
+            robot.say(effort=[])
+            diagnostics.wait_for(says('none: joint states have no effort'))
+            node.wait_for_log('No ~/external_effort .*: joint states have no effort')
+            robot.say(5)
+            assert estimate(robot.stamp) == begun(4)
+            robot.say(step=0.2)
+            robot.say(3)
+            assert estimate(robot.stamp) == begun(3)
+            diagnostics.wait_for(says('made', 'begun anew: gap', '1'))
+            robot.say(effort=[math.nan, 1.0])
+            robot.say(velocity=[])
+            diagnostics.wait_for(says('none: joint states have no velocity'))
+            robot.say(3)
+            before = estimate(robot.stamp)
+            load = make_payload('tool0', 2.0)
+            assert client.call(SetPayload, '/held/dynamics/set_payload', SetPayload.Request(
+                payload=payload_to_ros(load))).success
+            robot.say()
+            # the load that nobody carries is lifted by the environment from now on
+            lift = LIFT + ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(
+                np.array(START)) - GRAVITY
+            share = -math.expm1(-K * STEP)
+            assert estimate(robot.stamp) == pytest.approx(
+                before + share * (lift - before), abs=1e-9)
+            client.call(SetPayload, '/held/dynamics/set_payload')
+            robot.say(30)
+            assert estimate(robot.stamp) == pytest.approx(LIFT, abs=0.1)
+        diagnostics.clear()
+        wait_until(
+            lambda: bool(robot.say() and diagnostics.find(says('nobody listens'), 0.1)),
+            'nobody to listen', LONG)
+        # so slow that what the first messages say is still little, should some be lost
+        client.set_parameters('/held/dynamics', {'external_effort_bandwidth': 0.1})
+        with client.collect(JointState, topic) as estimates:
+            estimates.wait_matched()
+            wait_until(lambda: bool(robot.say() and estimates.messages), 'an estimate', LONG)
+        assert 0.0 < estimates.messages[0].effort[1] < 1.5

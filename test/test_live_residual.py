@@ -1,0 +1,131 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The causal filter, and the residual that comes through it."""
+
+import math
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.friction import make_friction
+from robot_dynamics.live_residual import LiveResidual
+from robot_dynamics.low_pass import LowPass
+from robot_dynamics.planar_urdf import default_arm_urdf
+
+CUTOFF = 5.0
+OMEGA = 2.0 * math.pi * CUTOFF
+ARM = load_arm(default_arm_urdf())
+
+
+# ------------------------------------------------------------------------------ the filter
+
+def test_it_is_the_butterworth_filter_of_scipy() -> None:
+    signal = pytest.importorskip('scipy.signal')
+    t = np.arange(400) * 2e-3
+    u = np.random.default_rng(0).normal(size=400)
+    u[0] = 0.0
+    _, expected, states = signal.lsim(
+        ([OMEGA**2], [1.0, math.sqrt(2.0) * OMEGA, OMEGA**2]), u, t)
+    low_pass = LowPass(CUTOFF)
+    values = [low_pass.update(sample, 2e-3).copy() for sample in u[:, None]]
+    assert np.array(values)[:, 0] == pytest.approx(expected, abs=1e-10)
+    assert low_pass.rate[0] == pytest.approx(OMEGA**2 * states[-1, 0], abs=1e-8)
+
+
+@pytest.mark.parametrize('held', [False, True])
+def test_steps_may_be_cut_anywhere(held: bool) -> None:
+    """What is between two samples is known, so that more of them change nothing."""
+    random = np.random.default_rng(1)
+    whole, cut = LowPass(CUTOFF), LowPass(CUTOFF)
+    last = random.normal(size=3)
+    whole.update(last, 0.0)
+    cut.update(last, 0.0)
+    for dt in (1e-4, 0.003, 0.05, 0.4, 2.0):
+        sample = random.normal(size=3)
+        whole.update(sample, dt, held)
+        cut.update(sample if held else last + 0.3 * (sample - last), 0.3 * dt, held)
+        assert cut.update(sample, 0.7 * dt, held) == pytest.approx(whole.value, abs=1e-12)
+        assert cut.rate == pytest.approx(whole.rate, abs=1e-10)
+        last = sample
+
+
+def test_a_straight_line_comes_out_late_by_the_delay_and_its_slope_exactly() -> None:
+    low_pass = LowPass(CUTOFF)
+    for k in range(1000):
+        low_pass.update(np.array([3.0 * 1e-3 * k]), 1e-3)
+    assert low_pass.value == pytest.approx(3.0 * (0.999 - math.sqrt(2.0) / OMEGA), abs=1e-9)
+    assert low_pass.rate == pytest.approx(3.0, abs=1e-9)
+
+
+def test_after_the_settling_time_less_than_a_hundredth_of_the_start_is_left() -> None:
+    low_pass = LowPass(CUTOFF)
+    low_pass.update(np.array([1.0]), 0.0)
+    steps = math.ceil(low_pass.settling_time / 1e-3)
+    for _ in range(steps):
+        low_pass.update(np.array([0.0]), 1e-3)
+    assert abs(low_pass.value or 1.0) < 0.01
+
+
+@pytest.mark.parametrize('cutoff', [0.0, -2.0, math.nan])
+def test_a_cutoff_has_to_be_positive(cutoff: float) -> None:
+    with pytest.raises(InvalidInputError, match='cutoff'):
+        LowPass(cutoff)
+
+
+# ------------------------------------------------------------------------------ the residual
+
+def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a slow motion, of 0.3 and 0.5 Hz."""
+    w, A = 2.0 * math.pi * np.array([0.3, 0.5]), np.array([0.8, 0.6])
+    return A * np.sin(w * t), A * w * np.cos(w * t), -A * w**2 * np.sin(w * t)
+
+
+def residuals(
+    true: ArmDynamics, model: ArmDynamics, dt: float = 2e-3, wrapped: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals (m, n) in the end, and the velocities that they are of."""
+    live, found = LiveResidual(model, CUTOFF), []
+    lag = math.sqrt(2.0) / OMEGA
+    for k in range(1000):
+        q, v, a = motion(k * dt)
+        effort = true.inverse_dynamics(*motion((k - 0.5) * dt))  # held since the state before
+        q_seen = np.mod(q, 2.0 * np.pi) if wrapped else q
+        residual = live.update(dt, q_seen, v, effort)
+        assert (residual is None) == (k * dt < 7.0 / OMEGA)
+        if residual is not None and k > 500:
+            found.append((residual, motion(k * dt - lag)[1]))
+    return np.array([pair[0] for pair in found]), np.array([pair[1] for pair in found])
+
+
+def test_the_right_model_leaves_little() -> None:
+    dynamics = ArmDynamics(ARM)
+    left, _ = residuals(dynamics, dynamics)
+    assert np.abs(left).max() < 0.25  # of 60 N m: M(q) of a filtered q is no filtered M(q)
+
+
+def test_what_the_model_lacks_is_left() -> None:
+    friction = make_friction(ARM.joint_names, [2.0, 1.0])
+    left, v = residuals(ArmDynamics(ARM.with_friction(friction)), ArmDynamics(ARM))
+    assert left == pytest.approx(friction.viscous * v, abs=0.25)
+    assert np.abs(friction.viscous * v).max(axis=0) == pytest.approx([3.0, 1.9], rel=0.1)
+
+
+def test_encoders_may_step_by_whole_turns() -> None:
+    assert set(ARM.joint_kinds) == {'continuous'}
+    dynamics = ArmDynamics(ARM)
+    straight, _ = residuals(dynamics, dynamics)
+    assert residuals(dynamics, dynamics, wrapped=True)[0] == pytest.approx(straight, abs=1e-9)

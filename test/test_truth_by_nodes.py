@@ -1,0 +1,138 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Truth by the nodes themselves: what they record of an exciting motion gives their own parameters.
+
+`dynamics` and `simulated_arm` play the trajectory that `excite` finds, in lock-step: the noise is
+that of a seed, and the motion begins at a stamp, so that every run records the same.
+"""
+
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.identification import identify
+from robot_dynamics.motion_filter import filter_motion
+from robot_dynamics.parameter_file import described_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.recording import Recording, RecordingWriter
+from robot_dynamics.regressor import inertial_parameters
+from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.ros.recorder import Recorder, TopicSpec
+from robot_dynamics.trajectory import JointTrajectory
+from robot_dynamics.trajectory_file import read_trajectory
+from ros_harness import (
+    DYNAMICS,
+    NodeProcess,
+    RosClient,
+    SIMULATED_ARM,
+    wait_until,
+    write_parameters,
+)
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+
+RATE = 250.0
+BEGIN = 0.2
+LONG = 120.0
+"""[s] for 3000 states on a busy machine."""
+STATES = '/truth/joint_states'
+TRUTH = {
+    'joints': ['joint1', 'joint2'], 'friction.viscous': [1.5, 0.6],
+    'friction.coulomb': [2.0, 1.0], 'actuator.torque_constant': [0.1, 0.1],
+    'actuator.gear_ratio': [100.0, 50.0], 'actuator.rotor_inertia': [2e-5, 4e-5]}
+"""What the arm has beside its URDF, and the node knows."""
+NOISE = {'position_noise': 2e-5, 'velocity_noise': 5e-4, 'effort_noise': 0.3, 'seed': 1}
+
+
+@pytest.fixture(scope='module')
+def arm() -> ArmModel:
+    return described_arm(default_arm_urdf(), (), TRUTH)
+
+
+@pytest.fixture(scope='module')
+def trajectory(arm: ArmModel, tmp_path_factory: pytest.TempPathFactory) -> JointTrajectory:
+    """Return what the tool finds, in a process of its own as it is used."""
+    directory = tmp_path_factory.mktemp('excite')
+    parameters = write_parameters(directory / 'parameters.yaml', TRUTH)
+    path = directory / 'trajectory.yaml'
+    subprocess.run(
+        [sys.executable, '-m', 'robot_dynamics.tools.excite', '--parameters', str(parameters),
+         '--lead', '0.3', '--output', str(path)], check=True, timeout=LONG)
+    return read_trajectory(path, arm.joint_names)
+
+
+@pytest.fixture(scope='module')
+def recording(
+    client: RosClient, arm: ArmModel, trajectory: JointTrajectory,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return what was recorded of the motion, while time stood still until all listened."""
+    path = tmp_path_factory.mktemp('truth') / 'recording'
+    end_ns = round(1e9 * (BEGIN + trajectory.duration + 0.1))
+    parameters = {
+        **TRUTH, 'command': 'none', 'gains.natural_frequency': [8.0], 'effort_check': False}
+    with RecordingWriter(path) as writer:
+        recorder = Recorder(client.node, writer, [TopicSpec(STATES, JointState, stamped=True)])
+        count = recorder.counts[STATES]
+        with NodeProcess(SIMULATED_ARM, {
+                **TRUTH, **NOISE, 'rate': RATE, 'lock_step': True,
+                'initial_position': trajectory.points[0].position.tolist()},
+                namespace='/truth'), \
+                NodeProcess(DYNAMICS, parameters, namespace='/truth'):
+            wait_until(lambda: recorder.drain() > 0, 'a state')
+            message = trajectory_to_ros(trajectory)
+            message.header.stamp = stamp_to_ros(round(1e9 * BEGIN))
+            publisher = client.publisher(
+                JointTrajectoryMsg, '/truth/dynamics/joint_trajectory')
+            publisher.publish(message)
+            publisher.wait_for_all_acked()
+            client.set_parameters('/truth/dynamics', {'command': 'computed_torque'})
+            # the first effort, as a state that was met without a command is not answered again
+            effort = ArmDynamics(arm).rigid_body.gravity(trajectory.points[0].position)
+            first = JointState(name=TRUTH['joints'], effort=effort.tolist())
+            first.header.stamp = stamp_to_ros(count.stamp_ns)
+            client.publisher(JointState, '/truth/effort_command').publish(first)
+            wait_until(
+                lambda: recorder.drain() >= 0 and count.stamp_ns >= end_ns, 'the end', LONG)
+        recorder.close()
+    return path
+
+
+def test_every_base_parameter_is_within_three_deviations(
+    arm: ArmModel, recording: Path,
+) -> None:
+    """The model that is identified starts from the URDF: no friction, no rotors."""
+    model = described_arm(default_arm_urdf())
+    with Recording(recording) as bag:
+        series = bag.joint_series(STATES, model.joint_names)
+    assert len(series.stamps_ns) > 0.5 * RATE * 10.0  # an observer may miss some
+    found = identify(model, [filter_motion(series)], train_fraction=0.9)
+    assert arm.actuators is not None
+    true = dict(zip(found.base.labels, found.base.matrix @ np.concatenate(
+        (inertial_parameters(arm), arm.actuators.reflected_inertia))))
+    assert len(true) == 7
+    estimate = found.estimate
+    values = dict(zip(estimate.names, zip(estimate.values, estimate.deviations)))
+    for name, expected in true.items():
+        value, deviation = values[name]
+        assert abs(value - expected) < 3.0 * deviation, name
+        assert deviation < max(0.1 * abs(expected), 0.02), name  # or that would say nothing
+    for name, viscous in zip(arm.joint_names, arm.friction.viscous):
+        assert values[f'viscous({name})'][0] == pytest.approx(viscous, abs=0.15)
