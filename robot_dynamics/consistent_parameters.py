@@ -97,6 +97,7 @@ def consistent_fit(
     for j, columns in enumerate(own):
         own_values = x[first:first + len(columns)]
         # the solver stays off its bounds by a hair
-        joint_values[j, columns - p] = np.where(np.abs(own_values) < 1e-8, 0.0, own_values)
+        if weights[j] > 0.0:  # a joint without effort could have any
+            joint_values[j, columns - p] = np.where(np.abs(own_values) < 1e-8, 0.0, own_values)
         first += len(columns)
     return Fit(bodies_of(x), joint_values, tuple(structures))

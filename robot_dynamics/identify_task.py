@@ -34,7 +34,7 @@ from robot_dynamics.friction_columns import FrictionStructure
 from robot_dynamics.information import Information
 from robot_dynamics.model_test import ModelTest, try_motion
 from robot_dynamics.motion_filter import filter_motion, FilteredMotion
-from robot_dynamics.motion_regression import column_names, reduce_motion, regression_rows
+from robot_dynamics.motion_regression import column_names, model_effort, reduce_motion
 from robot_dynamics.parameter_file import described_arm
 from robot_dynamics.payload import Payload
 from robot_dynamics.pulled_least_squares import Fit
@@ -156,10 +156,11 @@ def tests_of(result: Result, names: Sequence[str]) -> dict[str, ModelTest]:
 
 def _series(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> Result:
     """Return measured and model effort over time, thinned out for a picture."""
-    rows = regression_rows(arm, motion, fit)
-    step = max(1, int(np.ceil(len(rows.y) / SHOWN)))
+    assert motion.effort is not None
+    step = max(1, int(np.ceil(len(motion.effort) / SHOWN)))
     return {'times': motion.times[::step], 'velocity': motion.velocity[::step],
-            'measured': rows.y[::step], 'model': rows.model(fit)[::step]}
+            'measured': motion.effort[::step],
+            'model': model_effort(arm, motion, fit)[0][::step]}
 
 
 def fit_as_data(fit: Fit) -> dict[str, Any]:

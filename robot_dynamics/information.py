@@ -32,9 +32,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
 
 BLOCKS = 6
+_ROUNDING = 1e-20
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,12 @@ class Information:
     def samples_a_sample(self) -> FloatArray:
         """How many samples count as one independent one, (n,)."""
         return np.asarray(self.correlation / max(float(self.rows.sum()), 1.0))
+
+    @property
+    def is_measured(self) -> BoolArray:
+        """For which joints (n,) there is any effort, beyond rounding."""
+        power = np.sum(self.factors[..., -1]**2, axis=(0, 2))
+        return np.asarray(power > _ROUNDING * max(float(power.max()), 1e-300))
 
     def all_but(self, block: int) -> FloatArray:
         """Return the factors (n, k, k) of all samples but a block and the gaps beside it."""

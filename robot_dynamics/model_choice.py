@@ -69,7 +69,7 @@ class CrossValidation:
         self.all = grams_of(information.together())
         rows = information.rows[::2].sum()
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
-        self.is_measured = self.effort_power > 0.0
+        self.is_measured = information.is_measured
         self.rows = max(float(rows), 1.0)
 
     def squares(

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.motion_filter import FilteredMotion
-from robot_dynamics.motion_regression import parts_of, regression_rows
-from robot_dynamics.pulled_least_squares import Fit, without_memory
+from robot_dynamics.motion_regression import model_effort, parts_of
+from robot_dynamics.pulled_least_squares import Fit
 from robot_dynamics.validation import FloatArray
 
 
@@ -66,10 +66,9 @@ def try_motion(
     parts = parts_of(motion, train_fraction)
     tests = {}
     for name, fit in models.items():
-        rows = regression_rows(arm, motion, fit)
-        residual = rows.y - rows.model(fit)
-        effort = motion.effort if motion.effort is not None else rows.y
-        by_sample = rows.y[parts.test] - rows.model(without_memory(fit))[parts.test]
+        along, single = model_effort(arm, motion, fit)
+        effort = np.zeros_like(along) if motion.effort is None else motion.effort
+        residual, by_sample = effort - along, (effort - single)[parts.test]
         tests[name] = ModelTest(
             _squares(residual[parts.train]), _squares(residual[parts.test]), _squares(by_sample),
             _squares(effort[parts.train]), _squares(effort[parts.test]),

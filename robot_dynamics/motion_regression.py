@@ -29,12 +29,15 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.friction_columns import COLUMN_NAMES, INERTIA, joint_columns, SHARP
 from robot_dynamics.information import Information, reduce_rows
 from robot_dynamics.motion_filter import filter_like, FilteredMotion, samples_a_sample
-from robot_dynamics.pulled_least_squares import Fit
+from robot_dynamics.pulled_least_squares import Fit, without_memory
 from robot_dynamics.regressor import inertial_parameters, parameter_names, TorqueRegressor
 from robot_dynamics.validation import FloatArray
 
 HUBER = 4.0
 """Standard deviations, by the median, beyond which a residual counts less."""
+SAMPLES_A_PERIOD = 5.0
+"""Samples a period of the cut-off frequency that are kept, at least."""
+_PART = 2000
 _NORMAL = 1.4826
 _MOST_LAGS = 2000
 
@@ -74,31 +77,88 @@ def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
 
 
 def regression_rows(
-    arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None, is_filtered: bool = False,
+    arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None,
+    is_filtered: bool = False, step: int = 1,
 ) -> Rows:
     """
-    Return the regression of a motion of the arm's joints, in its order.
+    Return the regression of a motion of the arm's joints, in its order, of every step-th sample.
 
     `reference` is the model whose load presses on the gears, with its rotors, as inverse dynamics
     has it; None takes the arm. With `is_filtered`, sharp friction passes the filter of the motion,
     as the effort did: for estimates without a bias. What a payload of the arm takes is subtracted
     from y. Raises RecordingError where no effort was recorded.
     """
+    efforts = _measured(motion)
+    of_payload = _of_payload(arm, motion)
+    own = _own_columns(arm, motion, reference, of_payload)
+    if is_filtered:
+        own[:, :, SHARP] = filter_like(
+            motion, own[:, :, SHARP].reshape(len(own), -1)).reshape(own[:, :, SHARP].shape)
+    Y = TorqueRegressor(arm)(
+        motion.position[::step], motion.velocity[::step], motion.acceleration[::step])
+    return Rows(
+        np.concatenate([Y, own[::step]], axis=2), (efforts - of_payload)[::step], Y.shape[2])
+
+
+def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
+        FloatArray, FloatArray]:
+    """
+    Return the efforts (m, n) of a fit along a motion, and by single states, with the payload.
+
+    The latter have the sign of velocity in place of the state of presliding.
+    """
+    of_payload = _of_payload(arm, motion)
+    own = _own_columns(arm, motion, fit, of_payload)
+    bodies = of_payload + _of_bodies(arm, motion, fit.parameters)
+    along, single = (
+        bodies + np.einsum('mjk,jk->mj', own, each.joint_values)
+        for each in (fit, without_memory(fit)))
+    return along, single
+
+
+def _measured(motion: FilteredMotion) -> FloatArray:
     if motion.effort is None:
         raise RecordingError('the recording has no effort, expected the measured effort')
+    return motion.effort
+
+
+def _own_columns(
+    arm: ArmModel, motion: FilteredMotion, reference: Fit | None, of_payload: FloatArray,
+) -> FloatArray:
     q, v, a = motion.position, motion.velocity, motion.acceleration
-    Y = TorqueRegressor(arm)(q, v, a)
-    bare = inertial_parameters(bare_arm(arm))
-    of_payload = Y @ (inertial_parameters(arm) - bare)
-    load = of_payload + (Y @ bare if reference is None else (
-        Y @ reference.parameters + reference.joint_values[:, INERTIA] * a))
+    if reference is None:
+        load = of_payload + _of_bodies(arm, motion, inertial_parameters(bare_arm(arm)))
+    else:
+        rotors = reference.joint_values[:, INERTIA] * a
+        load = of_payload + _of_bodies(arm, motion, reference.parameters) + rotors
     starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
-    own = joint_columns(arm.joint_kinds, q, v, a, load, starts)
-    if is_filtered:
-        own[:, :, SHARP] = filter_like(motion, own[:, :, SHARP].reshape(len(q), -1)).reshape(
-            own[:, :, SHARP].shape)
-    return Rows(
-        np.concatenate([Y, own], axis=2), motion.effort - of_payload, Y.shape[2])
+    return joint_columns(arm.joint_kinds, q, v, a, load, starts)
+
+
+def _of_payload(arm: ArmModel, motion: FilteredMotion) -> FloatArray:
+    extra = inertial_parameters(arm) - inertial_parameters(bare_arm(arm))
+    return _of_bodies(arm, motion, extra) if extra.any() else np.zeros_like(motion.position)
+
+
+def _of_bodies(arm: ArmModel, motion: FilteredMotion, parameters: FloatArray) -> FloatArray:
+    """Return Y φ (m, n), in parts, as Y of a long motion fits no memory."""
+    regressor = TorqueRegressor(arm)
+    efforts = np.empty_like(motion.position)
+    for first in range(0, len(efforts), _PART):
+        part = slice(first, first + _PART)
+        efforts[part] = regressor(
+            motion.position[part], motion.velocity[part], motion.acceleration[part]) @ parameters
+    return efforts
+
+
+def decimation(motion: FilteredMotion) -> int:
+    """
+    Return which share of the samples tells what all do: every so many-th.
+
+    After the filter nothing is left beyond a few times its cut-off (Gautier's parallel
+    decimation).
+    """
+    return max(1, int(motion.sample_rate_hz / (SAMPLES_A_PERIOD * motion.cutoff_hz)))
 
 
 def bare_arm(arm: ArmModel) -> ArmModel:
@@ -120,19 +180,22 @@ def reduce_motion(
     With a `reference`, found in a first pass, its load presses on the gears, and samples far from
     it count less. Raises RecordingError without effort, or with too few samples.
     """
-    rows = regression_rows(arm, motion, reference, is_filtered=True)
+    step = decimation(motion)
+    rows = regression_rows(arm, motion, reference, is_filtered=True, step=step)
     train = parts_of(motion, train_fraction).train
-    usable = np.flatnonzero(motion.usable[train])
+    usable = np.flatnonzero(motion.usable[:train.stop:step])
     X, y = rows.X[usable], rows.y[usable]
     n = y.shape[1]
-    independent = np.full(n, samples_a_sample(motion.cutoff_hz, motion.sample_rate_hz))
+    rate = motion.sample_rate_hz / step
+    independent = np.full(n, max(
+        1.0, samples_a_sample(motion.cutoff_hz, motion.sample_rate_hz) / step))
     if reference is not None:
         residual = (rows.y - rows.model(reference))[usable]
         independent = np.maximum(independent, [
             correlation_time(residual[:, j]) for j in range(n)])
         root = np.sqrt(huber_weights(residual))
         X, y = X * root[:, :, np.newaxis], y * root
-    gap = int(np.ceil(motion.sample_rate_hz / motion.cutoff_hz))
+    gap = int(np.ceil(rate / motion.cutoff_hz))
     return reduce_rows(arm.joint_names, column_names(arm), X, y, gap, independent)
 
 

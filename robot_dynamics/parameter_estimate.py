@@ -82,7 +82,7 @@ def estimate_parameters(
     factors = information.together()
     rows = float(information.rows.sum())
     samples = information.samples_a_sample
-    is_measured = np.array([bool(factors[j][:, -1].any()) for j in range(n)])
+    is_measured = information.is_measured
     weights = np.where(is_measured, 1.0, 0.0)
     sigma = np.ones(n)
     blocks, names = _columns(information, base, structures, p)

@@ -20,12 +20,15 @@ import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.friction import make_friction
 from robot_dynamics.gear_friction import make_gear_friction
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.presliding import presliding
 from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
@@ -107,6 +110,30 @@ def test_nothing_is_nothing():
 def test_the_simulation_refuses_what_it_does_not_have():
     with pytest.raises(InvalidInputError, match='has gear friction, expected'):
         ArmSimulation(arm_with_gears())
+
+
+@pytest.mark.parametrize('mode', ['reference', 'measured'])
+def test_computed_torque_has_it(mode):
+    arm = arm_with_gears()
+    controller = Controller(arm, ControllerOptions(make_gains(NAMES), friction_compensation=mode))
+    q, v = np.array([0.5, -0.3]), np.array([0.2, -0.1])
+    controller.update(1, q, v)
+    controller.follow(make_trajectory(
+        NAMES, [0.0], [[1.0, 0.2]], [[0.1, -0.1]], [[0.3, 0.4]], NAMES), 1)
+    output = controller.update(2_000_000_000, q, v, with_terms=True)
+    terms = output.terms
+    load = terms.inertial + terms.coriolis + terms.gravity
+    dynamics = ArmDynamics(arm)
+    if mode == 'measured':
+        expected = dynamics.friction_effort(v, load)
+    else:
+        gains = make_gains(NAMES)
+        reference = output.reference
+        v_r = reference.velocity + gains.ratio * (reference.position - q)
+        expected = dynamics.friction_effort(v_r, load, smooth=True)
+    assert terms.friction == pytest.approx(expected, rel=1e-9)
+    assert output.computed_torque == pytest.approx(load + expected, rel=1e-9)
+    assert np.abs(expected).min() > 0.5
 
 
 # --- presliding ----------------------------------------------------------------------------------

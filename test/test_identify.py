@@ -132,6 +132,27 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     assert (tmp_path / 'out' / 'report.json').read_text() == figures
 
 
+def test_processes_and_a_dask_cluster_give_the_same(tmp_path, urdf):
+    distributed = pytest.importorskip('distributed', reason='needs the extra dask')
+    (tmp_path / 'bags').mkdir()
+    for seed in range(2):
+        record(tmp_path / 'bags' / f'bag{seed}', seed)
+    call = [str(tmp_path / 'bags'), '--urdf', str(urdf), '--output']
+    assert main([*call, str(tmp_path / 'one'), '--jobs', '1']) == DONE
+    with distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=None,
+            host='127.0.0.1') as cluster:
+        assert main([
+            *call, str(tmp_path / 'dask'), '--dask', cluster.scheduler_address]) == DONE
+    one, other = (json.loads((tmp_path / name / 'report.json').read_text())
+                  for name in ('one', 'dask'))
+    assert one['samples'] == other['samples']
+    assert np.array(one['residual']['base']['test']) == pytest.approx(
+        np.array(other['residual']['base']['test']), rel=1e-6)
+    assert np.array(one['inertial_parameters']) == pytest.approx(
+        np.array(other['inertial_parameters']), rel=1e-4, abs=1e-6)
+
+
 def test_effort_that_is_current(tmp_path, urdf, capsys):
     record(tmp_path / 'bag', gain=8.0, duration=20.0, off=0.0)
     call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
