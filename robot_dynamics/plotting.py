@@ -20,7 +20,8 @@ colour vision tell apart; the style of the lines tells them apart in black and w
 Matplotlib is imported when the first picture is drawn, and draws to files alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -133,6 +134,19 @@ def joint_figure(
 def save_figure(figure: Any, path: Path) -> None:
     """Write a figure to a file, whose suffix tells the format; raise OSError."""
     figure.savefig(path)
+
+
+@contextmanager
+def styled_figure(width: float, height: float, layout: str | None = 'constrained') -> (
+        Iterator[Any]):
+    """
+    Give out a matplotlib figure of this size [inch] and, within the block, the common style.
+
+    Raises MissingDependencyError without matplotlib.
+    """
+    matplotlib, figure_type = _matplotlib()
+    with matplotlib.rc_context(STYLE):
+        yield figure_type(figsize=(width, height), layout=layout)
 
 
 def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:

@@ -1,0 +1,210 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The moving picture of a planar chain: its motion, and the recursion that computes its efforts.
+
+While the chain moves, each joint shows the force and the moment that it passes on. At chosen
+instants the motion stops, and the two passes of the Newton-Euler recursion are gone through link by
+link (`planar_chain`): outward, how each link moves; inward, what each joint must bear.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arm_motion import ArmMotion
+from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
+from robot_dynamics.chain_stage import (
+    ACCELERATION,
+    ChainStage,
+    scales_for,
+    SIDE_ACCELERATION,
+    WEIGHT,
+)
+from robot_dynamics.moving_picture import Frame, Pixels
+from robot_dynamics.planar_chain import NewtonEulerPass
+from robot_dynamics.planar_view import PlanarView
+from robot_dynamics.plotting import GREY, styled_figure
+
+WIDTH, DPI = 9.2, 100
+PANEL_HEIGHT = 1.95
+"""[inch]"""
+STEP_SECONDS = 2.2
+"""For which a step of a pass is shown [s]."""
+TRAIL_SECONDS = 0.6
+"""[s] of the motion."""
+_SUBSCRIPTS = str.maketrans('0123456789', '₀₁₂₃₄₅₆₇₈₉')
+
+
+def chain_frames(
+    motion: ArmMotion, stops: Sequence[float] = (), speed: float = 1.0, title: str = '',
+) -> Iterator[Frame]:
+    """
+    Yield the frames of a motion, shown at `speed` times its own, with the passes at `stops` [s].
+
+    Raises ModelError for an arm that is no planar chain, MissingDependencyError without
+    matplotlib.
+    """
+    return _Animation(motion, PlanarView(motion.arm), title).frames(stops, speed)
+
+
+class _Animation:
+    def __init__(self, motion: ArmMotion, view: PlanarView, title: str) -> None:
+        self._motion, self._view, self._title = motion, view, title
+        self._passes = [
+            view.passes(*state)
+            for state in zip(motion.position, motion.velocity, motion.acceleration)]
+        self._joints = [motion.arm.joint_names.index(name) for name in view.chain_names]
+
+    def frames(self, stops: Sequence[float], speed: float) -> Iterator[Frame]:
+        motion, n = self._motion, len(self._joints)
+        height = PANEL_HEIGHT * max(n + 1, 3)
+        with styled_figure(WIDTH, height, None) as figure:
+            figure.set_dpi(DPI)
+            self._lay_out(figure, n)
+            period = float(np.median(np.diff(motion.times))) / speed
+            at_stops = {int(np.abs(motion.times - stop).argmin()) for stop in stops}
+            for k in range(len(motion.times)):
+                self._show_motion(k)
+                yield Frame(_pixels(figure), period)
+                if k in at_stops:
+                    for _ in self._show_passes(k):
+                        yield Frame(_pixels(figure), STEP_SECONDS)
+
+    def _lay_out(self, figure: Any, n: int) -> None:
+        height = figure.get_figheight()
+        side = 5.05 / WIDTH
+        bottom = 1.02 / height
+        stage = figure.add_axes((0.062, bottom, side - 0.01, 1.0 - bottom - 0.55 / height))
+        stage.set_anchor('N')
+        self._stage = ChainStage(
+            stage, self._view.reach(), scales_for(self._passes, self._view.reach()),
+            self._view.upright_at_zero)
+        self._headline = figure.text(
+            0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=12, fontweight='bold')
+        self._clock = figure.text(
+            0.985, 1.0 - 0.12 / height, '', ha='right', va='top', fontsize=9, color=GREY)
+        self._caption = figure.text(
+            0.012, 0.62 / height, '', ha='left', va='top', fontsize=10, linespacing=1.5)
+        left, width = side + 0.19, 1.0 - side - 0.19 - 0.03
+        room = (height - 0.45) / (n + 1)
+        panels = [
+            figure.add_axes((left, (height - 0.45 - room * (row + 1) + 0.36) / height,
+                             width, (room - 0.62) / height))
+            for row in range(n + 1)]
+        self._panels = [
+            EnergyPanel(panels[0], self._motion),
+            *(EffortPanel(axes, self._motion, joint)
+              for axes, joint in zip(panels[1:], self._joints))]
+
+    def _begin(self, k: int, headline: str, caption: str) -> NewtonEulerPass:
+        self._stage.clear()
+        self._headline.set_text(headline)
+        self._caption.set_text(caption)
+        self._clock.set_text(f't = {self._motion.times[k]:.2f} s')
+        for panel in self._panels:
+            panel.show(k)
+        return self._passes[k]
+
+    def _show_motion(self, k: int) -> None:
+        motion = self._motion
+        state = '' if motion.driven.all() else (
+            ': the motors drive it' if motion.driven[k] else ': motors off, it swings freely')
+        now = self._begin(
+            k, self._title + state,
+            'At each joint: the force and the moment with which the link before\n'
+            '(or the base) acts on the link after it.')
+        since = np.searchsorted(motion.times, motion.times[k] - TRAIL_SECONDS)
+        self._stage.draw_trail(np.array([one.tip_position for one in self._passes[since:k + 1]]))
+        self._stage.draw_links(now)
+        for joint, force, moment in zip(now.joint_position, now.force, now.tau):
+            self._stage.draw_force(joint, force)
+            self._stage.draw_moment(joint, moment)
+        self._stage.draw_keys()
+
+    def _show_passes(self, k: int) -> Iterator[None]:
+        n = len(self._joints)
+        for i in range(n):
+            self._show_outward(k, i)
+            yield
+        for i in reversed(range(n)):
+            self._show_inward(k, i)
+            yield
+
+    def _show_outward(self, k: int, i: int) -> None:
+        """Show how links 0 to i move, with link i as the current one."""
+        one, last = i + 1, i + 1 == len(self._joints)
+        now = self._passes[k]
+        handed = '' if last else (
+            f';  joint {one + 1}: {_size(now.joint_acceleration[i + 1])} m/s²')
+        before = _sub('ω{} + q̇{} = ', i, one) if i else _sub('q̇{} = ', one)
+        before_dot = _sub('ω̇{} + q̈{} = ', i, one) if i else _sub('q̈{} = ', one)
+        self._begin(
+            k, f'Stop. Outward pass, link {one}: how does it move?',
+            f'{_sub("ω{} = ", one)}{before}{_number(now.omega[i])} rad/s,   '
+            f'{_sub("ω̇{} = ", one)}{before_dot}{_number(now.omega_dot[i])} rad/s²\n'
+            f'acceleration v̇ of its centre of mass: {_size(now.com_acceleration[i])} m/s²'
+            + handed)
+        self._stage.draw_links(now, i)
+        for link in range(i + 1):
+            self._stage.draw_rate(now.joint_position[link], now.omega[link])
+            self._stage.draw_acceleration(
+                now.com_position[link], now.com_acceleration[link], ACCELERATION)
+        if not last:
+            self._stage.draw_acceleration(
+                now.joint_position[i + 1], now.joint_acceleration[i + 1], SIDE_ACCELERATION)
+        self._stage.draw_keys(accelerations=True)
+
+    def _show_inward(self, k: int, i: int) -> None:
+        """Show link i as a free body, and what the joints from the tip to it bear."""
+        one, last = i + 1, i + 1 == len(self._joints)
+        now = self._passes[k]
+        beyond = '' if last else _sub('f{} + ', one + 1)
+        moment = '' if last else _sub('τ{} + ', one + 1)
+        lever = '' if last else _sub(' + l{0} × f{1}', one, one + 1)
+        self._begin(
+            k, f'Inward pass, joint {one}: what must it pass on?',
+            f'{_sub("f{} = ", one)}{beyond}{_sub("m{0} (v̇{0} + g ŷ)", one)}, '
+            f'in size {_size(now.force[i])} N\n'
+            f'{_sub("τ{} = ", one)}{moment}{_sub("I{0} ω̇{0} + r{0} × m{0} (v̇{0} + g ŷ)", one)}'
+            f'{lever} = {_number(now.tau[i])} N·m')
+        self._stage.draw_links(now, i)
+        weight = self._view.weight(i)
+        self._stage.draw_force(now.com_position[i], weight, WEIGHT)
+        for joint in range(i, len(self._joints)):
+            self._stage.draw_force(
+                now.joint_position[joint], now.force[joint], pale=joint > i)
+            self._stage.draw_moment(now.joint_position[joint], now.tau[joint], pale=joint > i)
+        if not last:
+            self._stage.draw_force(now.joint_position[i + 1], -now.force[i + 1])
+        self._stage.draw_keys()
+
+
+def _pixels(figure: Any) -> Pixels:
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
+
+
+def _sub(text: str, *numbers: int) -> str:
+    """Return a formula with these numbers as indices in place of {}."""
+    return text.format(*(str(number).translate(_SUBSCRIPTS) for number in numbers))
+
+
+def _number(value: float) -> str:
+    return f'{value:.2f}'.replace('-', '−')
+
+
+def _size(vector: Any) -> str:
+    return f'{float(np.linalg.norm(vector)):.1f}'
