@@ -49,9 +49,11 @@ setup(
         'console_scripts': [
             'dynamics_node = robot_dynamics.ros.start:dynamics_node',
             'simulated_arm = robot_dynamics.ros.start:simulated_arm',
+            'animate = robot_dynamics.tools.animate:main',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
+            'torque_map = robot_dynamics.tools.torque_map:main',
         ],
     },
 )

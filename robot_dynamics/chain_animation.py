@@ -27,10 +27,10 @@ import numpy as np
 from robot_dynamics.arm_motion import ArmMotion
 from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
 from robot_dynamics.chain_stage import (
-    ACCELERATION,
     ChainStage,
+    NEXT_ACCELERATION,
     scales_for,
-    SIDE_ACCELERATION,
+    StageScales,
     WEIGHT,
 )
 from robot_dynamics.moving_picture import Frame, Pixels
@@ -45,7 +45,6 @@ STEP_SECONDS = 2.2
 """For which a step of a pass is shown [s]."""
 TRAIL_SECONDS = 0.6
 """[s] of the motion."""
-_SUBSCRIPTS = str.maketrans('0123456789', '₀₁₂₃₄₅₆₇₈₉')
 
 
 def chain_frames(
@@ -66,6 +65,7 @@ class _Animation:
         self._passes = [
             view.passes(*state)
             for state in zip(motion.position, motion.velocity, motion.acceleration)]
+        self._scales = scales_for(self._passes, view.reach())
         self._joints = [motion.arm.joint_names.index(name) for name in view.chain_names]
 
     def frames(self, stops: Sequence[float], speed: float) -> Iterator[Frame]:
@@ -86,12 +86,11 @@ class _Animation:
     def _lay_out(self, figure: Any, n: int) -> None:
         height = figure.get_figheight()
         side = 5.05 / WIDTH
-        bottom = 1.02 / height
+        bottom = 1.15 / height
         stage = figure.add_axes((0.062, bottom, side - 0.01, 1.0 - bottom - 0.55 / height))
         stage.set_anchor('N')
         self._stage = ChainStage(
-            stage, self._view.reach(), scales_for(self._passes, self._view.reach()),
-            self._view.upright_at_zero)
+            stage, self._view.reach(), self._view.upright_at_zero)
         self._headline = figure.text(
             0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=12, fontweight='bold')
         self._clock = figure.text(
@@ -109,11 +108,15 @@ class _Animation:
             *(EffortPanel(axes, self._motion, joint)
               for axes, joint in zip(panels[1:], self._joints))]
 
-    def _begin(self, k: int, headline: str, caption: str) -> NewtonEulerPass:
-        self._stage.clear()
+    def _begin(
+        self, k: int, headline: str, caption: str, scales: StageScales,
+    ) -> NewtonEulerPass:
+        """Clear the stage for the instant k, and return what is to be drawn."""
+        self._stage.clear(scales)
         self._headline.set_text(headline)
         self._caption.set_text(caption)
-        self._clock.set_text(f't = {self._motion.times[k]:.2f} s')
+        angles = ', '.join(f'{_number(self._motion.position[k, joint])}' for joint in self._joints)
+        self._clock.set_text(f't = {self._motion.times[k]:.2f} s,  q = ({angles}) rad')
         for panel in self._panels:
             panel.show(k)
         return self._passes[k]
@@ -121,11 +124,11 @@ class _Animation:
     def _show_motion(self, k: int) -> None:
         motion = self._motion
         state = '' if motion.driven.all() else (
-            ': the motors drive it' if motion.driven[k] else ': motors off, it swings freely')
+            ': its motors drive it' if motion.driven[k] else ': motors off, it swings freely')
         now = self._begin(
             k, self._title + state,
-            'At each joint: the force and the moment with which the link before\n'
-            '(or the base) acts on the link after it.')
+            'At each joint: the force and the moment with which the link before it\n'
+            '(or the base) acts on the link after it.', self._scales)
         since = np.searchsorted(motion.times, motion.times[k] - TRAIL_SECONDS)
         self._stage.draw_trail(np.array([one.tip_position for one in self._passes[since:k + 1]]))
         self._stage.draw_links(now)
@@ -135,71 +138,85 @@ class _Animation:
         self._stage.draw_keys()
 
     def _show_passes(self, k: int) -> Iterator[None]:
+        scales = scales_for([self._passes[k]], 0.7 * self._view.reach())
         n = len(self._joints)
         for i in range(n):
-            self._show_outward(k, i)
+            self._show_outward(k, i, scales)
             yield
         for i in reversed(range(n)):
-            self._show_inward(k, i)
+            self._show_inward(k, i, scales)
             yield
 
-    def _show_outward(self, k: int, i: int) -> None:
+    def _show_outward(self, k: int, i: int, scales: StageScales) -> None:
         """Show how links 0 to i move, with link i as the current one."""
-        one, last = i + 1, i + 1 == len(self._joints)
-        now = self._passes[k]
+        last, now = i + 1 == len(self._joints), self._passes[k]
+        rate, rates = _rate_formulas(i)
         handed = '' if last else (
-            f';  joint {one + 1}: {_size(now.joint_acceleration[i + 1])} m/s²')
-        before = _sub('ω{} + q̇{} = ', i, one) if i else _sub('q̇{} = ', one)
-        before_dot = _sub('ω̇{} + q̈{} = ', i, one) if i else _sub('q̈{} = ', one)
+            f';  of joint {i + 2}: {_size(now.joint_acceleration[i + 1])} m/s²')
         self._begin(
-            k, f'Stop. Outward pass, link {one}: how does it move?',
-            f'{_sub("ω{} = ", one)}{before}{_number(now.omega[i])} rad/s,   '
-            f'{_sub("ω̇{} = ", one)}{before_dot}{_number(now.omega_dot[i])} rad/s²\n'
-            f'acceleration v̇ of its centre of mass: {_size(now.com_acceleration[i])} m/s²'
-            + handed)
-        self._stage.draw_links(now, i)
+            k, f'Stop. Outward pass: how does link {i + 1} move?',
+            f'${rate}$ = {_number(now.omega[i])} rad/s,   '
+            f'${rates}$ = {_number(now.omega_dot[i])} rad/s²\n'
+            f'acceleration $\\dot v_{{C{i + 1}}}$ of its centre of mass: '
+            f'{_size(now.com_acceleration[i])} m/s²{handed}', scales)
+        stage = self._stage
+        stage.draw_links(now, i)
         for link in range(i + 1):
-            self._stage.draw_rate(now.joint_position[link], now.omega[link])
-            self._stage.draw_acceleration(
-                now.com_position[link], now.com_acceleration[link], ACCELERATION)
+            stage.draw_rate(now.joint_position[link], now.omega[link], f'$\\omega_{link + 1}$')
+            stage.draw_acceleration(
+                now.com_position[link], now.com_acceleration[link],
+                f'$\\dot v_{{C{link + 1}}}$')
         if not last:
-            self._stage.draw_acceleration(
-                now.joint_position[i + 1], now.joint_acceleration[i + 1], SIDE_ACCELERATION)
-        self._stage.draw_keys(accelerations=True)
+            stage.draw_acceleration(
+                now.joint_position[i + 1], now.joint_acceleration[i + 1],
+                f'$\\dot v_{{{i + 2}}}$', NEXT_ACCELERATION)
+        stage.draw_keys(accelerations=True)
 
-    def _show_inward(self, k: int, i: int) -> None:
+    def _show_inward(self, k: int, i: int, scales: StageScales) -> None:
         """Show link i as a free body, and what the joints from the tip to it bear."""
-        one, last = i + 1, i + 1 == len(self._joints)
-        now = self._passes[k]
-        beyond = '' if last else _sub('f{} + ', one + 1)
-        moment = '' if last else _sub('τ{} + ', one + 1)
-        lever = '' if last else _sub(' + l{0} × f{1}', one, one + 1)
+        n, now = len(self._joints), self._passes[k]
+        force, moment = _force_formulas(i, i + 1 == n)
         self._begin(
-            k, f'Inward pass, joint {one}: what must it pass on?',
-            f'{_sub("f{} = ", one)}{beyond}{_sub("m{0} (v̇{0} + g ŷ)", one)}, '
-            f'in size {_size(now.force[i])} N\n'
-            f'{_sub("τ{} = ", one)}{moment}{_sub("I{0} ω̇{0} + r{0} × m{0} (v̇{0} + g ŷ)", one)}'
-            f'{lever} = {_number(now.tau[i])} N·m')
-        self._stage.draw_links(now, i)
-        weight = self._view.weight(i)
-        self._stage.draw_force(now.com_position[i], weight, WEIGHT)
-        for joint in range(i, len(self._joints)):
-            self._stage.draw_force(
-                now.joint_position[joint], now.force[joint], pale=joint > i)
-            self._stage.draw_moment(now.joint_position[joint], now.tau[joint], pale=joint > i)
-        if not last:
-            self._stage.draw_force(now.joint_position[i + 1], -now.force[i + 1])
-        self._stage.draw_keys()
+            k, f'Inward pass: what does joint {i + 1} pass on to link {i + 1}?',
+            f'${force}$,  in size {_size(now.force[i])} N\n'
+            f'${moment}$ = {_number(now.tau[i])} N·m', scales)
+        stage = self._stage
+        stage.draw_links(now, i)
+        stage.draw_force(
+            now.com_position[i], self._view.weight(i), f'$m_{i + 1}\\,g$', WEIGHT)
+        for joint in range(i, n):
+            at, pale = now.joint_position[joint], joint > i
+            stage.draw_force(
+                at, now.force[joint], '' if pale else f'$f_{joint + 1}$', pale=pale)
+            stage.draw_moment(
+                at, now.tau[joint], '' if pale else f'$\\tau_{joint + 1}$', pale=pale)
+        if i + 1 < n:
+            stage.draw_force(now.joint_position[i + 1], -now.force[i + 1], f'$-f_{i + 2}$')
+        stage.draw_keys()
+
+
+def _rate_formulas(i: int) -> tuple[str, str]:
+    """Return how the angular velocity and acceleration of link i come about."""
+    own = i + 1
+    rate, change = (f'\\omega_{i} + ', f'\\dot\\omega_{i} + ') if i else ('', '')
+    return (f'\\omega_{own} = {rate}\\dot q_{own}',
+            f'\\dot\\omega_{own} = {change}\\ddot q_{own}')
+
+
+def _force_formulas(i: int, last: bool) -> tuple[str, str]:
+    """Return how the force and the moment of joint i come about."""
+    own = i + 1
+    needed = f'm_{own} (\\dot v_{{C{own}}} + g\\,\\hat y)'
+    force = needed if last else f'f_{own + 1} + {needed}'
+    moment = f'I_{own} \\dot\\omega_{own} + r_{own} \\times {needed}'
+    if not last:
+        moment = f'\\tau_{own + 1} + {moment} + l_{own} \\times f_{own + 1}'
+    return f'f_{own} = {force}', f'\\tau_{own} = {moment}'
 
 
 def _pixels(figure: Any) -> Pixels:
     figure.canvas.draw()
     return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
-
-
-def _sub(text: str, *numbers: int) -> str:
-    """Return a formula with these numbers as indices in place of {}."""
-    return text.format(*(str(number).translate(_SUBSCRIPTS) for number in numbers))
 
 
 def _number(value: float) -> str:

@@ -49,12 +49,12 @@ class _Bars:
         places = np.arange(len(names))[::-1]
         self._bars = axes.barh(places, np.zeros(len(names)), 0.72, color=colours)
         span = high - low
-        axes.set(xlim=(low, high + 0.2 * span), ylim=(-0.6, len(names) - 0.4), xlabel=f'[{unit}]')
+        axes.set(xlim=(low, high + 0.2 * span), ylim=(-0.6, len(names) - 0.4))
         axes.set_yticks(places, names)
         axes.tick_params(axis='y', length=0, labelsize=8)
         axes.tick_params(axis='x', labelsize=8, pad=1)
-        axes.xaxis.set_label_coords(1.0, -0.04)
-        axes.xaxis.label.set(ha='left', va='top', fontsize=8)
+        axes.text(1.0, -0.06, f'[{unit}]', transform=axes.transAxes, ha='right', va='top',
+                  fontsize=8)
         axes.grid(axis='y', visible=False)
         axes.axvline(0.0, color=BLACK, linewidth=0.8)
         axes.set_xticks([tick for tick in axes.get_xticks() if low <= tick <= high])

@@ -29,8 +29,12 @@ from robot_dynamics.validation import FloatArray
 
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
 FORCE, MOMENT, ACCELERATION, RATE, WEIGHT = VERMILION, PURPLE, BLUE, GREEN, GREY
+NEXT_ACCELERATION = SKY
+"""Of the acceleration that a link hands on to the next joint."""
 _ROUNDEST = 1.6 * np.pi
 """[rad] that the arc of the largest moment covers."""
+_LABELS = (1.2, 1.9)
+"""[rad] from above between which the label of an arc stands: forces go up, weights down."""
 _TINY = 0.012
 """Share of the largest below which an arrow is left out."""
 
@@ -65,9 +69,10 @@ def round_number(value: float) -> float:
 class ChainStage:
     """Draws a chain; what was drawn since the last `clear` is on the axes."""
 
-    def __init__(self, axes: Any, reach: float, scales: StageScales, upright: bool) -> None:
+    def __init__(self, axes: Any, reach: float, upright: bool) -> None:
         """Set up axes for a chain of this reach [m]; `upright`: it stands upright at zero."""
-        self._axes, self._reach, self._scales = axes, reach, scales
+        self._axes, self._reach = axes, reach
+        self._scales = StageScales(1.0, 1.0, 1.0, 1.0)
         self._drawn: list[Any] = []
         half = 1.16 * reach
         axes.set(xlim=(-half, half), ylim=(-half, half), xlabel='x [m]', ylabel='y, up [m]')
@@ -79,11 +84,11 @@ class ChainStage:
             axes.text(0.0, 1.06 * reach, 'q = 0: upright', color=GREY, ha='center', va='bottom',
                       fontsize=8)
 
-    def clear(self) -> None:
-        """Take away all that was drawn."""
+    def clear(self, scales: StageScales) -> None:
+        """Take away all that was drawn, and draw arrows at these scales from now on."""
         for artist in self._drawn:
             artist.remove()
-        self._drawn = []
+        self._drawn, self._scales = [], scales
 
     # ------------------------------------------------------------------ the arm
 
@@ -105,22 +110,28 @@ class ChainStage:
     # ------------------------------------------------------------------ what acts
 
     def draw_force(
-        self, at: FloatArray, force: FloatArray, colour: str = FORCE, pale: bool = False,
+        self, at: FloatArray, force: FloatArray, label: str = '', colour: str = FORCE,
+        pale: bool = False,
     ) -> None:
         """Draw a force (2,) [N] that acts at a point (2,) [m]."""
-        self._arrow(at, force / self._scales.force, colour, pale)
+        self._arrow(at, force / self._scales.force, colour, label, pale)
 
-    def draw_acceleration(self, at: FloatArray, acceleration: FloatArray, colour: str) -> None:
+    def draw_acceleration(
+        self, at: FloatArray, acceleration: FloatArray, label: str = '',
+        colour: str = ACCELERATION,
+    ) -> None:
         """Draw the acceleration (2,) [m/s²] of a point (2,) [m]."""
-        self._arrow(at, acceleration / self._scales.acceleration, colour, False)
+        self._arrow(at, acceleration / self._scales.acceleration, colour, label)
 
-    def draw_moment(self, at: FloatArray, moment: float, pale: bool = False) -> None:
+    def draw_moment(
+        self, at: FloatArray, moment: float, label: str = '', pale: bool = False,
+    ) -> None:
         """Draw a moment [N·m] about a point."""
-        self._arc(at, moment / self._scales.moment, 0.13 * self._reach, MOMENT, pale)
+        self._arc(at, moment / self._scales.moment, 0.13 * self._reach, MOMENT, label, pale)
 
-    def draw_rate(self, at: FloatArray, rate: float) -> None:
+    def draw_rate(self, at: FloatArray, rate: float, label: str = '') -> None:
         """Draw an angular velocity [rad/s] about a point."""
-        self._arc(at, rate / self._scales.rate, 0.10 * self._reach, RATE, False)
+        self._arc(at, rate / self._scales.rate, 0.13 * self._reach, RATE, label)
 
     # ------------------------------------------------------------------ the keys
 
@@ -138,9 +149,9 @@ class ChainStage:
             size = round_number((2.4 if turns else 0.3 * reach) * scale)
             if turns:
                 middle = at + np.array([0.15 * reach, 0.0])
-                self._arc(middle, size / scale, 0.06 * reach, colour, False)
+                self._arc(middle, size / scale, 0.06 * reach, colour)
             else:
-                self._arrow(at, np.array([size / scale, 0.0]), colour, False)
+                self._arrow(at, np.array([size / scale, 0.0]), colour)
             self._drawn.append(self._axes.text(
                 at[0] + 0.36 * reach, at[1], f'{name} {size:g} {unit}', va='center', fontsize=8,
                 color=colour))
@@ -160,21 +171,34 @@ class ChainStage:
             *at, marker=marker, markersize=size, markerfacecolor=face, markeredgecolor=edge,
             markeredgewidth=1.4, zorder=layer)
 
-    def _arrow(self, at: FloatArray, way: FloatArray, colour: str, pale: bool) -> None:
-        if np.linalg.norm(way) < _TINY * self._reach:
+    def _arrow(
+        self, at: FloatArray, way: FloatArray, colour: str, label: str = '', pale: bool = False,
+    ) -> None:
+        length = float(np.linalg.norm(way))
+        if length < _TINY * self._reach:
             return
+        self._label(at + (1.0 + 0.07 * self._reach / length) * way, label, colour)
         self._drawn.append(self._axes.annotate(
             '', at + way, at, zorder=8, annotation_clip=False, arrowprops={
                 'arrowstyle': '-|>,head_width=0.28,head_length=0.5', 'color': colour,
                 'linewidth': 2.2, 'shrinkA': 0.0, 'shrinkB': 0.0,
                 'alpha': 0.45 if pale else 1.0}))
 
+    def _label(self, at: FloatArray, label: str, colour: str) -> None:
+        if label:
+            self._drawn.append(self._axes.text(
+                *at, label, color=colour, fontsize=11, ha='center', va='center', zorder=9))
+
     def _arc(
-        self, middle: FloatArray, angle: float, radius: float, colour: str, pale: bool,
+        self, middle: FloatArray, angle: float, radius: float, colour: str, label: str = '',
+        pale: bool = False,
     ) -> None:
         """Draw an arc from above the middle, clockwise where the angle [rad] is positive."""
         if abs(angle) < _TINY * _ROUNDEST:
             return
+        beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
+        self._label(middle + (radius + 0.08 * self._reach) * np.array(
+            [np.sin(beside), np.cos(beside)]), label, colour)
         phi = np.linspace(0.0, angle, 40)
         points = middle + radius * np.column_stack([np.sin(phi), np.cos(phi)])
         alpha = 0.45 if pale else 1.0
@@ -187,7 +211,3 @@ class ChainStage:
         head = points[-1] + size * np.array([1.1 * along, 0.6 * across, -0.6 * across])
         self._drawn += self._axes.fill(
             head[:, 0], head[:, 1], color=colour, zorder=8, alpha=alpha, linewidth=0.0)
-
-
-SIDE_ACCELERATION = SKY
-"""Of the acceleration that a link hands on to the next joint."""

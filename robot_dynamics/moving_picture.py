@@ -34,7 +34,8 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 FORMATS = ('.gif', '.mp4')
 MP4_RATE = 30
 """Frames a second of an MP4."""
-_COLOURS = 96
+_EXACT, _BLENDS = 40, 48
+"""Colours of a palette: the most frequent ones, and a choice for all others."""
 _SHORTEST = 0.02
 """[s] for which viewers show a frame of a GIF; they slow shorter ones down."""
 
@@ -107,10 +108,17 @@ def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
 
 
 def _common_palette(image: Any, pixels: list[Pixels]) -> Any:
-    """Return a picture whose palette suits all: that of some of them, one beside the other."""
-    chosen = pixels[::max(1, len(pixels) // 8)]
-    return image.fromarray(np.concatenate(chosen, axis=1)).quantize(
-        _COLOURS, method=image.Quantize.MEDIANCUT, dither=image.Dither.NONE)
+    """Return a picture whose palette suits all: the colours of areas as they are, and blends."""
+    some = np.concatenate(pixels[::max(1, len(pixels) // 8)], axis=1)
+    blends = image.fromarray(some).quantize(
+        _BLENDS, method=image.Quantize.MEDIANCUT, dither=image.Dither.NONE)
+    codes = some.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
+    colours, counts = np.unique(codes, return_counts=True)
+    exact = colours[np.argsort(-counts, kind='stable')[:_EXACT]]
+    palette = np.column_stack([exact >> 16, exact >> 8 & 255, exact & 255]).ravel().tolist()
+    common = image.new('P', (1, 1))
+    common.putpalette(palette + blends.getpalette()[:3 * _BLENDS])
+    return common
 
 
 def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
