@@ -68,10 +68,11 @@ class PlanarView:
         zero = np.zeros(arm.joint_count)
         self._place(zero)
         axes = self._axes()
-        turned = np.abs(np.linalg.norm(np.cross(axes, axes[0]), axis=1))
-        if turned.max() > _PARALLEL:
-            raise self._no_chain('joints whose axes are parallel', [
-                name for name, sine in zip(self.chain_names, turned) if sine > _PARALLEL])
+        sines = np.linalg.norm(np.cross(axes[:, None], axes), axis=2)
+        if sines.max() > _PARALLEL:
+            together = max(sines <= _PARALLEL, key=np.count_nonzero)
+            such = [name for name, fits in zip(self.chain_names, together) if fits]
+            raise self._no_chain(f'joints whose axes are parallel, such as {such}')
         self.sense = np.sign(axes @ axes[0])
         self._tool = self._tool_frame(axes[0])
         self.plane = self._choose_plane(axes[0])
@@ -125,23 +126,23 @@ class PlanarView:
         return float(np.linalg.norm(steps, axis=1).sum())
 
     def _check_chain(self) -> None:
-        mimics = [mimic.name for mimic in self.arm.mimic_joints]
-        if mimics:
-            raise self._no_chain('no joints that mimic others', mimics)
-        slides = [name for name, kind in zip(self.arm.joint_names, self.arm.joint_kinds)
+        arm, parents = self.arm, self._model.parents
+        if arm.mimic_joints:
+            raise self._no_chain(
+                f'no joints that mimic others, as {[one.name for one in arm.mimic_joints]} do')
+        slides = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
                   if kind == 'prismatic']
         if slides:
-            raise self._no_chain('joints that turn', slides)
+            raise self._no_chain(f'joints that turn, which {slides} do not')
         branches = [name for i, name in enumerate(self._model.names)
-                    if i > 0 and self._model.parents[i] != i - 1]
+                    if i > 0 and parents[i] != i - 1]
         if branches:
-            raise self._no_chain('one joint after the other', branches)
+            raise self._no_chain(f'one joint after the other, but {branches} branch off')
 
-    def _no_chain(self, expected: str, names: list[str]) -> ModelError:
+    def _no_chain(self, expected: str) -> ModelError:
         return ModelError(
             f'robot {self.arm.name!r} with the joints {list(self.arm.joint_names)} is no planar '
-            f'chain: expected {expected}, but for {names} that is not so; name joints that turn '
-            'about parallel axes, and the others are locked')
+            f'chain: expected {expected}; joints that are not named are locked')
 
     def _place(self, q: FloatArray) -> None:
         pin.framesForwardKinematics(self._model, self._data, self.arm.coordinates.position(q))
