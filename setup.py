@@ -35,7 +35,9 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
-        'tools': ['matplotlib', 'rosbags', 'scipy'],
+        'tools': ['matplotlib', 'pillow', 'rosbags', 'scipy'],
+        # MP4 where no ffmpeg is installed
+        'video': ['imageio-ffmpeg'],
         'xacro': ['xacro'],
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],

@@ -36,7 +36,7 @@ from robot_dynamics.validation import FloatArray
 CONTROL_PERIOD = 2e-3
 """[s]"""
 DAMPING_TIME = 15.0
-"""[s] in which friction given to an arm without any would stop it: F_v = the largest M_ii / this."""
+"""[s] in which friction that an arm is given would stop it: F_v = the largest M_ii / this."""
 LIFT_SHARE = 0.35
 """Of a swing's duration, in which the motors lift the arm."""
 LEAN, FOLD = 1.4, 0.9
@@ -116,7 +116,7 @@ def _simulate(
     count = int(round(duration * rate)) + 1
     steps = max(1, int(np.ceil(1.0 / (rate * CONTROL_PERIOD))))
     period = 1.0 / (rate * steps)
-    all_times = period * np.arange(count * steps)
+    all_times = np.asarray(period * np.arange(count * steps), dtype=np.float64)
     reference = sample_trajectory(path, all_times)
     q, v, tau = (np.zeros((count, arm.joint_count)) for _ in range(3))
     work, heat = np.zeros(count), np.zeros(count)

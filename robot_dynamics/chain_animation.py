@@ -16,8 +16,8 @@
 The moving picture of a planar chain: its motion, and the recursion that computes its efforts.
 
 While the chain moves, each joint shows the force and the moment that it passes on. At chosen
-instants the motion stops, and the two passes of the Newton-Euler recursion are gone through link by
-link (`planar_chain`): outward, how each link moves; inward, what each joint must bear.
+instants the motion stops, and the two passes of the Newton-Euler recursion (`planar_chain`) are
+gone through link by link: outward, how each link moves; inward, what each joint must bear.
 """
 
 from collections.abc import Iterator, Sequence
@@ -87,23 +87,23 @@ class _Animation:
         height = figure.get_figheight()
         side = 5.05 / WIDTH
         bottom = 1.15 / height
-        stage = figure.add_axes((0.062, bottom, side - 0.01, 1.0 - bottom - 0.55 / height))
+        stage = figure.add_axes((0.09, bottom, side - 0.1, 1.0 - bottom - 0.55 / height))
         stage.set_anchor('N')
-        self._stage = ChainStage(
-            stage, self._view.reach(), self._view.upright_at_zero)
+        self._stage = ChainStage(stage, self._view.reach(), self._view.upright_at_zero)
         self._headline = figure.text(
             0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=12, fontweight='bold')
         self._clock = figure.text(
             0.985, 1.0 - 0.12 / height, '', ha='right', va='top', fontsize=9, color=GREY)
-        self._caption = figure.text(
-            0.012, 0.62 / height, '', ha='left', va='top', fontsize=10, linespacing=1.5)
+        self._caption = stage.annotate(
+            '', (0.0, 0.0), (-52.0, -36.0), 'axes fraction', 'offset points', ha='left', va='top',
+            fontsize=10, linespacing=1.5, annotation_clip=False)
         left, width = side + 0.19, 1.0 - side - 0.19 - 0.03
         room = (height - 0.45) / (n + 1)
         panels = [
             figure.add_axes((left, (height - 0.45 - room * (row + 1) + 0.36) / height,
                              width, (room - 0.62) / height))
             for row in range(n + 1)]
-        self._panels = [
+        self._panels: list[EnergyPanel | EffortPanel] = [
             EnergyPanel(panels[0], self._motion),
             *(EffortPanel(axes, self._motion, joint)
               for axes, joint in zip(panels[1:], self._joints))]

@@ -23,10 +23,10 @@ from robot_dynamics.plotting import (
     BLACK,
     BLUE,
     GREEN,
-    GREY,
     LINES,
     ORANGE,
     SKY,
+    title_axes,
     VERMILION,
 )
 from robot_dynamics.validation import FloatArray
@@ -43,9 +43,10 @@ class _Bars:
 
     def __init__(
         self, axes: Any, names: Sequence[str], colours: Sequence[str], low: float, high: float,
-        unit: str, digits: int,
+        unit: str,
     ) -> None:
-        self._digits, self._low, self._high = digits, low, high
+        largest = max(abs(low), abs(high))
+        self._digits = max(0, 1 - int(np.floor(np.log10(0.5 * largest))))
         places = np.arange(len(names))[::-1]
         self._bars = axes.barh(places, np.zeros(len(names)), 0.72, color=colours)
         span = high - low
@@ -85,8 +86,8 @@ class EnergyPanel:
         supply = 'work of the motors' if motion.energy[0] < 1e-6 else 'start + work'
         self._bars = _Bars(
             axes, ('kinetic', 'potential', 'total', 'heat of friction', supply),
-            (ORANGE, SKY, BLUE, VERMILION, GREEN), _ROOM * low, _ROOM * float(ends.max()), 'J', 0)
-        axes.set_title('Energy', loc='left', fontweight='bold')
+            (ORANGE, SKY, BLUE, VERMILION, GREEN), _ROOM * low, _ROOM * float(ends.max()), 'J')
+        title_axes(axes, 'Energy')
 
     def show(self, k: int) -> None:
         """Show the instant k."""
@@ -110,10 +111,9 @@ class EffortPanel:
         prismatic = motion.arm.joint_kinds[joint] == 'prismatic'
         self._bars = _Bars(
             axes, [TERM_WORDS[name] for name in self._names],
-            [GREY if name == 'residual' else LINES[name].colour for name in self._names],
-            -largest, largest, 'N' if prismatic else 'N·m', 0 if largest >= 20.0 else 1)
-        axes.set_title(f'Effort at {motion.arm.joint_names[joint]}', loc='left',
-                       fontweight='bold')
+            [LINES[name].colour for name in self._names],
+            -largest, largest, 'N' if prismatic else 'N·m')
+        title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
 
     def show(self, k: int) -> None:
         """Show the instant k."""

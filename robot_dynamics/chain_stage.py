@@ -153,8 +153,8 @@ class ChainStage:
             else:
                 self._arrow(at, np.array([size / scale, 0.0]), colour)
             self._drawn.append(self._axes.text(
-                at[0] + 0.36 * reach, at[1], f'{name} {size:g} {unit}', va='center', fontsize=8,
-                color=colour))
+                at[0] + 0.36 * reach, at[1], f'{name} {size:g} {unit}', va='center',
+                fontsize=8))
 
     # ------------------------------------------------------------------ strokes
 
@@ -187,7 +187,8 @@ class ChainStage:
     def _label(self, at: FloatArray, label: str, colour: str) -> None:
         if label:
             self._drawn.append(self._axes.text(
-                *at, label, color=colour, fontsize=11, ha='center', va='center', zorder=9))
+                *at, label, color=colour, fontsize=11, ha='center', va='center', zorder=9,
+                bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.75, 'pad': 0.6}))
 
     def _arc(
         self, middle: FloatArray, angle: float, radius: float, colour: str, label: str = '',

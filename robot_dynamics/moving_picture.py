@@ -34,8 +34,11 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 FORMATS = ('.gif', '.mp4')
 MP4_RATE = 30
 """Frames a second of an MP4."""
-_EXACT, _BLENDS = 40, 48
-"""Colours of a palette: the most frequent ones, and a choice for all others."""
+_EXACT, _BLENDS = 32, 32
+"""Colours of a palette: the most frequent ones of areas, and a choice for all others."""
+_LOOKED_AT = 16
+"""Frames from which the palette is chosen."""
+_UNKNOWN = 255
 _SHORTEST = 0.02
 """[s] for which viewers show a frame of a GIF; they slow shorter ones down."""
 
@@ -98,27 +101,47 @@ def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
     image = _pillow()
     kept = list(frames)
     palette = _common_palette(image, [frame.pixels for frame in kept])
-    images = [
-        image.fromarray(frame.pixels).quantize(palette=palette, dither=image.Dither.NONE)
-        for frame in kept]
+    nearest = np.full(1 << 24, _UNKNOWN, dtype=np.uint8)
+    images = [_in_palette(image, frame.pixels, palette, nearest) for frame in kept]
     durations = [int(round(1000.0 * max(frame.seconds, _SHORTEST))) for frame in kept]
     images[0].save(
         path, format='GIF', save_all=True, append_images=images[1:], duration=durations, loop=0,
         optimize=False)
 
 
-def _common_palette(image: Any, pixels: list[Pixels]) -> Any:
-    """Return a picture whose palette suits all: the colours of areas as they are, and blends."""
-    some = np.concatenate(pixels[::max(1, len(pixels) // 8)], axis=1)
+def _common_palette(image: Any, pixels: list[Pixels]) -> npt.NDArray[np.int64]:
+    """Return colours (k, 3) that suit all: those of areas as they are, and some for blends."""
+    some = np.concatenate(pixels[::max(1, len(pixels) // _LOOKED_AT)], axis=1)
     blends = image.fromarray(some).quantize(
         _BLENDS, method=image.Quantize.MEDIANCUT, dither=image.Dither.NONE)
-    codes = some.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
-    colours, counts = np.unique(codes, return_counts=True)
+    codes = _codes(some)
+    areas = codes[:, 1:][codes[:, 1:] == codes[:, :-1]]
+    colours, counts = np.unique(areas, return_counts=True)
     exact = colours[np.argsort(-counts, kind='stable')[:_EXACT]]
-    palette = np.column_stack([exact >> 16, exact >> 8 & 255, exact & 255]).ravel().tolist()
-    common = image.new('P', (1, 1))
-    common.putpalette(palette + blends.getpalette()[:3 * _BLENDS])
-    return common
+    chosen = np.array(blends.getpalette()[:3 * _BLENDS], dtype=np.int64).reshape(-1, 3)
+    return np.concatenate([_colours(exact), chosen])
+
+
+def _in_palette(
+    image: Any, pixels: Pixels, palette: npt.NDArray[np.int64], nearest: npt.NDArray[np.uint8],
+) -> Any:
+    """Return pixels as a picture with this palette; `nearest` keeps what was looked up."""
+    codes = _codes(pixels)
+    unknown = np.unique(codes[nearest[codes] == _UNKNOWN])
+    for part in np.array_split(unknown, 1 + len(unknown) // 4096):
+        away = ((_colours(part)[:, None] - palette) ** 2).sum(axis=2)
+        nearest[part] = away.argmin(axis=1)
+    picture = image.fromarray(nearest[codes])
+    picture.putpalette(palette.ravel().tolist())
+    return picture
+
+
+def _codes(pixels: Pixels) -> npt.NDArray[np.int64]:
+    return np.asarray(pixels.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1]))
+
+
+def _colours(codes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    return np.column_stack([codes >> 16, codes >> 8 & 255, codes & 255])
 
 
 def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:

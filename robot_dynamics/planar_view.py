@@ -117,7 +117,7 @@ class PlanarView:
     def weight(self, link: int) -> FloatArray:
         """Return the weight of a link in the plane, (2,) [N]; links count from 0 at the base."""
         g = np.asarray(self._model.gravity.linear)
-        return self._on_axes(self._model.inertias[link + 1].mass * g[None])[0]
+        return np.asarray(self._on_axes(self._model.inertias[link + 1].mass * g[None])[0])
 
     def reach(self) -> float:
         """Return the farthest that the tip or a joint can be from joint 1 [m]."""

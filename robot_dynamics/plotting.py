@@ -143,15 +143,17 @@ def save_figure(figure: Any, path: Path) -> None:
 
 
 @contextmanager
-def styled_figure(width: float, height: float, layout: str | None = 'constrained') -> (
-        Iterator[Any]):
+def styled_figure(
+    width: float, height: float, layout: str | None = 'constrained',
+    style: Mapping[str, object] | None = None,
+) -> Iterator[Any]:
     """
     Give out a matplotlib figure of this size [inch] and, within the block, the common style.
 
-    Raises MissingDependencyError without matplotlib.
+    `style` has settings of matplotlib beyond it. Raises MissingDependencyError without matplotlib.
     """
     matplotlib, figure_type = _matplotlib()
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context({**STYLE, **(style or {})}):
         yield figure_type(figsize=(width, height), layout=layout)
 
 

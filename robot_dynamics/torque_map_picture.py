@@ -64,7 +64,9 @@ def map_figure(
         poses = even_poses(grid, POSES)
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    with styled_figure(PANEL_WIDTH * columns, PANEL_HEIGHT * rows + 0.45) as figure:
+    with styled_figure(
+            PANEL_WIDTH * columns, PANEL_HEIGHT * rows + 0.45,
+            style={'hatch.color': 'white'}) as figure:
         figure.suptitle(
             title + ('   (q = 0: upright)' if _stands_upright(arm) else ''), fontsize=11)
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -102,10 +104,9 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> No
     reached = largest > panel.limit
     if reached:
         size = np.abs(values)
-        hatched = axes.contourf(
+        axes.contourf(
             grid.x, grid.y, size, levels=[panel.limit, 2.0 * largest], colors='none',
             hatches=['//'])
-        hatched.set(edgecolor='white', linewidth=0.0)
         for colour, width in (('white', 4.6), (BLACK, 2.4)):
             axes.contour(
                 grid.x, grid.y, size, levels=[panel.limit], colors=colour, linewidths=width)
@@ -131,7 +132,8 @@ def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
 def angle_ticks(low: float, high: float) -> tuple[list[float], list[str]]:
     """Return the multiples of π/2, or of π in a wide range, in [low, high], and their names."""
     step = 1 if high - low <= 4.0 * np.pi + 1e-9 else 2
-    first, last = (int(np.ceil(2.0 * low / np.pi - 1e-9)), int(np.floor(2.0 * high / np.pi + 1e-9)))
+    first = int(np.ceil(2.0 * low / np.pi - 1e-9))
+    last = int(np.floor(2.0 * high / np.pi + 1e-9))
     counts = [count for count in range(first, last + 1) if count % step == 0]
     return [0.5 * np.pi * count for count in counts], [_angle_name(count) for count in counts]
 

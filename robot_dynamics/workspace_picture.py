@@ -40,12 +40,12 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
     MissingDependencyError without matplotlib.
     """
     worst = worst_gravity(arm)
-    with styled_figure(WIDTH, HEIGHT) as figure:
+    with styled_figure(WIDTH, HEIGHT, style={'hatch.color': VERMILION}) as figure:
         figure.suptitle(title, fontsize=11)
         most, least, joints = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 0.8))
         top = max(float(np.nanmax(found.most)), 1e-9)
-        _draw_places(most, found, found.most, top, 'In the worst pose')
-        image = _draw_places(least, found, found.least, top, 'In the best pose')
+        _draw_places(most, found, found.most, top, 'In the worst pose at each place')
+        image = _draw_places(least, found, found.least, top, 'In the best pose at each place')
         bar = figure.colorbar(image, ax=[most, least], shrink=0.9, aspect=26, pad=0.01)
         bar.set_label(f'gravity at {link}: largest share of an effort limit [%]')
         bar.outline.set_visible(False)
@@ -67,9 +67,7 @@ def _draw_places(
     beyond = bool(np.nanmax(shares) > 1.0)
     if beyond:
         centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (found.across, found.up)]
-        hatched = axes.contourf(
-            *centres, shares, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
-        hatched.set(edgecolor=VERMILION, linewidth=0.0)
+        axes.contourf(*centres, shares, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
         axes.contour(*centres, shares, levels=[1.0], colors=VERMILION, linewidths=2.4)
     axes.set_aspect('equal')
     axes.set(xlabel='x [m]' if found.is_plane else 'distance from the vertical [m]',

@@ -52,6 +52,10 @@ LAYERS = {
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
         'trajectory_efforts',
+        # pictures
+        'arm_motion', 'chain_animation', 'chain_panels', 'chain_stage', 'moving_picture',
+        'planar_view', 'stick_figure', 'torque_grid', 'torque_map_picture', 'workspace_gravity',
+        'workspace_picture',
     ),
     # and ROS
     'ros': ('ros.',),
