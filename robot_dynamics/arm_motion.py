@@ -92,7 +92,7 @@ def simulate_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
     """
     if any(kind != 'continuous' for kind in arm.joint_kinds):
         motion = make_reference_motion(arm, duration)
-        return _simulate(arm, motion.trajectory, motion.start, duration, duration, rate)
+        return _simulate(arm, motion.trajectory, motion.start, duration, np.inf, rate)
     hanging = lowest_position(arm)
     if arm.friction.is_zero:
         inertia = np.diag(RigidBody(arm).mass_matrix(hanging))

@@ -152,7 +152,8 @@ class PlanarView:
         columns = pin.computeJointJacobians(
             self._model, self._data, self.arm.coordinates.position(
                 np.zeros(self.arm.joint_count)))
-        return np.asarray(columns[3:].T)
+        # Pinocchio gives a flat array back for one joint.
+        return np.asarray(columns.reshape(6, -1)[3:].T)
 
     def _tool_frame(self, axis: FloatArray) -> int | None:
         """Return the frame on the last link that is farthest from its joint's axis, if any is."""

@@ -137,7 +137,7 @@ def title_axes(axes: Any, title: str, note: str = '') -> None:
     axes.annotate(note, (0.0, 1.0), (0.0, 3.0), 'axes fraction', 'offset points', fontsize=8)
 
 
-def save_figure(figure: Any, path: Path) -> None:
+def save_figure(figure: Any, path: Path | str) -> None:
     """Write a figure to a file, whose suffix tells the format; raise OSError."""
     figure.savefig(path)
 

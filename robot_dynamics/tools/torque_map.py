@@ -132,6 +132,7 @@ def _run(arguments: argparse.Namespace) -> int:
     arm = load_arm(
         default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
+    arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
     if arguments.what == WORKSPACE:
@@ -188,7 +189,7 @@ def _panel(what: str, arm: ArmModel, joint: int, values: FloatArray) -> MapPanel
 
 
 def _list(values: Any) -> str:
-    return '(' + ', '.join(f'{value:g}' for value in values) + ')'
+    return '(' + ', '.join(f'{value:g}' for value in values).replace('-', '−') + ')'
 
 
 if __name__ == '__main__':
