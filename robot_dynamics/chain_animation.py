@@ -74,7 +74,8 @@ class _Animation:
         with styled_figure(WIDTH, height, None) as figure:
             figure.set_dpi(DPI)
             self._lay_out(figure, n)
-            period = float(np.median(np.diff(motion.times))) / speed
+            period = float(np.median(np.diff(motion.times))) / speed if (
+                len(motion.times) > 1) else STEP_SECONDS
             at_stops = {int(np.abs(motion.times - stop).argmin()) for stop in stops}
             for k in range(len(motion.times)):
                 self._show_motion(k)

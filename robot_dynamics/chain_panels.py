@@ -110,10 +110,14 @@ class EffortPanel:
         largest = _ROOM * max(float(np.abs(self._values).max()), 1e-3)
         prismatic = motion.arm.joint_kinds[joint] == 'prismatic'
         self._bars = _Bars(
-            axes, [TERM_WORDS[name] for name in self._names],
+            axes, [self._word(name) for name in self._names],
             [LINES[name].colour for name in self._names],
             -largest, largest, 'N' if prismatic else 'N·m')
         title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
+
+    def _word(self, term: str) -> str:
+        measured = term == 'effort' and 'residual' in self._names
+        return 'sum: measured, τ' if measured else TERM_WORDS[term]
 
     def show(self, k: int) -> None:
         """Show the instant k."""

@@ -103,10 +103,15 @@ def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
     palette = _common_palette(image, [frame.pixels for frame in kept])
     nearest = np.full(1 << 24, _UNKNOWN, dtype=np.uint8)
     images = [_in_palette(image, frame.pixels, palette, nearest) for frame in kept]
-    durations = [int(round(1000.0 * max(frame.seconds, _SHORTEST))) for frame in kept]
     images[0].save(
-        path, format='GIF', save_all=True, append_images=images[1:], duration=durations, loop=0,
-        optimize=False)
+        path, format='GIF', save_all=True, append_images=images[1:], loop=0, optimize=False,
+        duration=_milliseconds([frame.seconds for frame in kept]))
+
+
+def _milliseconds(seconds: list[float]) -> list[int]:
+    """Return times in the steps of a GIF, 10 ms, that add up to what the seconds add up to."""
+    ends = np.round(100.0 * np.cumsum(np.maximum(seconds, _SHORTEST))).astype(int)
+    return [10 * int(step) for step in np.diff(ends, prepend=0)]
 
 
 def _common_palette(image: Any, pixels: list[Pixels]) -> npt.NDArray[np.int64]:

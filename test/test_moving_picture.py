@@ -46,6 +46,15 @@ def test_a_gif_has_the_frames_their_colours_and_their_times(tmp_path):
         npt.assert_array_equal(pixels, frame.pixels)
 
 
+def test_times_that_a_gif_does_not_have_add_up_all_the_same(tmp_path):
+    write_moving_picture(
+        tmp_path / 'x.gif', [Frame(bar(k % 15 + 1), 1.0 / 12.0) for k in range(60)])
+    with Image.open(tmp_path / 'x.gif') as picture:
+        durations = [one.info['duration'] for one in ImageSequence.Iterator(picture)]
+    assert set(durations) == {80, 90}
+    assert sum(durations) == 5000
+
+
 def test_many_colours_become_the_nearest_of_a_palette(tmp_path):
     ramp = np.zeros((32, 256, 3), dtype=np.uint8)
     ramp[..., 0] = np.arange(256)

@@ -63,7 +63,8 @@ def test_axes_have_names_and_units(grid):
     assert axes.get_xlabel() == 'position of joint1 [rad]'
     assert axes.get_ylabel() == 'position of joint2 [rad]'
     assert bar.get_ylabel() == '[N·m]'
-    assert [label.get_text() for label in axes.get_xticklabels()] == ['−π', '−π/2', '0', 'π/2', 'π']
+    ticks = [label.get_text() for label in axes.get_xticklabels()]
+    assert ticks == ['−π', '−π/2', '0', 'π/2', 'π']
 
 
 def test_the_limit_is_a_contour_where_the_effort_is_the_limit(grid):
