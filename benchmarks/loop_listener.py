@@ -73,7 +73,7 @@ class Topic:
 
     def newest_stamp(self) -> int:
         """Return the stamp [ns] of the newest message."""
-        return JointStateDecoder().decode(self._messages[-1]).stamp.nanoseconds
+        return JointStateDecoder().decode(self._messages[-1]).stamp_ns
 
     def newest_sent(self) -> int:
         """Return when [ns] the newest message was published."""
@@ -84,7 +84,7 @@ class Topic:
         decoder = JointStateDecoder()
         states = [decoder.decode(data) for data in self._messages]
         return Heard(
-            np.array([state.stamp.nanoseconds for state in states], dtype=np.int64),
+            np.array([state.stamp_ns for state in states], dtype=np.int64),
             np.array(self._sent, dtype=np.int64), np.array([state.effort for state in states]))
 
 

@@ -29,6 +29,7 @@ what is left of the friction damps the error.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,11 @@ def wrap_to_pi(angle: FloatArray) -> FloatArray:
     return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
 
 
+def wrap_angle(angle: float) -> float:
+    """Return one angle likewise; NaN of one that is not finite."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi) if math.isfinite(angle) else math.nan
+
+
 class ErrorFeedback:
     """
     The commanded acceleration q̈_ref + K_d ė + K_p e.
@@ -107,9 +113,11 @@ class ErrorFeedback:
 
     def __init__(self, gains: Gains, joint_kinds: Sequence[str]) -> None:
         self.gains = gains
-        self._ratio = gains.ratio
-        continuous = np.array([kind == 'continuous' for kind in joint_kinds])
-        self._continuous = continuous if continuous.any() else None
+        self.ratio = gains.ratio
+        """K_p/K_d (n,) [1/s], 0 where K_d is 0."""
+        self.turns = [kind == 'continuous' for kind in joint_kinds]
+        """Which joints turn without end."""
+        self._continuous = np.array(self.turns) if any(self.turns) else None
 
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
         """Return q_ref − q, (n,) [rad] or [m]."""
@@ -126,4 +134,4 @@ class ErrorFeedback:
 
     def reference_velocity(self, reference: Reference, q: FloatArray) -> FloatArray:
         """Return v_r = q̇_ref + K_p/K_d e, (n,) [rad/s] or [m/s]; q̇_ref where K_d is 0."""
-        return reference.velocity + self._ratio * self.position_error(reference.position, q)
+        return reference.velocity + self.ratio * self.position_error(reference.position, q)

@@ -21,6 +21,8 @@ or a recording, gives the same efforts however fast it is played.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+import math
 import threading
 from typing import NamedTuple
 
@@ -33,8 +35,14 @@ from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
-from robot_dynamics.trajectory import JointTrajectory, Reference, TrajectoryFollower
-from robot_dynamics.validation import all_finite, FloatArray
+from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
+from robot_dynamics.trajectory import (
+    ActiveTrajectory,
+    JointTrajectory,
+    Reference,
+    TrajectoryFollower,
+)
+from robot_dynamics.validation import FloatArray, largest
 
 BoolArray = npt.NDArray[np.bool_]
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
@@ -61,8 +69,13 @@ class ControlOutput(NamedTuple):
     command: FloatArray | None
     hold: FloatArray
     clamped: BoolArray
-    reference: Reference | None
-    terms: EffortTerms | None
+    sample: Callable[[], Reference] | None = None
+    terms: EffortTerms | None = None
+
+    @property
+    def reference(self) -> Reference | None:
+        """Return what is followed, None where there is nothing."""
+        return None if self.sample is None else self.sample()
 
 
 @dataclass(frozen=True)
@@ -97,6 +110,7 @@ class Controller:
         self._follower = TrajectoryFollower(arm.joint_names, continuous)
         self._waiting: tuple[JointTrajectory, int] | None = None
         self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self._tracking: SegmentTracking | None = None
         self._answered: _Answered | None = None
         """The last state, and what its command was made of."""
         self._zero = np.zeros(arm.joint_count)
@@ -190,20 +204,23 @@ class Controller:
             self._advance_payload(self._transition, stamp_ns)
         dynamics, zero = self._dynamics, self._zero
         gravity = dynamics.rigid_body.gravity(q)
-        friction, reference = zero, None
+        friction, a, computed_torque, sample = zero, zero, None, None
         if v is not None:
             self._state = (stamp_ns, q, v)
             if self._waiting is not None:
                 self._start_waiting()
-            reference = self._follower.sample(stamp_ns)
-        computed_torque, a = None, zero
-        if reference is not None and v is not None:
-            a = self._feedback.acceleration(reference, q, v)
-            computed_torque = dynamics.rigid_body.inverse_dynamics(q, v, a)
-            if not dynamics.friction.is_zero:
-                friction = self._friction(reference, q, v)
-                computed_torque = computed_torque + friction
-        _check_finite(q, gravity, computed_torque)
+            active = self._follower.active
+            if active is not None:
+                sample = partial(active.sample, stamp_ns)
+                a, v_r = self._track(active, stamp_ns, q, v)
+                computed_torque = dynamics.rigid_body.inverse_dynamics(q, v, a)
+                if not dynamics.friction.is_zero:
+                    friction = self._friction(v_r, v)
+                    computed_torque = computed_torque + friction
+        gravity_peak = largest(gravity)
+        peak = 0.0 if computed_torque is None else largest(computed_torque)
+        if not (gravity_peak < math.inf and peak < math.inf):
+            raise _not_finite(q, gravity, computed_torque)
         follows = computed_torque is not None and self._options.command == 'computed_torque'
         bare = dynamics is self._bare_dynamics
         robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
@@ -213,18 +230,19 @@ class Controller:
             own = _Own(
                 robot_gravity if robot.compensates_gravity else None,
                 friction if robot.compensates_friction and follows else None)
-        helps = own is not _NOTHING
-        hold, clamped = self._bounded(own.gravity_taken_off(gravity) if helps else gravity, own)
-        command = self._choose(gravity, computed_torque)
-        if command is None:
-            clamped = self._no_joint
-        elif command is gravity:
-            command = hold
-        else:
-            command, clamped = self._bounded(own.taken_off(command) if helps else command, own)
+        is_free = own is _NOTHING and gravity_peak <= self._least_limit
+        hold, clamped = (gravity, self._no_joint) if is_free else (
+            self._bounded(own.gravity_taken_off(gravity), own))
+        command: FloatArray | None = hold
+        if self._options.command == 'none':
+            command, clamped = None, self._no_joint
+        elif follows and computed_torque is not None:
+            is_free = own is _NOTHING and peak <= self._least_limit
+            command, clamped = (computed_torque, self._no_joint) if is_free else (
+                self._bounded(own.taken_off(computed_torque), own))
         self._answered = dynamics, q, v, a, gravity, friction, follows, own
         return ControlOutput(
-            gravity, robot_gravity, computed_torque, command, hold, clamped, reference, None)
+            gravity, robot_gravity, computed_torque, command, hold, clamped, sample)
 
     def _terms(self) -> EffortTerms | None:
         if self._answered is None:
@@ -250,9 +268,6 @@ class Controller:
         lost on the way.) Where gravity alone is beyond the limit, the command need not push
         against it: it may be 0, or take load off.
         """
-        values = command.tolist()  # finite: that was checked
-        if own.gravity is None and max(map(abs, values), default=0.0) <= self._least_limit:
-            return command, self._no_joint
         low, high = -self._effort_limit, self._effort_limit
         if own.gravity is not None:
             limit = self.arm.limits.effort
@@ -261,20 +276,25 @@ class Controller:
         bounded = np.minimum(np.maximum(command, low), high)
         return bounded, bounded != command
 
-    def _friction(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
+    def _track(
+        self, active: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
+    ) -> Tracked:
+        segment, feedback = active.segment(now_ns), self._feedback
+        if segment is None or len(q) > FEW:
+            reference = active.sample(now_ns)
+            return Tracked(
+                feedback.acceleration(reference, q, v), feedback.reference_velocity(reference, q))
+        tracking = self._tracking
+        if tracking is None or tracking.segment is not segment or (
+                tracking.feedback is not feedback):
+            tracking = self._tracking = SegmentTracking(segment, feedback)
+        return tracking.at(now_ns, q, v)
+
+    def _friction(self, v_r: FloatArray, v: FloatArray) -> FloatArray:
         friction, mode = self._dynamics.friction, self._options.friction_compensation
         if mode == 'reference':
-            return friction.smooth_effort(self._feedback.reference_velocity(reference, q))
+            return friction.smooth_effort(v_r)
         return friction.effort(v) if mode == 'measured' else self._zero
-
-    def _choose(
-        self, gravity: FloatArray, computed_torque: FloatArray | None,
-    ) -> FloatArray | None:
-        if self._options.command == 'none':
-            return None
-        if self._options.command == 'computed_torque' and computed_torque is not None:
-            return computed_torque
-        return gravity
 
     def _start_waiting(self) -> None:
         if self._waiting is None or self._state is None:
@@ -322,11 +342,9 @@ _Answered = tuple[
     ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray, FloatArray, bool, _Own]
 
 
-def _check_finite(
+def _not_finite(
     q: FloatArray, gravity: FloatArray, computed_torque: FloatArray | None,
-) -> None:
-    if all_finite(gravity) and (computed_torque is None or all_finite(computed_torque)):
-        return
-    raise NonFiniteEffortError(
+) -> NonFiniteEffortError:
+    return NonFiniteEffortError(
         f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
         f'computed torque {computed_torque}')

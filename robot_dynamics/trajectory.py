@@ -76,7 +76,7 @@ class Reference(NamedTuple):
     acceleration: FloatArray
 
 
-class _Segment(NamedTuple):
+class Segment(NamedTuple):
     """
     The motion from one point to the next.
 
@@ -89,6 +89,10 @@ class _Segment(NamedTuple):
     begin_ns: int
     duration: float
     coefficients: FloatArray
+
+    def share(self, now_ns: int) -> float:
+        """Return s, how much of the segment has passed, from 0 to 1."""
+        return (now_ns - self.begin_ns) / NANOSECONDS_PER_SECOND / self.duration
 
 
 def sample_segment(
@@ -171,7 +175,7 @@ class ActiveTrajectory:
             self._times.insert(0, arrival_ns)
             self._points.insert(0, TrajectoryPoint(0.0, *state_before))
         self._final = _held(trajectory)
-        self._segment: _Segment | None = None
+        self._segment: Segment | None = None
 
     def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
         """Return the same with all its times lower by `shift_ns`."""
@@ -185,16 +189,20 @@ class ActiveTrajectory:
 
         A time before the arrival gives the state before the trajectory.
         """
+        segment = self.segment(now_ns)
+        if segment is not None:
+            return _evaluate(segment.coefficients, segment.share(now_ns))
+        return self._final if now_ns >= self.end_ns else self._state_before
+
+    def segment(self, now_ns: int) -> Segment | None:
+        """Return the segment in force at `now_ns`, None before the arrival and after the end."""
         segment = self._segment
         if segment is None or not segment.since_ns <= now_ns < segment.end_ns:
-            if now_ns >= self.end_ns:
-                return self._final
-            if now_ns < self._arrival_ns:
-                return self._state_before
+            if not self._arrival_ns <= now_ns < self.end_ns:
+                return None
             index = bisect_right(self._times, now_ns) - 1
             segment = self._segment = self._make_segment(index)
-        span = (now_ns - segment.begin_ns) / NANOSECONDS_PER_SECOND
-        return _evaluate(segment.coefficients, span / segment.duration)
+        return segment
 
     def entry_step(self) -> FloatArray:
         """
@@ -205,11 +213,11 @@ class ActiveTrajectory:
         """
         return self.sample(self._arrival_ns).position - self._state_before.position
 
-    def _make_segment(self, index: int) -> _Segment:
+    def _make_segment(self, index: int) -> Segment:
         begin_ns, end_ns = self._times[index:index + 2]
         duration = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND
         p0, p1 = self._points[index:index + 2]
-        return _Segment(
+        return Segment(
             max(begin_ns, self._arrival_ns), end_ns, begin_ns, duration,
             _coefficients(p0, p1, duration))
 

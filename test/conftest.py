@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 # Test runs that go on at the same time, and whatever else runs here, must not hear each other.
 # LOCALHOST takes shared memory and UDP in any case; with another range UDP will do.
 os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
+if 'PYTEST_XDIST_WORKER' in os.environ:  # which got that of the process that started it
+    os.environ['ROS_DOMAIN_ID'] = str(os.getpid() % 100 + 1)
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 os.environ.setdefault(

@@ -50,7 +50,7 @@ LAYERS = {
         'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
-        'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation',
+        'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'tracking',
         'trajectory_efforts',
         # pictures
         'arm_motion', 'chain_animation', 'chain_panels', 'chain_stage', 'moving_picture',

@@ -51,8 +51,8 @@ def state(
 
 def check(read: SensedState, message: JointState) -> None:
     stamp = message.header.stamp
-    assert read.stamp.nanoseconds == 1_000_000_000 * stamp.sec + stamp.nanosec
-    assert read.stamp.data == serialize_message(message)[4:12]
+    assert read.stamp_ns == 1_000_000_000 * stamp.sec + stamp.nanosec
+    assert read.stamp == serialize_message(message)[4:12]
     assert read.name == list(message.name)
     for values, wanted in ((read.position, message.position), (read.velocity, message.velocity),
                            (read.effort, message.effort)):

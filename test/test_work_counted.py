@@ -135,7 +135,7 @@ def node(tmp_path: Any) -> Iterator[Node]:
         rclpy.try_shutdown()
 
 
-@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 150, 3), (True, 190, 4)])
+@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 115, 3), (True, 160, 4)])
 def test_the_calls_of_a_message(
     node: Node, engine: Counter[str], follows: bool, most: int, published: int,
 ) -> None:
@@ -145,7 +145,8 @@ def test_the_calls_of_a_message(
     engine.clear()
     calls = calls_of(node.take_state)
     assert engine == {'computeGeneralizedGravity': 1, **({'rnea': 1} if follows else {})}
-    assert calls['publish'] == calls['filled'] == published
+    assert calls['filled'] == published
+    assert calls['publish'] == published - 1  # the command goes out without rclpy's wrapper
     assert calls['deserialize_message'] == calls['serialize_message'] == 0
     assert calls.total() <= most
 

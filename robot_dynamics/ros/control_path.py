@@ -38,7 +38,6 @@ from robot_dynamics.ros.serialized import (
     effort_template,
     MessageTemplate,
     SensedState,
-    SerializedStamp,
 )
 from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
@@ -174,7 +173,7 @@ class ControlPath:
         served = self._served
         q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
-            state.stamp.nanoseconds, time.time_ns(), q, v, self._is_crowded)
+            state.stamp_ns, time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._forget_reference()
@@ -194,9 +193,9 @@ class ControlPath:
         else:
             self.counters.repeated += 1
             command = self.command.repeat(state.stamp)
-        self._publish(state.stamp, served, output)
+        self._publish(state, served, output)
         self.counters.states += 1
-        self.counters.following = output.reference is not None
+        self.counters.following = output.sample is not None
         self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
@@ -210,13 +209,13 @@ class ControlPath:
         """With use_sim_time stamps have no age by the clock of this computer."""
         return not self._node.get_clock().ros_time_is_active
 
-    def _publish(self, stamp: SerializedStamp, served: _Served, output: ControlOutput) -> None:
+    def _publish(self, state: SensedState, served: _Served, output: ControlOutput) -> None:
         template = served.template
-        self._gravity.publish(template.filled(stamp.data, output.gravity_compensation))
+        self._gravity.publish(template.filled(state.stamp, output.gravity_compensation))
         if output.computed_torque is not None:
-            self._computed_torque.publish(template.filled(stamp.data, output.computed_torque))
+            self._computed_torque.publish(template.filled(state.stamp, output.computed_torque))
         if self._terms.get_subscription_count():
             terms = served.controller.terms()
             if terms is not None:
                 self._terms.publish(
-                    terms_to_ros(terms, served.names, stamp_to_ros(stamp.nanoseconds)))
+                    terms_to_ros(terms, served.names, stamp_to_ros(state.stamp_ns)))

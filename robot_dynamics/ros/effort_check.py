@@ -72,7 +72,7 @@ class EffortCheck:
             return
         try:
             verdict = self._check.add(
-                message.stamp.nanoseconds, q, v, effort, in_force, gravity)
+                message.stamp_ns, q, v, effort, in_force, gravity)
         except Exception as error:  # a check may fail, the control path may not
             self._node.get_logger().error(f'The effort check ended: {error!r}')
             self._finish(f'ended: {error!r}')

@@ -28,14 +28,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.callback_groups import CallbackGroup
-from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 
-FOREVER = -1
-"""Time to wait [ns]."""
+TURN = 100_000_000
+"""[ns] after which a wait looks whether the loop is to end."""
 LOG_PERIOD = 5.0
 """[s] between warnings of one kind."""
 
@@ -76,7 +75,6 @@ class MessageLoop:
         group = LEFT_TO_THE_LOOP if in_thread else None
         self._subscription = node.create_subscription(
             message_type, topic, self._deliver_in_executor, qos, callback_group=group, raw=True)
-        self._wake = GuardCondition(lambda: None, None, context=node.context)
         self._thread = threading.Thread(
             target=self._run, name=f'{topic} loop', daemon=True) if in_thread else None
 
@@ -89,7 +87,6 @@ class MessageLoop:
         """End the thread, before the node is destroyed."""
         self._stop = True
         if self._thread is not None and self._thread.is_alive():
-            self._wake.trigger()
             self._thread.join()
 
     def publisher_count(self) -> int:
@@ -101,15 +98,14 @@ class MessageLoop:
             self._wait_and_deliver()
 
     def _wait_and_deliver(self) -> None:
-        subscription, wake = self._subscription.handle, self._wake.handle
-        wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, self._context.handle)
+        subscription = self._subscription.handle
+        wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, self._context.handle)
         while not self._stop and self._context.ok():
             wait_set.clear_entities()
             wait_set.add_subscription(subscription)
-            wait_set.add_guard_condition(wake)
-            wait_set.wait(FOREVER)
+            wait_set.wait(TURN)
             data = None if self._stop else self._take()
-            if data is not None:  # it may have been the guard condition alone
+            if data is not None:  # the turn may be over
                 self._deliver(data)
 
     def _deliver_in_executor(self, data: bytes) -> None:

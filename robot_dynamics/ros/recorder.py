@@ -60,11 +60,11 @@ class TopicSpec:
 
 @dataclass
 class TopicCount:
-    """What arrived of a topic: messages, those lost on the way, the newest stamp [ns]."""
+    """What arrived of a topic: messages, those lost on the way, the newest stamp [ns], or -1."""
 
     received: int = 0
     lost: int = 0
-    stamp_ns: int = 0
+    stamp_ns: int = -1
 
 
 class _Source:
@@ -136,7 +136,8 @@ class Recorder:
             data, info = taken
             stamp = _first_stamp_ns(data) if source.spec.stamped else 0
             count.received += 1
-            count.stamp_ns = stamp or count.stamp_ns
+            if source.spec.stamped:  # the first stamp of a simulation is 0
+                count.stamp_ns = stamp
             count.lost += _lost_before(source, info)
             self._writer.write(name, self._recorded_at(info, stamp), data)
         return count.received - before

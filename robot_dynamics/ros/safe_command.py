@@ -40,7 +40,6 @@ from robot_dynamics.ros.serialized import (
     array_template,
     effort_template,
     MessageTemplate,
-    SerializedStamp,
 )
 from robot_dynamics.validation import any_of, FloatArray
 from sensor_msgs.msg import JointState
@@ -73,6 +72,7 @@ class SafeCommand:
         self._node, self._when_faulty = node, when_faulty
         self.counters = CommandCounters()
         self._command = self._publisher(JointState, 'effort_command', qos)
+        self._send = self._command.handle.publish_raw
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
@@ -201,7 +201,7 @@ class SafeCommand:
     # ------------------------------------------------------------------ efforts
 
     def answer(
-        self, stamp: SerializedStamp, q: FloatArray, v: FloatArray | None, output: ControlOutput,
+        self, stamp: bytes, q: FloatArray, v: FloatArray | None, output: ControlOutput,
         dt: float | None,
     ) -> FloatArray | None:
         """
@@ -222,18 +222,18 @@ class SafeCommand:
                 return None
             if self._is_active and supervisor.mode is Mode.INACTIVE:
                 supervisor.activate()
-            self._stamp = stamp.data
+            self._stamp = stamp
             effort = supervisor.answer(now, q, v, output.command, output.hold, dt)
             self._publish(effort)
             self._count(output)
             self._look_for_faults()
             return effort
 
-    def repeat(self, stamp: SerializedStamp) -> FloatArray | None:
+    def repeat(self, stamp: bytes) -> FloatArray | None:
         """Publish the last effort again, for a state that came again; return it."""
         with self._changed:
             effort = None if self._supervisor is None else self._supervisor.repeat()
-            self._stamp = stamp.data
+            self._stamp = stamp
             self._publish(effort)
             return effort
 
@@ -265,7 +265,7 @@ class SafeCommand:
             return
         named, bare = self._templates
         try:
-            self._command.publish(named.filled(self._stamp, effort))
+            self._send(named.filled(self._stamp, effort))
             self._commands.publish(bare.filled(self._stamp, effort))
         except Exception:
             if self._node.context.ok():

@@ -40,22 +40,7 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 STAMP = slice(4, 12)
 """Where a message that begins with a std_msgs/Header has its stamp."""
 _SEC_NANOSEC = struct.Struct('<iI')
-
-
-class SerializedStamp(NamedTuple):
-    """A time of ROS: its bytes, and [ns]."""
-
-    data: bytes
-    nanoseconds: int
-
-
-def serialized_stamp(data: bytes) -> SerializedStamp:
-    """Return the stamp of a serialized message that begins with a std_msgs/Header."""
-    return _make_stamp(data[STAMP], *_SEC_NANOSEC.unpack_from(data, STAMP.start))
-
-
-def _make_stamp(data: bytes, sec: int, nanosec: int) -> SerializedStamp:
-    return SerializedStamp(data, 1_000_000_000 * sec + nanosec)
+_FLOAT64 = np.dtype(np.float64)
 
 
 class Layout(NamedTuple):
@@ -72,9 +57,14 @@ class Layout(NamedTuple):
 
 
 class SensedState(NamedTuple):
-    """What a joint state says: all its numbers in one row, and where in it they lie."""
+    """
+    What a joint state says: all its numbers in one row, and where in it they lie.
 
-    stamp: SerializedStamp
+    `stamp` is that of the header in bytes, `stamp_ns` in ns.
+    """
+
+    stamp: bytes
+    stamp_ns: int
     name: list[str]
     numbers: FloatArray
     layout: Layout
@@ -104,23 +94,25 @@ class JointStateDecoder:
         self._length = self._start = self._number_count = 0
         self._layout: Layout | None = None
         self._skeleton = struct.Struct('')
-        self._bones: tuple[bytes, ...] = ()
+        self._bones: list[bytes] = []
 
     def decode(self, data: bytes) -> SensedState:
         """Return what a message says; raise UnreadableMessageError."""
         layout = self._layout
-        if layout is None or len(data) != self._length or (
-                self._skeleton.unpack(data) != self._bones and not self._has_known_bones(data)):
+        if layout is None or len(data) != self._length or data[:4] != ENCAPSULATION:
+            return self._learn(data)
+        sec, nanosec, *bones = self._skeleton.unpack(data)
+        if bones != self._bones and not self._has_known_bones(data):
             return self._learn(data)
         return SensedState(
-            serialized_stamp(data), self._names,
-            np.frombuffer(data, np.float64, self._number_count, self._start), layout)
+            data[STAMP], 1_000_000_000 * sec + nanosec, self._names,
+            np.frombuffer(data, _FLOAT64, self._number_count, self._start), layout)
 
     def _has_known_bones(self, data: bytes) -> bool:
         """Tell whether all but stamp and numbers is as before; padding may be anything."""
         if not all(data[start:end] == known for start, end, known in self._known):
             return False
-        self._bones = self._skeleton.unpack(data)
+        _, _, *self._bones = self._skeleton.unpack(data)
         return True
 
     # ------------------------------------------------------------------ any message
@@ -137,7 +129,8 @@ class JointStateDecoder:
         fields = message.position, message.velocity, message.effort
         p, v, _ = (len(values) for values in fields)
         return SensedState(
-            _make_stamp(struct.pack('<iI', stamp.sec, stamp.nanosec), stamp.sec, stamp.nanosec),
+            _SEC_NANOSEC.pack(stamp.sec, stamp.nanosec),
+            1_000_000_000 * stamp.sec + stamp.nanosec,
             list(message.name), np.concatenate([np.array(values) for values in fields]),
             Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
 
@@ -174,13 +167,13 @@ class JointStateDecoder:
         self._layout = Layout(*(
             slice((start - first) // 8, (end - first) // 8) if end > start else slice(0, 0)
             for start, end in places))
-        self._skeleton = _skeleton([(STAMP.start, STAMP.stop), *places], len(data))
-        self._bones = self._skeleton.unpack(data)
+        self._skeleton = _skeleton(places, len(data))
+        _, _, *self._bones = self._skeleton.unpack(data)
 
 
 def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct:
-    """Return what takes all the bytes of a message but these ranges, in one step."""
-    parts, end = [], 0
+    """Return what takes the stamp and then, in one step, all bytes behind it but these ranges."""
+    parts, end = [f'<{STAMP.start}xiI'], STAMP.stop
     for start, stop in left_out:
         parts.append(f'{start - end}s{stop - start}x')
         end = stop

@@ -81,7 +81,7 @@ class ArmTopics:
             self._node.get_logger().warning(
                 f'Refused an effort: {reason_of(error)}', throttle_duration_sec=LOG_PERIOD)
             return None
-        return effort, state.stamp.nanoseconds
+        return effort, state.stamp_ns
 
     def publish(self, stamp_ns: int, measured: Measured) -> None:
         """Publish what is measured, after the time that it is of."""

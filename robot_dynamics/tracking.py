@@ -1,0 +1,73 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""
+The commanded acceleration along one segment of a trajectory, joint by joint.
+
+It is what `ErrorFeedback` makes of a sample of that segment. For the few joints of an arm plain
+floats are quicker than arrays: half as long when asked again and again, and less than that on a
+control path, where each function of numpy has to be fetched anew for every message.
+"""
+
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.control import ErrorFeedback, wrap_angle
+from robot_dynamics.trajectory import Segment
+from robot_dynamics.validation import FloatArray
+
+FEW = 16
+"""Joints up to which this is quicker than `ErrorFeedback`."""
+
+
+class Tracked(NamedTuple):
+    """
+    What tracking asks for, each (n,).
+
+    `acceleration` q̈_ref + K_d ė + K_p e [rad/s² or m/s²], and `velocity` q̇_ref + K_p/K_d e
+    [rad/s or m/s], q̇_ref where K_d is 0: that of which friction is compensated.
+    """
+
+    acceleration: FloatArray
+    velocity: FloatArray
+
+
+class SegmentTracking:
+    """Tracks one segment with one feedback law."""
+
+    def __init__(self, segment: Segment, feedback: ErrorFeedback) -> None:
+        self.segment, self.feedback = segment, feedback
+        n = len(feedback.gains.kp)
+        position, velocity, acceleration = (
+            segment.coefficients[:, k * n:(k + 1) * n].T.tolist() for k in range(3))
+        self._joints = list(zip(
+            position, velocity, acceleration, feedback.gains.kp.tolist(),
+            feedback.gains.kd.tolist(), feedback.ratio.tolist(), feedback.turns))
+
+    def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> Tracked:
+        """Return what tracking asks for at the state (q, v), each (n,), while it is in force."""
+        s = self.segment.share(now_ns)
+        a, v_r = [], []
+        for (p, d, dd, K_p, K_d, ratio, turns), q_j, v_j in zip(
+                self._joints, q.tolist(), v.tolist()):
+            p0, p1, p2, p3, p4, p5 = p
+            d0, d1, d2, d3, d4, _ = d
+            dd0, dd1, dd2, dd3, _, _ = dd
+            e = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))) - q_j
+            if turns and not -pi < e <= pi:
+                e = wrap_angle(e)
+            v_ref = d0 + s * (d1 + s * (d2 + s * (d3 + s * d4)))
+            a.append(dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * (v_ref - v_j) + K_p * e)
+            v_r.append(v_ref + ratio * e)
+        return Tracked(np.array(a), np.array(v_r))
