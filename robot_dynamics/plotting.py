@@ -131,12 +131,6 @@ def joint_figure(
     return figure
 
 
-def title_axes(axes: Any, title: str, note: str = '') -> None:
-    """Put a title above axes, to the left, and a note in small letters between both."""
-    axes.set_title(title, loc='left', fontweight='bold', pad=16.0 if note else None)
-    axes.annotate(note, (0.0, 1.0), (0.0, 3.0), 'axes fraction', 'offset points', fontsize=8)
-
-
 def save_figure(figure: Any, path: Path | str) -> None:
     """Write a figure to a file, whose suffix tells the format; raise OSError."""
     figure.savefig(path)
@@ -155,6 +149,12 @@ def styled_figure(
     matplotlib, figure_type = _matplotlib()
     with matplotlib.rc_context({**STYLE, **(style or {})}):
         yield figure_type(figsize=(width, height), layout=layout)
+
+
+def title_axes(axes: Any, title: str, note: str = '') -> None:
+    """Put a title above axes, to the left, and a note in small letters between both."""
+    axes.set_title(title, loc='left', fontweight='bold', pad=16.0 if note else None)
+    axes.annotate(note, (0.0, 1.0), (0.0, 3.0), 'axes fraction', 'offset points', fontsize=8)
 
 
 def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
