@@ -35,10 +35,9 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
-        'tools': ['matplotlib', 'pillow', 'rosbags', 'scipy'],
-        # MP4 where no ffmpeg is installed
-        'video': ['imageio-ffmpeg'],
+        'tools': ['matplotlib', 'rosbags', 'scipy'],
         'xacro': ['xacro'],
+        'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
     },

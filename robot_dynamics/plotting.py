@@ -131,7 +131,7 @@ def joint_figure(
     return figure
 
 
-def save_figure(figure: Any, path: Path | str) -> None:
+def save_figure(figure: Any, path: Path) -> None:
     """Write a figure to a file, whose suffix tells the format; raise OSError."""
     figure.savefig(path)
 
