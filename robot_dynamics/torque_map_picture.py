@@ -32,6 +32,8 @@ PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.6
 """[inch]"""
 POSES = 4
 """Along either axis."""
+LIMIT_WIDTH = 2.4
+"""Of the contour of the limit [points]."""
 _POSE_SIZE = 0.95
 """Of the room that a pose has, when the arm is stretched."""
 
@@ -107,7 +109,7 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> No
         axes.contourf(
             grid.x, grid.y, size, levels=[panel.limit, 2.0 * largest], colors='none',
             hatches=['//'])
-        for colour, width in (('white', 4.6), (BLACK, 2.4)):
+        for colour, width in (('white', LIMIT_WIDTH + 2.2), (BLACK, LIMIT_WIDTH)):
             axes.contour(
                 grid.x, grid.y, size, levels=[panel.limit], colors=colour, linewidths=width)
             for end in (-panel.limit, panel.limit)[not panel.signed:]:

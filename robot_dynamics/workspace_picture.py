@@ -54,6 +54,8 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
         if found.is_plane:
             q = worst.position[int(np.argmax(worst.effort / arm.limits.effort))]
             _draw_pose(most, arm, link, q)
+            most.annotate('drawn: the worst of all', (1.0, 1.0), (0.0, 3.0), 'axes fraction',
+                          'offset points', ha='right', fontsize=8)
         _draw_joints(joints, arm, worst.effort)
     return figure
 

@@ -24,7 +24,13 @@ from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.plotting import save_figure
 from robot_dynamics.tools.torque_map import main
 from robot_dynamics.torque_grid import gravity_efforts, make_grid
-from robot_dynamics.torque_map_picture import angle_ticks, even_poses, map_figure, MapPanel
+from robot_dynamics.torque_map_picture import (
+    angle_ticks,
+    even_poses,
+    LIMIT_WIDTH,
+    map_figure,
+    MapPanel,
+)
 from robots import robot_path
 
 pytest.importorskip('matplotlib')
@@ -48,14 +54,10 @@ def texts_of(axes):
     return [text.get_text() for text in axes.texts]
 
 
-def contour_paths(axes, level):
-    """Return the points of the contours of this level alone."""
-    points = []
-    for contour in axes.collections:
-        levels = getattr(contour, 'levels', None)
-        if levels is not None and list(levels) == [level]:
-            points += [path.vertices for path in contour.get_paths() if len(path.vertices)]
-    return points
+def limit_contour(axes):
+    """Return the points of the contours that are drawn in the thickest black line."""
+    return [path.vertices for contour in axes.collections for path in contour.get_paths()
+            if list(contour.get_linewidths())[:1] == [LIMIT_WIDTH] and len(path.vertices)]
 
 
 def test_axes_have_names_and_units(grid):
@@ -70,7 +72,7 @@ def test_axes_have_names_and_units(grid):
 def test_the_limit_is_a_contour_where_the_effort_is_the_limit(grid):
     axes = figure_of(grid, 40.0).axes[0]
     assert 'hatched: beyond the limit, 40 N·m' in texts_of(axes)
-    paths = contour_paths(axes, 40.0)
+    paths = limit_contour(axes)
     assert paths
     values = gravity_efforts(DEFAULT, make_grid(DEFAULT, samples=41))[..., 0]
     fine = np.concatenate(paths)
@@ -84,7 +86,7 @@ def test_without_a_limit_that_matters_nothing_is_hatched(grid):
     assert 'within the limit of 150 N·m everywhere' in texts_of(figure_of(grid, 150.0).axes[0])
     axes = figure_of(grid, np.inf).axes[0]
     assert not [text for text in texts_of(axes) if 'limit' in text]
-    assert not contour_paths(axes, 150.0)
+    assert not limit_contour(axes)
 
 
 def test_poses_start_at_their_points_and_have_the_shape_of_the_arm(grid):
