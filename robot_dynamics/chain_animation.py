@@ -139,8 +139,9 @@ class _Animation:
         self._stage.draw_keys()
 
     def _show_passes(self, k: int) -> Iterator[None]:
-        scales = scales_for([self._passes[k]], 0.7 * self._view.reach())
         n = len(self._joints)
+        heaviest = max(float(np.linalg.norm(self._view.weight(i))) for i in range(n))
+        scales = scales_for([self._passes[k]], 0.7 * self._view.reach(), heaviest)
         for i in range(n):
             self._show_outward(k, i, scales)
             yield

@@ -48,15 +48,17 @@ class StageScales(NamedTuple):
     rate: float
 
 
-def scales_for(passes: Sequence[NewtonEulerPass], reach: float) -> StageScales:
-    """Return scales at which the largest arrows of all these instants fit on the stage."""
+def scales_for(
+    passes: Sequence[NewtonEulerPass], reach: float, weight: float = 0.0,
+) -> StageScales:
+    """Return scales at which the largest arrows of these instants, and a weight [N], fit."""
     def largest(field: str) -> float:
         values = np.array([getattr(one, field) for one in passes])
         sizes = np.linalg.norm(values, axis=-1) if values.ndim == 3 else np.abs(values)
         return max(float(sizes.max()), 1e-9)
 
     return StageScales(
-        largest('force') / (0.9 * reach), largest('tau') / _ROUNDEST,
+        max(largest('force'), weight) / (0.9 * reach), largest('tau') / _ROUNDEST,
         largest('com_acceleration') / (0.7 * reach), largest('omega') / _ROUNDEST)
 
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.exceptions import ModelError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.gravity_capability import sample_positions
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.rigid_body import RigidBody
@@ -62,8 +62,16 @@ def limit_shares(arm: ArmModel, efforts: FloatArray) -> FloatArray:
 def workspace_gravity(
     arm: ArmModel, link: str, positions: int = POSITIONS, cells: int = CELLS,
 ) -> WorkspaceGravity:
-    """Return the map for a link of the arm; raise InvalidInputError for an unknown one."""
+    """
+    Return the map for a link of the arm.
+
+    Raises InvalidInputError for an unknown link, or an arm without any effort limit.
+    """
     figure = StickFigure(arm, link)
+    if not np.isfinite(arm.limits.effort).any():
+        raise InvalidInputError(
+            f'robot {arm.name!r} has no effort limit at any of the joints '
+            f'{list(arm.joint_names)}, expected at least one in its <limit effort="…">')
     q = sample_positions(arm, positions)
     zero = np.zeros_like(q)
     shares = limit_shares(arm, RigidBody(arm).inverse_dynamics_batch(q, zero, zero))

@@ -102,9 +102,9 @@ def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
     for place, share, effort, limit, kind in zip(
             places, shares, efforts, arm.limits.effort, arm.joint_kinds):
         unit = 'N' if kind == 'prismatic' else 'N·m'
-        of = f' of {limit:g}' if np.isfinite(limit) else ', no limit'
-        effort = 0.0 if share < 1e-6 else effort
+        of = f' of {limit:g} {unit}' if np.isfinite(limit) else f' {unit}, no limit'
+        effort = round(float(effort), 6) + 0.0
         axes.text(
-            share + 0.02 * right, place, f'{effort:.3g}{of} {unit}', va='center', fontsize=8,
+            share + 0.02 * right, place, f'{effort:.3g}{of}', va='center', fontsize=8,
             bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
     title_axes(axes, 'The most that gravity asks of each joint')

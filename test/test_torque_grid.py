@@ -217,6 +217,16 @@ def test_the_workspace_ends_where_the_arm_ends(loaded):
     assert 0.3 < found.held < 0.7
 
 
+def test_without_any_effort_limit_there_is_nothing_to_compare_with():
+    arm = load_arm(default_arm_urdf().replace('effort="150.0"', 'effort="0"').replace(
+        'effort="60.0"', 'effort="0"'))
+    with pytest.raises(InvalidInputError, match=r"no effort limit at any of .*'joint2'"):
+        workspace_gravity(arm, 'tool0')
+    half = load_arm(default_arm_urdf().replace('effort="150.0"', 'effort="0"'))
+    found = workspace_gravity(half, 'tool0', positions=500, cells=8)
+    assert np.nanmax(found.most) == pytest.approx(11.772 / 60.0, rel=0.01)
+
+
 def test_an_arm_in_space_is_mapped_by_distance_and_height():
     found = workspace_gravity(load_arm(robot_urdf('ur10')), 'tool0', positions=2000, cells=20)
     assert not found.is_plane
