@@ -39,6 +39,7 @@ setup(
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
+        'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
     },
@@ -52,11 +53,13 @@ setup(
             'dynamics_node = robot_dynamics.ros.start:dynamics_node',
             'simulated_arm = robot_dynamics.ros.start:simulated_arm',
             'analyze_bag = robot_dynamics.tools.analyze_bag:main',
+            'animate = robot_dynamics.tools.animate:main',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo:main',
             'excite = robot_dynamics.tools.excite:main',
             'identify = robot_dynamics.tools.identify:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
+            'torque_map = robot_dynamics.tools.torque_map:main',
         ],
     },
 )

@@ -20,7 +20,8 @@ colour vision tell apart; the style of the lines tells them apart in black and w
 Matplotlib is imported when the first picture is drawn, and draws to files alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -176,6 +177,27 @@ def scatter_figure(
 def save_figure(figure: Any, path: Path) -> None:
     """Write a figure to a file, whose suffix tells the format; raise OSError."""
     figure.savefig(path)
+
+
+@contextmanager
+def styled_figure(
+    width: float, height: float, layout: str | None = 'constrained',
+    style: Mapping[str, object] | None = None,
+) -> Iterator[Any]:
+    """
+    Give out a matplotlib figure of this size [inch] and, within the block, the common style.
+
+    `style` has settings of matplotlib beyond it. Raises MissingDependencyError without matplotlib.
+    """
+    matplotlib, figure_type = _matplotlib()
+    with matplotlib.rc_context({**STYLE, **(style or {})}):
+        yield figure_type(figsize=(width, height), layout=layout)
+
+
+def title_axes(axes: Any, title: str, note: str = '') -> None:
+    """Put a title above axes, to the left, and a note in small letters between both."""
+    axes.set_title(title, loc='left', fontweight='bold', pad=16.0 if note else None)
+    axes.annotate(note, (0.0, 1.0), (0.0, 3.0), 'axes fraction', 'offset points', fontsize=8)
 
 
 def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:

@@ -68,6 +68,10 @@ LAYERS = {
         'trajectory_efforts',
         'excitation', 'excitation_limits', 'excitation_trajectory', 'external_effort',
         'live_residual', 'trajectory_file',
+        # pictures
+        'arm_motion', 'chain_animation', 'chain_panels', 'chain_stage', 'moving_picture',
+        'planar_view', 'stick_figure', 'torque_grid', 'torque_map_picture', 'workspace_gravity',
+        'workspace_picture',
     ),
     # and ROS
     'ros': ('ros.',),

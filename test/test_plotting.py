@@ -27,6 +27,9 @@ from robot_dynamics.plotting import (
     LINES,
     position_panel,
     save_figure,
+    STYLE,
+    styled_figure,
+    title_axes,
 )
 
 TIMES = np.linspace(0.0, 2.0, 5001)
@@ -67,6 +70,20 @@ def test_lines_of_one_panel_can_be_told_apart_without_colour():
         styles = [(LINES[name].dash, LINES[name].width) for name in together]
         assert len(set(styles)) == len(together)
         assert len({LINES[name].colour for name in together}) == len(together)
+
+
+def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():
+    pytest.importorskip('matplotlib')
+    with styled_figure(4.0, 3.0, style={'font.size': 5.0}) as figure:
+        axes = figure.subplots()
+        title_axes(axes, 'Title', 'a note')
+        axes.set_xlabel('time [s]')
+    assert axes.xaxis.label.get_size() == STYLE['axes.labelsize']
+    assert not axes.spines['top'].get_visible()
+    figure.canvas.draw()
+    title, note = axes._left_title.get_window_extent(), axes.texts[0].get_window_extent()
+    assert note.y0 >= axes.get_window_extent().y1
+    assert title.y0 >= note.y1 - 1.0
 
 
 def test_the_file_is_a_picture_that_is_not_blank(figure, tmp_path):

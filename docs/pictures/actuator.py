@@ -17,15 +17,12 @@
 from pathlib import Path
 import sys
 
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 import numpy as np
 from robot_dynamics.actuator import Actuators, make_actuators
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.drive import Drive
 from robot_dynamics.planar_urdf import planar_arm_urdf
-from robot_dynamics.plotting import BLUE, GREEN, ORANGE, STYLE, VERMILION
+from robot_dynamics.plotting import BLUE, GREEN, ORANGE, styled_figure, VERMILION
 
 
 def motor(efficiency: float) -> Actuators:
@@ -37,9 +34,7 @@ def motor(efficiency: float) -> Actuators:
 
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(13.0, 3.6), layout='constrained')
-        FigureCanvasAgg(figure)
+    with styled_figure(13.0, 3.6) as figure:
         envelope, needed, step = figure.subplots(1, 3)
 
         v = np.linspace(-7.0, 7.0, 561)[:, None]

@@ -22,11 +22,8 @@ from pathlib import Path
 import sys
 from typing import Any
 
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 import numpy as np
-from robot_dynamics.plotting import BLACK, BLUE, GREY, ORANGE, STYLE, VERMILION
+from robot_dynamics.plotting import BLACK, BLUE, GREY, ORANGE, styled_figure, VERMILION
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
 import backlash_theory as theory  # noqa: E402
@@ -82,9 +79,7 @@ def draw_cycle(axes: Any) -> None:
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
     way = theory.after(theory.swing(6.0), 2.0)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(13.0, 3.6), layout='constrained')
-        FigureCanvasAgg(figure)
+    with styled_figure(13.0, 3.6) as figure:
         hysteresis, dead_zone, cycle = figure.subplots(1, 3)
         draw_hysteresis(hysteresis, way)
         draw_dead_zone(dead_zone, way)

@@ -24,12 +24,9 @@ import sys
 import tempfile
 from typing import Any
 
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 import numpy as np
 from robot_dynamics.friction import make_friction
-from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE, VERMILION
+from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, styled_figure, VERMILION
 from robot_dynamics.tools.demo_nodes import choose_domain
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
@@ -73,9 +70,7 @@ def main(directory: Path) -> None:
     """Write the picture into a directory."""
     t, q, torque = stick_slip()
     end = [run.pulled_to(time) for time in t]
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(13.0, 3.6), layout='constrained')
-        FigureCanvasAgg(figure)
+    with styled_figure(13.0, 3.6) as figure:
         curve, motion, effort = figure.subplots(1, 3)
         draw_curve(curve)
         motion.plot(t, end, color=ORANGE, linewidth=3.0, label='end of the spring')

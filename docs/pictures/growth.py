@@ -27,9 +27,6 @@ from benchmarks.growth import (
     measure,
     report,
 )
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 import numpy as np
 from robot_dynamics.plotting import (
     BLACK,
@@ -38,7 +35,7 @@ from robot_dynamics.plotting import (
     ORANGE,
     PURPLE,
     SKY,
-    STYLE,
+    styled_figure,
     VERMILION,
 )
 
@@ -52,9 +49,7 @@ def main(directory: Path) -> None:
     """Write the picture into a directory, and print the table of the same measurement."""
     times, n = measure(), np.array(JOINTS, dtype=np.float64)
     report(times)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 3.8), layout='constrained')
-        FigureCanvasAgg(figure)
+    with styled_figure(10.0, 3.8) as figure:
         every, inverse = figure.subplots(1, 2)
         for name, values in times.items():
             colour, dash = LOOKS[name]

@@ -1,0 +1,42 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Draw docs/images/torque_map*.png, as `torque_map` draws them: the default arm, and a UR10."""
+
+from pathlib import Path
+import sys
+
+from robot_dynamics.tools.torque_map import main as torque_map
+
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+from robots import robot_path  # noqa: E402
+
+
+def main(directory: Path) -> int:
+    """Write the pictures into a directory."""
+    ur10 = ['--urdf', str(robot_path('ur10'))]
+    pictures = {
+        'torque_map.png': ['gravity', '--payload', '8'],
+        'torque_map_inertia.png': ['inertia'],
+        'torque_map_motion.png': ['motion', '--velocity', '2', '-3'],
+        'torque_map_workspace.png': ['workspace', '--payload', '8'],
+        'torque_map_ur10.png': [*ur10, 'workspace', '--payload', '20'],
+    }
+    return max(
+        torque_map([*arguments, '-o', str(directory / name)])
+        for name, arguments in pictures.items())
+
+
+if __name__ == '__main__':
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,0 +1,189 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A motion of an arm with all that goes with it: efforts by term, energies, work and heat.
+
+It comes out of a simulation, or is the measured motion of a recording beside its model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.control import ErrorFeedback, make_gains
+from robot_dynamics.friction import make_friction
+from robot_dynamics.reference_motion import make_reference_motion, sample_trajectory
+from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.sticking import BoolArray
+from robot_dynamics.trajectory import JointTrajectory, quintic_point_to_point, Reference
+from robot_dynamics.validation import FloatArray
+
+CONTROL_PERIOD = 2e-3
+"""[s]"""
+DAMPING_TIME = 15.0
+"""[s] in which friction that an arm is given would stop it: F_v = the largest M_ii / this."""
+LIFT_SHARE = 0.35
+"""Of a swing's duration, in which the motors lift the arm."""
+LEAN, FOLD = 1.4, 0.9
+"""[rad]: where the arm is lifted to, joint 1 from the upright, and each further joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotion:
+    """
+    m instants of n joints, in the order of `arm.joint_names`.
+
+    `times` (m,) [s]; `position`, `velocity`, `acceleration` (m, n) [rad or m, per second];
+    `terms` by name, each (m, n) [N·m or N], add up to the term `effort`; `kinetic`, `potential`,
+    the `work` of the efforts and the `heat` of friction since the start (m,) [J]. Potential
+    energy counts from its lowest in the motion. `driven` (m,) is false where the motors are off.
+    """
+
+    arm: ArmModel
+    times: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    terms: Mapping[str, FloatArray]
+    kinetic: FloatArray
+    potential: FloatArray
+    work: FloatArray
+    heat: FloatArray
+    driven: BoolArray
+
+    @property
+    def energy(self) -> FloatArray:
+        """Kinetic and potential energy (m,) [J]."""
+        return self.kinetic + self.potential
+
+    def at(self, times: FloatArray) -> 'ArmMotion':
+        """Return the instants next to these times [s]."""
+        rows = np.abs(self.times[:, None] - times).argmin(axis=0)
+        return replace(
+            self, times=self.times[rows], position=self.position[rows],
+            velocity=self.velocity[rows], acceleration=self.acceleration[rows],
+            terms={name: values[rows] for name, values in self.terms.items()},
+            kinetic=self.kinetic[rows], potential=self.potential[rows], work=self.work[rows],
+            heat=self.heat[rows], driven=self.driven[rows])
+
+
+def simulate_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
+    """
+    Return a simulated motion for `duration` [s], with `rate` instants a second.
+
+    An arm that can turn over is lifted from where it hangs, and then let go of, its motors off;
+    it gets viscous friction if it has none, as it would swing for ever. Any other arm follows a
+    reference motion within its limits. Raises RobotDynamicsError where neither is possible.
+    """
+    if any(kind != 'continuous' for kind in arm.joint_kinds):
+        motion = make_reference_motion(arm, duration)
+        return _simulate(arm, motion.trajectory, motion.start, duration, np.inf, rate)
+    hanging = lowest_position(arm)
+    if arm.friction.is_zero:
+        inertia = np.diag(RigidBody(arm).mass_matrix(hanging))
+        arm = arm.with_friction(make_friction(
+            arm.joint_names, [inertia.max() / DAMPING_TIME]))
+    lifted = hanging + FOLD
+    lifted[0] = hanging[0] + np.copysign(np.pi, -hanging[0]) + LEAN
+    lift = LIFT_SHARE * duration
+    path = quintic_point_to_point(arm.joint_names, hanging, lifted, lift)
+    return _simulate(arm, path, hanging, duration, lift, rate)
+
+
+def _simulate(
+    arm: ArmModel, path: JointTrajectory, start: FloatArray, duration: float, driven: float,
+    rate: float,
+) -> ArmMotion:
+    """Follow a path under computed torque while `driven` [s], and then with the motors off."""
+    simulation, dynamics = ArmSimulation(arm, start), ArmDynamics(arm)
+    simulation.release()
+    feedback = ErrorFeedback(make_gains(arm.joint_names), arm.joint_kinds)
+    count = int(round(duration * rate)) + 1
+    steps = max(1, int(np.ceil(1.0 / (rate * CONTROL_PERIOD))))
+    period = 1.0 / (rate * steps)
+    all_times = np.asarray(period * np.arange(count * steps), dtype=np.float64)
+    reference = sample_trajectory(path, all_times)
+    q, v, tau = (np.zeros((count, arm.joint_count)) for _ in range(3))
+    work, heat = np.zeros(count), np.zeros(count)
+    for k, t in enumerate(all_times):
+        now = simulation.state
+        effort = np.zeros(arm.joint_count)
+        if t < driven:
+            wanted = Reference(*(values[k] for values in reference))
+            effort = dynamics.inverse_dynamics(*now, feedback.acceleration(wanted, *now))
+        if k % steps == 0:
+            row = k // steps
+            q[row], v[row] = now
+            tau[row], work[row], heat[row] = effort, simulation.work, simulation.heat
+        simulation.step(effort, period)
+    a = np.array([dynamics.forward_dynamics(*state) for state in zip(q, v, tau)])
+    times = all_times[::steps]
+    return replace(motion_of(arm, times, q, v, a, None, times < driven), work=work, heat=heat)
+
+
+def motion_of(
+    arm: ArmModel, times: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray,
+    effort: FloatArray | None, driven: BoolArray,
+) -> ArmMotion:
+    """
+    Return a motion by the arm's model, beside a measured effort (m, n) where there is one.
+
+    What the model does not explain of that is the term `residual`. Work and heat are integrals by
+    the trapezoidal rule.
+    """
+    dynamics = ArmDynamics(arm)
+    rows = [dynamics.terms(*state) for state in zip(q, v, a)]
+    terms = {name: np.array([getattr(row, name) for row in rows])
+             for name in ('inertial', 'coriolis', 'gravity', 'friction', 'effort')}
+    if effort is not None:
+        terms['residual'] = effort - terms['effort']
+        terms['effort'] = effort
+    potential = np.array([row.potential_energy for row in rows])
+    return ArmMotion(
+        arm, times, q, v, a, terms, np.array([row.kinetic_energy for row in rows]),
+        potential - potential.min(), _integral(terms['effort'] * v, times),
+        _integral(terms['friction'] * v, times), driven)
+
+
+def lowest_position(arm: ArmModel) -> FloatArray:
+    """
+    Return a position (n,) in [−π, π] where an arm whose joints all turn freely hangs at rest.
+
+    Along each joint the potential energy is a + b cos q + c sin q, whose lowest point follows
+    from its derivative g_j at two positions; going from joint to joint leads to a pose where
+    none can get lower by itself. Joints that gravity does not move stay at 0.
+    """
+    body, n = RigidBody(arm), arm.joint_count
+    q = np.full(n, 0.1)
+    for _ in range(200):
+        before = q.copy()
+        for j in range(n):
+            at_zero, at_right_angle = q.copy(), q.copy()
+            at_zero[j], at_right_angle[j] = 0.0, 0.5 * np.pi
+            c, b = body.gravity(at_zero)[j], -body.gravity(at_right_angle)[j]
+            q[j] = np.arctan2(-c, -b) if np.hypot(b, c) > 1e-9 else 0.0
+        if np.abs(np.sin(0.5 * (q - before))).max() < 1e-12:
+            break
+    return q
+
+
+def _integral(rate: FloatArray, times: FloatArray) -> FloatArray:
+    """Return the integral over time of the sum of rates (m, n), from the first instant on."""
+    power = rate.sum(axis=1)
+    steps = 0.5 * (power[1:] + power[:-1]) * np.diff(times)
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,124 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bars beside a moving arm: its energies, which add up, and the effort of each joint by term."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arm_motion import ArmMotion
+from robot_dynamics.plotting import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LINES,
+    ORANGE,
+    SKY,
+    title_axes,
+    VERMILION,
+)
+from robot_dynamics.validation import FloatArray
+
+TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'residual', 'effort')
+TERM_WORDS = {
+    'inertial': 'inertial, M q̈', 'coriolis': 'Coriolis, C q̇', 'gravity': 'gravity, g',
+    'friction': 'friction', 'residual': 'not modelled', 'effort': 'sum: the motor, τ'}
+_ROOM = 1.12
+
+
+class _Bars:
+    """Horizontal bars with a number beside each."""
+
+    def __init__(
+        self, axes: Any, names: Sequence[str], colours: Sequence[str], low: float, high: float,
+        unit: str,
+    ) -> None:
+        largest = max(abs(low), abs(high))
+        self._digits = max(0, 1 - int(np.floor(np.log10(0.5 * largest))))
+        places = np.arange(len(names))[::-1]
+        self._bars = axes.barh(places, np.zeros(len(names)), 0.72, color=colours)
+        span = high - low
+        axes.set(xlim=(low, high + 0.2 * span), ylim=(-0.6, len(names) - 0.4))
+        axes.set_yticks(places, names)
+        axes.tick_params(axis='y', length=0, labelsize=8)
+        axes.tick_params(axis='x', labelsize=8, pad=1)
+        axes.text(1.0, -0.06, f'[{unit}]', transform=axes.transAxes, ha='right', va='top',
+                  fontsize=8)
+        axes.grid(axis='y', visible=False)
+        axes.axvline(0.0, color=BLACK, linewidth=0.8)
+        axes.set_xticks([tick for tick in axes.get_xticks() if low <= tick <= high])
+        self._texts = [axes.text(
+            high + 0.19 * span, place, '', ha='right', va='center', fontsize=8)
+            for place in places]
+
+    def show(self, starts: FloatArray, sizes: FloatArray) -> None:
+        for bar, text, start, size in zip(self._bars, self._texts, starts, sizes):
+            bar.set_x(start)
+            bar.set_width(size)
+            value = round(float(size), self._digits) + 0.0  # no −0
+            text.set_text(f'{value:.{self._digits}f}'.replace('-', '−'))
+
+
+class EnergyPanel:
+    """
+    Kinetic and potential energy and heat, each from the end of the one above; work below them.
+
+    What is there and what became heat is as much as there was at the start and was put in.
+    """
+
+    def __init__(self, axes: Any, motion: ArmMotion) -> None:
+        self._motion = motion
+        ends = np.concatenate([
+            motion.energy + motion.heat, motion.energy[0] + motion.work, motion.energy])
+        low = min(float(ends.min()), float(motion.heat.min()), 0.0)
+        supply = 'work of the motors' if motion.energy[0] < 1e-6 else 'start + work'
+        self._bars = _Bars(
+            axes, ('kinetic', 'potential', 'total', 'heat of friction', supply),
+            (ORANGE, SKY, BLUE, VERMILION, GREEN), _ROOM * low, _ROOM * float(ends.max()), 'J')
+        title_axes(axes, 'Energy')
+
+    def show(self, k: int) -> None:
+        """Show the instant k."""
+        m = self._motion
+        K, P, heat = m.kinetic[k], m.potential[k], m.heat[k]
+        self._bars.show(
+            np.array([0.0, K, 0.0, K + P, 0.0]),
+            np.array([K, P, K + P, heat, m.energy[0] + m.work[k]]))
+
+
+class EffortPanel:
+    """The effort at one joint by term."""
+
+    def __init__(self, axes: Any, motion: ArmMotion, joint: int) -> None:
+        self._joint = joint
+        self._names = [
+            name for name in TERMS if name in motion.terms
+            and (name != 'friction' or motion.terms['friction'].any())]
+        self._values = np.column_stack([motion.terms[name][:, joint] for name in self._names])
+        largest = _ROOM * max(float(np.abs(self._values).max()), 1e-3)
+        prismatic = motion.arm.joint_kinds[joint] == 'prismatic'
+        self._bars = _Bars(
+            axes, [self._word(name) for name in self._names],
+            [LINES[name].colour for name in self._names],
+            -largest, largest, 'N' if prismatic else 'N·m')
+        title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
+
+    def _word(self, term: str) -> str:
+        measured = term == 'effort' and 'residual' in self._names
+        return 'sum: measured, τ' if measured else TERM_WORDS[term]
+
+    def show(self, k: int) -> None:
+        """Show the instant k."""
+        self._bars.show(np.zeros(len(self._names)), self._values[k])

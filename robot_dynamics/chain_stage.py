@@ -1,0 +1,216 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A planar chain on a matplotlib axes: links, and arrows for forces, moments and accelerations.
+
+Lengths are in metres and to scale. An arrow of a force f is f / `force_scale` long, and an arc of
+a moment τ covers the angle τ / `moment_scale`, the way that τ turns; keys on the axes tell both.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.planar_chain import NewtonEulerPass
+from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from robot_dynamics.validation import FloatArray
+
+LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
+FORCE, MOMENT, ACCELERATION, RATE, WEIGHT = VERMILION, PURPLE, BLUE, GREEN, GREY
+NEXT_ACCELERATION = SKY
+"""Of the acceleration that a link hands on to the next joint."""
+_ROUNDEST = 1.6 * np.pi
+"""[rad] that the arc of the largest moment covers."""
+_LABELS = (1.2, 1.9)
+"""[rad] from above between which the label of an arc stands: forces go up, weights down."""
+_TINY = 0.012
+"""Share of the largest below which an arrow is left out."""
+
+
+class StageScales(NamedTuple):
+    """How long arrows are: [N/m], [N·m/rad], [m/s² per m], [rad/s per rad]."""
+
+    force: float
+    moment: float
+    acceleration: float
+    rate: float
+
+
+def scales_for(
+    passes: Sequence[NewtonEulerPass], reach: float, weight: float = 0.0,
+) -> StageScales:
+    """Return scales at which the largest arrows of these instants, and a weight [N], fit."""
+    def largest(field: str) -> float:
+        values = np.array([getattr(one, field) for one in passes])
+        sizes = np.linalg.norm(values, axis=-1) if values.ndim == 3 else np.abs(values)
+        return max(float(sizes.max()), 1e-9)
+
+    return StageScales(
+        max(largest('force'), weight) / (0.9 * reach), largest('tau') / _ROUNDEST,
+        largest('com_acceleration') / (0.7 * reach), largest('omega') / _ROUNDEST)
+
+
+def round_number(value: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is at most `value` > 0."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * 1.001))
+
+
+class ChainStage:
+    """Draws a chain; what was drawn since the last `clear` is on the axes."""
+
+    def __init__(self, axes: Any, reach: float, upright: bool) -> None:
+        """Set up axes for a chain of this reach [m]; `upright`: it stands upright at zero."""
+        self._axes, self._reach = axes, reach
+        self._scales = StageScales(1.0, 1.0, 1.0, 1.0)
+        self._drawn: list[Any] = []
+        half = 1.16 * reach
+        axes.set(xlim=(-half, half), ylim=(-half, half), xlabel='x [m]', ylabel='y, up [m]')
+        axes.set_aspect('equal')
+        axes.grid(color='#EEEEEE')
+        if upright:
+            axes.plot([0.0, 0.0], [0.0, 1.04 * reach], color=GREY, linewidth=0.9,
+                      linestyle=(0, (4, 3)), zorder=1)
+            axes.text(0.0, 1.06 * reach, 'q = 0: upright', color=GREY, ha='center', va='bottom',
+                      fontsize=8)
+
+    def clear(self, scales: StageScales) -> None:
+        """Take away all that was drawn, and draw arrows at these scales from now on."""
+        for artist in self._drawn:
+            artist.remove()
+        self._drawn, self._scales = [], scales
+
+    # ------------------------------------------------------------------ the arm
+
+    def draw_links(self, at: NewtonEulerPass, current: int | None = None) -> None:
+        """Draw all links, or one of them dark and the others pale."""
+        points = np.vstack([at.joint_position, at.tip_position])
+        for i, (start, end) in enumerate(zip(points[:-1], points[1:])):
+            pale = current is not None and i != current
+            self._line([start, end], PALE_LINK if pale else LINK, 7.0, 3)
+            self._dot(at.com_position[i], 6.0, 'white', PALE_LINK if pale else BLACK, 6, '+')
+        for joint in points[:-1]:
+            self._dot(joint, 8.0, 'white', LINK, 5, 'o')
+        self._dot(points[0], 13.0, 'none', LINK, 4, 's')
+
+    def draw_trail(self, tips: FloatArray) -> None:
+        """Draw where the tip came from, (k, 2) [m]."""
+        self._line(tips, TRAIL, 1.2, 2)
+
+    # ------------------------------------------------------------------ what acts
+
+    def draw_force(
+        self, at: FloatArray, force: FloatArray, label: str = '', colour: str = FORCE,
+        pale: bool = False,
+    ) -> None:
+        """Draw a force (2,) [N] that acts at a point (2,) [m]."""
+        self._arrow(at, force / self._scales.force, colour, label, pale)
+
+    def draw_acceleration(
+        self, at: FloatArray, acceleration: FloatArray, label: str = '',
+        colour: str = ACCELERATION,
+    ) -> None:
+        """Draw the acceleration (2,) [m/s²] of a point (2,) [m]."""
+        self._arrow(at, acceleration / self._scales.acceleration, colour, label)
+
+    def draw_moment(
+        self, at: FloatArray, moment: float, label: str = '', pale: bool = False,
+    ) -> None:
+        """Draw a moment [N·m] about a point."""
+        self._arc(at, moment / self._scales.moment, 0.13 * self._reach, MOMENT, label, pale)
+
+    def draw_rate(self, at: FloatArray, rate: float, label: str = '') -> None:
+        """Draw an angular velocity [rad/s] about a point."""
+        self._arc(at, rate / self._scales.rate, 0.13 * self._reach, RATE, label)
+
+    # ------------------------------------------------------------------ the keys
+
+    def draw_keys(self, accelerations: bool = False) -> None:
+        """Draw what arrows of a round size look like: forces and moments, or motion."""
+        scales, reach = self._scales, self._reach
+        if accelerations:
+            rows = (('acceleration', 'm/s²', scales.acceleration, ACCELERATION, False),
+                    ('angular velocity', 'rad/s', scales.rate, RATE, True))
+        else:
+            rows = (('force', 'N', scales.force, FORCE, False),
+                    ('moment', 'N·m', scales.moment, MOMENT, True))
+        for row, (name, unit, scale, colour, turns) in enumerate(rows):
+            at = np.array([-1.10 * reach, (-0.93 - 0.17 * row) * reach])
+            size = round_number((2.4 if turns else 0.3 * reach) * scale)
+            if turns:
+                middle = at + np.array([0.15 * reach, 0.0])
+                self._arc(middle, size / scale, 0.06 * reach, colour)
+            else:
+                self._arrow(at, np.array([size / scale, 0.0]), colour)
+            self._drawn.append(self._axes.text(
+                at[0] + 0.36 * reach, at[1], f'{name} {size:g} {unit}', va='center',
+                fontsize=8))
+
+    # ------------------------------------------------------------------ strokes
+
+    def _line(self, points: Any, colour: str, width: float, layer: int) -> None:
+        points = np.asarray(points)
+        self._drawn += self._axes.plot(
+            points[:, 0], points[:, 1], color=colour, linewidth=width, zorder=layer,
+            solid_capstyle='round')
+
+    def _dot(
+        self, at: FloatArray, size: float, face: str, edge: str, layer: int, marker: str,
+    ) -> None:
+        self._drawn += self._axes.plot(
+            *at, marker=marker, markersize=size, markerfacecolor=face, markeredgecolor=edge,
+            markeredgewidth=1.4, zorder=layer)
+
+    def _arrow(
+        self, at: FloatArray, way: FloatArray, colour: str, label: str = '', pale: bool = False,
+    ) -> None:
+        length = float(np.linalg.norm(way))
+        if length < _TINY * self._reach:
+            return
+        self._label(at + (1.0 + 0.07 * self._reach / length) * way, label, colour)
+        self._drawn.append(self._axes.annotate(
+            '', at + way, at, zorder=8, annotation_clip=False, arrowprops={
+                'arrowstyle': '-|>,head_width=0.28,head_length=0.5', 'color': colour,
+                'linewidth': 2.2, 'shrinkA': 0.0, 'shrinkB': 0.0,
+                'alpha': 0.45 if pale else 1.0}))
+
+    def _label(self, at: FloatArray, label: str, colour: str) -> None:
+        if label:
+            self._drawn.append(self._axes.text(
+                *at, label, color=colour, fontsize=11, ha='center', va='center', zorder=9,
+                bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.75, 'pad': 0.6}))
+
+    def _arc(
+        self, middle: FloatArray, angle: float, radius: float, colour: str, label: str = '',
+        pale: bool = False,
+    ) -> None:
+        """Draw an arc from above the middle, clockwise where the angle [rad] is positive."""
+        if abs(angle) < _TINY * _ROUNDEST:
+            return
+        beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
+        self._label(middle + (radius + 0.08 * self._reach) * np.array(
+            [np.sin(beside), np.cos(beside)]), label, colour)
+        phi = np.linspace(0.0, angle, 40)
+        points = middle + radius * np.column_stack([np.sin(phi), np.cos(phi)])
+        alpha = 0.45 if pale else 1.0
+        self._drawn += self._axes.plot(
+            points[:, 0], points[:, 1], color=colour, linewidth=2.2, zorder=8, alpha=alpha)
+        # The head: a triangle at the end, along the arc.
+        along = np.sign(angle) * np.array([np.cos(angle), -np.sin(angle)])
+        across = np.array([np.sin(angle), np.cos(angle)])
+        size = min(0.4 * radius, 0.045 * self._reach)
+        head = points[-1] + size * np.array([1.1 * along, 0.6 * across, -0.6 * across])
+        self._drawn += self._axes.fill(
+            head[:, 0], head[:, 1], color=colour, zorder=8, alpha=alpha, linewidth=0.0)

@@ -1,0 +1,208 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Moving pictures in files: GIF by Pillow, MP4 by ffmpeg.
+
+A frame may stand for any time, so that a pause costs one frame in a GIF. All frames of a GIF share
+one palette without dithering: what stands still stays the same to the bit, and is not stored
+again.
+"""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+import shutil
+import subprocess
+import tempfile
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+
+FORMATS = ('.gif', '.mp4')
+MP4_RATE = 30
+"""Frames a second of an MP4."""
+_EXACT, _BLENDS = 32, 32
+"""Colours of a palette: the most frequent ones of areas, and a choice for all others."""
+_LOOKED_AT = 16
+"""Frames from which the palette is chosen."""
+_UNKNOWN = 255
+_SHORTEST = 0.02
+"""[s] for which viewers show a frame of a GIF; they slow shorter ones down."""
+
+Pixels = npt.NDArray[np.uint8]
+
+
+class Frame(NamedTuple):
+    """Pixels (height, width, 3), and for how long they are shown [s]."""
+
+    pixels: Pixels
+    seconds: float
+
+
+def check_format(path: Path) -> None:
+    """
+    Raise unless a moving picture can be written to this path, as far as its name tells.
+
+    InvalidInputError for another suffix, MissingDependencyError without the library or program.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise InvalidInputError(
+            f'the picture is {str(path)!r}, expected a name that ends in one of {list(FORMATS)}')
+    if suffix == '.gif':
+        _pillow()
+    else:
+        _ffmpeg()
+
+
+def write_moving_picture(path: Path, frames: Iterable[Frame]) -> int:
+    """
+    Write the frames, all of one size, to a .gif or .mp4, and return how many there were.
+
+    Raises as `check_format`, InvalidInputError without a frame, and OSError.
+    """
+    check_format(path)
+    counted = _Counted(frames)
+    if path.suffix.lower() == '.gif':
+        _write_gif(path, counted)
+    else:
+        _write_mp4(path, counted)
+    return counted.count
+
+
+class _Counted:
+    """Hands frames on, and counts them."""
+
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        self._frames, self.count = iter(frames), 0
+
+    def __iter__(self) -> Iterator[Frame]:
+        for frame in self._frames:
+            self.count += 1
+            yield frame
+        if not self.count:
+            raise InvalidInputError('the moving picture has 0 frames, expected at least 1')
+
+
+def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
+    image = _pillow()
+    kept = list(frames)
+    palette = _common_palette(image, [frame.pixels for frame in kept])
+    nearest = np.full(1 << 24, _UNKNOWN, dtype=np.uint8)
+    images = [_in_palette(image, frame.pixels, palette, nearest) for frame in kept]
+    images[0].save(
+        path, format='GIF', save_all=True, append_images=images[1:], loop=0, optimize=False,
+        duration=_milliseconds([frame.seconds for frame in kept]))
+
+
+def _milliseconds(seconds: list[float]) -> list[int]:
+    """Return times in the steps of a GIF, 10 ms, that add up to what the seconds add up to."""
+    ends = np.round(100.0 * np.cumsum(np.maximum(seconds, _SHORTEST))).astype(int)
+    return [10 * int(step) for step in np.diff(ends, prepend=0)]
+
+
+def _common_palette(image: Any, pixels: list[Pixels]) -> npt.NDArray[np.int64]:
+    """Return colours (k, 3) that suit all: those of areas as they are, and some for blends."""
+    some = np.concatenate(pixels[::max(1, len(pixels) // _LOOKED_AT)], axis=1)
+    blends = image.fromarray(some).quantize(
+        _BLENDS, method=image.Quantize.MEDIANCUT, dither=image.Dither.NONE)
+    codes = _codes(some)
+    areas = codes[:, 1:][codes[:, 1:] == codes[:, :-1]]
+    colours, counts = np.unique(areas, return_counts=True)
+    exact = colours[np.argsort(-counts, kind='stable')[:_EXACT]]
+    chosen = np.array(blends.getpalette()[:3 * _BLENDS], dtype=np.int64).reshape(-1, 3)
+    return np.concatenate([_colours(exact), chosen])
+
+
+def _in_palette(
+    image: Any, pixels: Pixels, palette: npt.NDArray[np.int64], nearest: npt.NDArray[np.uint8],
+) -> Any:
+    """Return pixels as a picture with this palette; `nearest` keeps what was looked up."""
+    codes = _codes(pixels)
+    unknown = np.unique(codes[nearest[codes] == _UNKNOWN])
+    for part in np.array_split(unknown, 1 + len(unknown) // 4096):
+        away = ((_colours(part)[:, None] - palette) ** 2).sum(axis=2)
+        nearest[part] = away.argmin(axis=1)
+    picture = image.fromarray(nearest[codes])
+    picture.putpalette(palette.ravel().tolist())
+    return picture
+
+
+def _codes(pixels: Pixels) -> npt.NDArray[np.int64]:
+    return np.asarray(pixels.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1]))
+
+
+def _colours(codes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    return np.column_stack([codes >> 16, codes >> 8 & 255, codes & 255])
+
+
+def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
+    """Hand the frames to ffmpeg as often as they last at MP4_RATE, even where they last long."""
+    process, shown, due = None, 0, 0.0
+    with tempfile.TemporaryFile() as said:
+        try:
+            for frame in frames:
+                # The encoding that every player knows needs sizes that can be halved.
+                pixels = frame.pixels[:frame.pixels.shape[0] // 2 * 2,
+                                      :frame.pixels.shape[1] // 2 * 2]
+                if process is None:
+                    process = subprocess.Popen(
+                        _command(path, pixels), stdin=subprocess.PIPE, stdout=said, stderr=said)
+                assert process.stdin is not None
+                due += frame.seconds * MP4_RATE
+                while shown < max(round(due), 1):
+                    process.stdin.write(pixels.tobytes())
+                    shown += 1
+        except BrokenPipeError:
+            pass  # it has said why
+        finally:
+            if process is not None:
+                process.communicate()
+        if process is not None and process.returncode:
+            said.seek(0)
+            reason = said.read().decode(errors='replace').strip().splitlines()
+            raise OSError(f'ffmpeg failed: {reason[-1] if reason else process.returncode}')
+
+
+def _command(path: Path, pixels: Pixels) -> list[str]:
+    height, width = pixels.shape[:2]
+    return [
+        _ffmpeg(), '-y', '-loglevel', 'error', '-f', 'rawvideo', '-pixel_format', 'rgb24',
+        '-video_size', f'{width}x{height}', '-framerate', str(MP4_RATE), '-i', '-',
+        '-pix_fmt', 'yuv420p', '-movflags', '+faststart', str(path.absolute())]
+
+
+def _ffmpeg() -> str:
+    found = shutil.which('ffmpeg')
+    if found is not None:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise MissingDependencyError(
+            'an MP4 needs the program ffmpeg, which is not on the PATH (apt install ffmpeg, or '
+            'pip install imageio-ffmpeg); a .gif needs no more than Pillow') from None
+
+
+def _pillow() -> Any:
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingDependencyError(
+            'a GIF needs the library Pillow (apt install python3-pil, or pip install '
+            'pillow)') from None
+    return Image

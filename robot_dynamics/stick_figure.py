@@ -1,0 +1,84 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An arm as a line from joint to joint, seen from the side."""
+
+import numpy as np
+import pinocchio as pin
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.validation import FloatArray
+
+_SAME = 1e-6
+"""[m]"""
+
+
+def tool_link(arm: ArmModel) -> str:
+    """Return the link with the most joints that move under it; of several, the last."""
+    engine = arm.engine
+
+    def depth(link: str) -> int:
+        return len(engine.supports[arm.link_frame(link).parentJoint])
+
+    deepest = max(depth(link) for link in arm.link_names)
+    return [link for link in arm.link_names if depth(link) == deepest][-1]
+
+
+class StickFigure:
+    """Poses of an arm as lines from its base to a link. Not for two threads at a time."""
+
+    def __init__(self, arm: ArmModel, link: str) -> None:
+        """Raise InvalidInputError for an unknown link."""
+        frame = arm.link_frame(link, 'link')
+        self._arm, self._link = arm, arm.engine.getFrameId(link, pin.FrameType.BODY)
+        self._joints = list(arm.engine.supports[frame.parentJoint])[1:]
+        self._data = arm.engine.createData()
+
+    def points(self, q: FloatArray) -> FloatArray:
+        """Return the joints' origins and that of the link at q (n,), in the base frame (k, 3)."""
+        engine, data = self._arm.engine, self._data
+        pin.framesForwardKinematics(engine, data, self._arm.coordinates.position(q))
+        return np.array([
+            *(data.oMi[joint].translation for joint in self._joints),
+            data.oMf[self._link].translation])
+
+    def tip(self, q: FloatArray) -> FloatArray:
+        """Return the origin of the link at many positions (m, n), in the base frame (m, 3) [m]."""
+        engine, data = self._arm.engine, self._data
+        return np.array([
+            _tip(engine, data, row, self._link) for row in self._arm.coordinates.position(q)])
+
+
+def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
+    """
+    Return the axes (2, 3), to the side and up, of the view in which points (..., 3) spread most.
+
+    Up is against gravity, or along z without it; the side is square to it.
+    """
+    g = np.asarray(arm.engine.gravity.linear)
+    size = float(np.linalg.norm(g))
+    up = -g / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+    flat = points.reshape(-1, 3)
+    flat = flat - np.outer(flat @ up, up)
+    spread, axes = np.linalg.eigh(np.cov(flat.T))
+    side = axes[:, int(np.argmax(spread))] if spread.max() > _SAME else np.cross(
+        up, np.eye(3)[int(np.abs(up).argmin())])
+    side = side - (side @ up) * up
+    side = side / np.linalg.norm(side)
+    # Of both ways round, the one in which the base frame's own axes count up.
+    return np.array([side if side[int(np.abs(side).argmax())] > 0.0 else -side, up])
+
+
+def _tip(engine: pin.Model, data: pin.Data, q: FloatArray, frame: int) -> FloatArray:
+    pin.forwardKinematics(engine, data, q)
+    return np.array(pin.updateFramePlacement(engine, data, frame).translation)

@@ -1,0 +1,196 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Draw efforts or inertias of an arm over two of its joints, or where it cannot hold itself.
+
+Exit status: 0 drawn; 1 the picture cannot be written; 2 a mistake in the arguments, or a file that
+cannot be used.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.plotting import save_figure
+from robot_dynamics.stick_figure import tool_link
+from robot_dynamics.tools.robot_argument import read_robot
+from robot_dynamics.torque_grid import (
+    gravity_efforts,
+    inertia_diagonal,
+    joint_index,
+    make_grid,
+    motion_efforts,
+    PositionGrid,
+    SAMPLES,
+)
+from robot_dynamics.torque_map_picture import even_poses, map_figure, MapPanel, POSES
+from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.workspace_gravity import workspace_gravity
+from robot_dynamics.workspace_picture import workspace_figure
+
+DONE, NOT_WRITTEN, MISTAKE = 0, 1, 2
+GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
+FORMATS = ('.png', '.pdf', '.svg')
+MOST_SAMPLES = 1001
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool, and return its exit status."""
+    arguments = _parser().parse_args(argv)
+    try:
+        return _run(arguments)
+    except OSError as error:
+        print(f'torque_map: cannot write {arguments.output}: {error.strerror or error}',
+              file=sys.stderr)
+        return NOT_WRITTEN
+    except RobotDynamicsError as error:
+        print(f'torque_map: {error}', file=sys.stderr)
+        return MISTAKE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='torque_map', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Draw over the positions of two joints, with the pose of the arm here and '
+                    'there:\n'
+                    '  gravity    the effort g(q) that holds the arm still, and where it is too '
+                    'much\n'
+                    '  inertia    the diagonal of the mass matrix, M_ii(q)\n'
+                    '  motion     the effort of --velocity and --acceleration\n'
+                    'or over the whole workspace:\n'
+                    '  workspace  where gravity cannot be held',
+        epilog='exit status: 0 drawn, 1 the picture cannot be written, 2 a mistake in the '
+               'arguments, or a file\nthat cannot be used')
+    parser.add_argument(
+        'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
+        help='(default: %(default)s)')
+    parser.add_argument(
+        '--urdf', metavar='FILE',
+        help='the arm: a path, or package://PACKAGE/PATH (default: the planar two-link arm)')
+    parser.add_argument(
+        '--joints', nargs=2, default=[], metavar='JOINT',
+        help='the joints along the axes (default: the two at which gravity can be largest)')
+    parser.add_argument(
+        '--at', nargs='+', default=[], metavar='JOINT',
+        help='the joints whose effort or inertia is drawn (default: those along the axes)')
+    parser.add_argument(
+        '--position', nargs='+', type=float, default=[], metavar='X',
+        help='of all joints [rad] or [m]; where those stay that are not along an axis (default: '
+             '0, or the limit nearest to it)')
+    for flag, unit in (('--velocity', '[rad/s] or [m/s]'), (
+            '--acceleration', '[rad/s²] or [m/s²]')):
+        parser.add_argument(
+            flag, nargs='+', type=float, default=[], metavar='X',
+            help=f'of all joints {unit}, for the motion (default: 0)')
+    parser.add_argument(
+        '--payload', type=float, default=0.0, metavar='KG',
+        help='mass at the origin of --link [kg] (default: none)')
+    parser.add_argument(
+        '--link', metavar='NAME',
+        help='which carries the payload, and whose workspace is drawn (default: the last one)')
+    parser.add_argument(
+        '--pose', nargs=2, type=float, action='append', metavar='X',
+        help='positions along the axes at which the arm is drawn, repeatable (default: '
+             f'{POSES} × {POSES} even ones)')
+    parser.add_argument(
+        '--samples', type=int, default=SAMPLES, metavar='N',
+        help='positions of each of the two joints (default: %(default)d)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE',
+        help=f'one of {", ".join(FORMATS)} (default: out/<name of the arm>_<what>.png)')
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.output is not None and arguments.output.suffix.lower() not in FORMATS:
+        raise InvalidInputError(
+            f'the picture is {str(arguments.output)!r}, expected a name that ends in one of '
+            f'{list(FORMATS)}')
+    if arguments.what != MOTION and (arguments.velocity or arguments.acceleration):
+        raise InvalidInputError(
+            f'--velocity and --acceleration are given with {arguments.what!r}, expected '
+            f'{MOTION!r}')
+    arm = load_arm(
+        default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf))
+    link = arguments.link or tool_link(arm)
+    arm.link_frame(link, '--link')
+    load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
+    arm = arm.with_payloads([make_payload(link, arguments.payload)])
+    if arguments.what == WORKSPACE:
+        found = workspace_gravity(arm, link)
+        figure = workspace_figure(
+            f'{arm.name}{load}: what gravity takes of the effort limits, over the workspace',
+            arm, link, found)
+        said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
+    else:
+        figure, said = _map(arguments, arm, load)
+    output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
+    arguments.output = output
+    output.parent.mkdir(parents=True, exist_ok=True)
+    save_figure(figure, output)
+    print(f'{output.resolve()}: {said}')
+    return DONE
+
+
+def _map(arguments: argparse.Namespace, arm: ArmModel, load: str) -> tuple[Any, str]:
+    samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
+    grid = make_grid(arm, arguments.joints, arguments.position, samples)
+    shown = [joint_index(arm, '--at', name) for name in arguments.at] or list(grid.joints)
+    values, title = _values(arguments, arm, grid)
+    panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
+    poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
+    figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
+    return figure, ', '.join(
+        f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
+        for panel in panels)
+
+
+def _values(
+    arguments: argparse.Namespace, arm: ArmModel, grid: PositionGrid,
+) -> tuple[FloatArray, str]:
+    """Return what is drawn for all joints (l, k, n), and its name."""
+    if arguments.what == GRAVITY:
+        return gravity_efforts(arm, grid), 'effort that holds the arm still, g(q)'
+    if arguments.what == INERTIA:
+        return inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
+    zero = np.zeros(arm.joint_count)
+    v = arguments.velocity or zero
+    a = arguments.acceleration or zero
+    efforts = motion_efforts(arm, grid, v, a)
+    return efforts, f'effort τ at the velocity {_list(v)} and the acceleration {_list(a)}'
+
+
+def _panel(what: str, arm: ArmModel, joint: int, values: FloatArray) -> MapPanel:
+    name, slides = arm.joint_names[joint], arm.joint_kinds[joint] == 'prismatic'
+    if what == INERTIA:
+        return MapPanel(f'Inertia at {name}', values, 'kg' if slides else 'kg·m²', False)
+    return MapPanel(
+        f'Effort at {name}', values, 'N' if slides else 'N·m', True,
+        float(arm.limits.effort[joint]))
+
+
+def _list(values: Any) -> str:
+    return '(' + ', '.join(f'{value:g}' for value in values).replace('-', '−') + ')'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,134 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Efforts and inertias of an arm over the positions of two of its joints, the others standing still.
+
+All positions of a grid are worked on in a few batches of inverse dynamics: the diagonal of the
+mass matrix too, as M_ii is what the unit acceleration of joint i adds to its own effort (M. W.
+Walker and D. E. Orin, *Efficient dynamic computer simulation of robotic mechanisms*, J. Dyn. Sys.,
+Meas., Control 104, 1982, method 1).
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.gravity_capability import BRIEF, search_box, worst_gravity
+from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.validation import check_unique, check_vector, FloatArray
+
+SAMPLES = 121
+"""Positions of a joint."""
+
+
+class PositionGrid(NamedTuple):
+    """
+    Positions of two joints, by their index: `x` (k,) of the first, `y` (l,) of the second.
+
+    `positions` (l, k, n) are those of all joints, [rad] or [m].
+    """
+
+    joints: tuple[int, int]
+    x: FloatArray
+    y: FloatArray
+    positions: FloatArray
+
+
+def make_grid(
+    arm: ArmModel, joints: Sequence[str] = (), position: Any = (), samples: int = SAMPLES,
+) -> PositionGrid:
+    """
+    Return a grid over the ranges of two joints, a turn where a joint has more.
+
+    `joints` names them; empty chooses the two at which gravity can be largest. `position` (n,)
+    is where the others stand; empty: 0, or the limit nearest to it. Raises InvalidInputError.
+    """
+    n = arm.joint_count
+    if n < 2:
+        raise InvalidInputError(
+            f'robot {arm.name!r} has the joint {list(arm.joint_names)}, expected at least two '
+            'joints that move')
+    first, second = _chosen(arm, joints)
+    low, high = search_box(arm)
+    home = np.clip(np.zeros(n), low, high) if not len(position) else check_vector(
+        'position', position, n, arm.joint_names)
+    x = np.linspace(low[first], high[first], samples)
+    y = np.linspace(low[second], high[second], samples)
+    positions = np.tile(home, (samples, samples, 1))
+    positions[:, :, first], positions[:, :, second] = x, y[:, None]
+    return PositionGrid((first, second), x, y, positions)
+
+
+def joint_index(arm: ArmModel, field: str, name: str) -> int:
+    """Return the index of a joint; raise InvalidInputError, which lists the valid names."""
+    if name not in arm.joint_names:
+        raise InvalidInputError(
+            f'{field} has {name!r}, expected joints out of {list(arm.joint_names)}')
+    return arm.joint_names.index(name)
+
+
+def gravity_efforts(arm: ArmModel, grid: PositionGrid) -> FloatArray:
+    """Return g(q) over the grid, (l, k, n) [N·m] or [N]."""
+    zero = np.zeros(arm.joint_count)
+    return _inverse_dynamics(RigidBody(arm), grid, zero, zero)
+
+
+def motion_efforts(
+    arm: ArmModel, grid: PositionGrid, velocity: Any, acceleration: Any,
+) -> FloatArray:
+    """
+    Return τ of one velocity and acceleration, (n,) each, over the grid, (l, k, n) [N·m] or [N].
+
+    Friction is part of it. Raises InvalidInputError.
+    """
+    n, names = arm.joint_count, arm.joint_names
+    v = check_vector('velocity', velocity, n, names)
+    a = check_vector('acceleration', acceleration, n, names)
+    return _inverse_dynamics(ArmDynamics(arm), grid, v, a)
+
+
+def inertia_diagonal(arm: ArmModel, grid: PositionGrid) -> FloatArray:
+    """Return M_ii(q) over the grid, (l, k, n) [kg·m²], at prismatic joints [kg]."""
+    body, n = RigidBody(arm), arm.joint_count
+    zero = np.zeros(n)
+    gravity = _inverse_dynamics(body, grid, zero, zero)
+    columns = [
+        _inverse_dynamics(body, grid, zero, unit)[..., i] for i, unit in enumerate(np.eye(n))]
+    return np.asarray(np.stack(columns, axis=-1) - gravity)
+
+
+def _chosen(arm: ArmModel, joints: Sequence[str]) -> tuple[int, int]:
+    if not joints:
+        largest = np.argsort(-worst_gravity(arm, BRIEF).effort, kind='stable')[:2]
+        return int(largest.min()), int(largest.max())
+    if len(joints) != 2:
+        raise InvalidInputError(
+            f'joints has {list(joints)}, expected two out of {list(arm.joint_names)}')
+    check_unique('joints', joints)
+    return joint_index(arm, 'joints', joints[0]), joint_index(arm, 'joints', joints[1])
+
+
+def _inverse_dynamics(
+    dynamics: RigidBody | ArmDynamics, grid: PositionGrid, v: FloatArray, a: FloatArray,
+) -> FloatArray:
+    shape = grid.positions.shape
+    q = grid.positions.reshape(-1, shape[2])
+    tau = dynamics.inverse_dynamics_batch(
+        q, np.ascontiguousarray(np.broadcast_to(v, q.shape)),
+        np.ascontiguousarray(np.broadcast_to(a, q.shape)))
+    return np.asarray(tau.reshape(shape))

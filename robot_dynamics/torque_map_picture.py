@@ -1,0 +1,182 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Heat maps over the positions of two joints, with the arm's pose drawn here and there."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.planar_view import PlanarView
+from robot_dynamics.plotting import BLACK, styled_figure, title_axes
+from robot_dynamics.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics.torque_grid import PositionGrid
+from robot_dynamics.validation import FloatArray
+
+SIGNED, POSITIVE = 'PuOr_r', 'cividis'
+"""Colour maps that people with any kind of colour vision can read, white at 0 or light above."""
+PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.6
+"""[inch]"""
+POSES = 4
+"""Along either axis."""
+LIMIT_WIDTH = 2.4
+"""Of the contour of the limit [points]."""
+_POSE_SIZE = 0.95
+"""Of the room that a pose has, when the arm is stretched."""
+
+
+class MapPanel(NamedTuple):
+    """
+    What is drawn over a grid: `values` (l, k), in `unit`; signed ones are white at zero.
+
+    The size of the values is beyond what the joint can do where it exceeds `limit`.
+    """
+
+    title: str
+    values: FloatArray
+    unit: str
+    signed: bool
+    limit: float = np.inf
+
+
+def map_figure(
+    title: str, arm: ArmModel, grid: PositionGrid, panels: Sequence[MapPanel],
+    poses: FloatArray | None = None,
+) -> Any:
+    """
+    Return a matplotlib figure with the panels beside one another.
+
+    `poses` (m, 2) are positions of the grid's joints at which the arm is drawn, by default an even
+    choice. Raises MissingDependencyError without matplotlib.
+    """
+    if poses is None:
+        poses = even_poses(grid, POSES)
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    with styled_figure(
+            PANEL_WIDTH * columns, PANEL_HEIGHT * rows + 0.45,
+            style={'hatch.color': 'white'}) as figure:
+        figure.suptitle(
+            title + ('   (q = 0: upright)' if _stands_upright(arm) else ''), fontsize=11)
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        for one in axes[len(panels):]:
+            one.set_visible(False)
+        for one, panel in zip(axes, panels):
+            _draw_map(figure, one, grid, panel)
+            _label_axes(one, arm, grid)
+            _draw_poses(one, arm, grid, poses)
+    return figure
+
+
+def even_poses(grid: PositionGrid, count: int) -> FloatArray:
+    """Return count × count points in the middle of as many equal fields of the grid, (m, 2)."""
+    share = (np.arange(count) + 0.5) / count
+    x = grid.x[0] + share * (grid.x[-1] - grid.x[0])
+    y = grid.y[0] + share * (grid.y[-1] - grid.y[0])
+    return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
+
+
+def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> None:
+    values, largest = panel.values, max(float(np.abs(panel.values).max()), 1e-9)
+    low = -largest if panel.signed else 0.0
+    image = axes.pcolormesh(
+        grid.x, grid.y, values, cmap=SIGNED if panel.signed else POSITIVE, vmin=low,
+        vmax=largest, shading='gouraud', rasterized=True)
+    bar = figure.colorbar(image, ax=axes, shrink=0.82, aspect=24, pad=0.02)
+    bar.set_label(f'[{panel.unit}]')
+    bar.outline.set_visible(False)
+    axes.grid(False)
+    if np.ptp(values) > 1e-6 * largest:
+        lines = axes.contour(
+            grid.x, grid.y, values, levels=7, colors=BLACK, linewidths=0.6, alpha=0.55)
+        axes.clabel(lines, fontsize=7, fmt='%g')
+    reached = largest > panel.limit
+    if reached:
+        size = np.abs(values)
+        axes.contourf(
+            grid.x, grid.y, size, levels=[panel.limit, 2.0 * largest], colors='none',
+            hatches=['//'])
+        for colour, width in (('white', LIMIT_WIDTH + 2.2), (BLACK, LIMIT_WIDTH)):
+            axes.contour(
+                grid.x, grid.y, size, levels=[panel.limit], colors=colour, linewidths=width)
+            for end in (-panel.limit, panel.limit)[not panel.signed:]:
+                bar.ax.axhline(end, color=colour, linewidth=width)
+    note = '' if not np.isfinite(panel.limit) else (
+        f'hatched: beyond the limit, {panel.limit:g} {panel.unit}' if reached else
+        f'within the limit of {panel.limit:g} {panel.unit} everywhere')
+    title_axes(axes, panel.title, note)
+
+
+def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
+    for joint, axis, values, set_label in (
+            (grid.joints[0], axes.xaxis, grid.x, axes.set_xlabel),
+            (grid.joints[1], axes.yaxis, grid.y, axes.set_ylabel)):
+        turns = arm.joint_kinds[joint] != 'prismatic'
+        set_label(f'position of {arm.joint_names[joint]} [{"rad" if turns else "m"}]')
+        if turns and np.ptp(values) > np.pi:
+            axis.set_ticks(*angle_ticks(float(values[0]), float(values[-1])))
+    axes.set_box_aspect(1.0)
+
+
+def angle_ticks(low: float, high: float) -> tuple[list[float], list[str]]:
+    """Return the multiples of π/2, or of π in a wide range, in [low, high], and their names."""
+    step = 1 if high - low <= 4.0 * np.pi + 1e-9 else 2
+    first = int(np.ceil(2.0 * low / np.pi - 1e-9))
+    last = int(np.floor(2.0 * high / np.pi + 1e-9))
+    counts = [count for count in range(first, last + 1) if count % step == 0]
+    return [0.5 * np.pi * count for count in counts], [_angle_name(count) for count in counts]
+
+
+def _angle_name(quarters: int) -> str:
+    if quarters == 0:
+        return '0'
+    sign = '−' if quarters < 0 else ''
+    size = abs(quarters)
+    number = size // 2 if size % 2 == 0 else size
+    return f'{sign}{"" if number == 1 else number}π' + ('' if size % 2 == 0 else '/2')
+
+
+def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray) -> None:
+    """Draw the arm at points of the grid: its base is at the point, up is up."""
+    if not len(poses):
+        return
+    figure = StickFigure(arm, tool_link(arm))
+    base = grid.positions[0, 0]
+    lines = []
+    for pose in poses:
+        q = base.copy()
+        q[list(grid.joints)] = pose
+        lines.append(figure.points(q))
+    view = side_view(arm, np.array(lines))
+    flat = [(points - points[0]) @ view.T for points in lines]
+    reach = max(float(np.linalg.norm(points, axis=1).max()) for points in flat)
+    if reach == 0.0:
+        return
+    each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
+    scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
+    for pose, points in zip(poses, flat):
+        line = pose + scale * points
+        for colour, width in (('white', 4.2), (BLACK, 1.8)):
+            axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
+                      markersize=width, solid_capstyle='round', clip_on=True)
+        axes.plot(*pose, 's', color=BLACK, markerfacecolor='white', markersize=5.0)
+
+
+def _stands_upright(arm: ArmModel) -> bool:
+    try:
+        return PlanarView(arm).upright_at_zero
+    except ModelError:
+        return False

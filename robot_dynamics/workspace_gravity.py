@@ -1,0 +1,106 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where in its workspace an arm cannot hold itself: gravity beside the effort limits, place by place.
+
+Positions are spread over all joints; each falls into the cell of the plane where it puts a link. A
+cell of a planar arm is one of its plane; of any other, of the distance from the vertical through
+the base and of the height.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.gravity_capability import sample_positions
+from robot_dynamics.planar_view import PlanarView
+from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.stick_figure import side_view, StickFigure
+from robot_dynamics.validation import FloatArray
+
+POSITIONS = 60000
+CELLS = 56
+"""Along the longer side of the workspace."""
+
+
+class WorkspaceGravity(NamedTuple):
+    """
+    Shares of the effort limits that gravity takes, by where the link is; NaN where it never is.
+
+    `across` (k + 1,) and `up` (l + 1,) [m] are the edges of the cells; `most` and `least` (l, k)
+    the largest share at any joint, in the worst and in the best pose that reaches the cell.
+    `is_plane` tells whether `across` is x in the plane of the arm, or the distance from the
+    vertical. `held` is the share of all sampled positions that the arm can hold.
+    """
+
+    across: FloatArray
+    up: FloatArray
+    most: FloatArray
+    least: FloatArray
+    is_plane: bool
+    held: float
+
+
+def limit_shares(arm: ArmModel, efforts: FloatArray) -> FloatArray:
+    """Return the largest |effort| / limit of any joint, (m,) of efforts (m, n); 0 without any."""
+    return np.asarray((np.abs(efforts) / arm.limits.effort).max(axis=-1))
+
+
+def workspace_gravity(
+    arm: ArmModel, link: str, positions: int = POSITIONS, cells: int = CELLS,
+) -> WorkspaceGravity:
+    """
+    Return the map for a link of the arm.
+
+    Raises InvalidInputError for an unknown link, or an arm without any effort limit.
+    """
+    figure = StickFigure(arm, link)
+    if not np.isfinite(arm.limits.effort).any():
+        raise InvalidInputError(
+            f'robot {arm.name!r} has no effort limit at any of the joints '
+            f'{list(arm.joint_names)}, expected at least one in its <limit effort="…">')
+    q = sample_positions(arm, positions)
+    zero = np.zeros_like(q)
+    shares = limit_shares(arm, RigidBody(arm).inverse_dynamics_batch(q, zero, zero))
+    places, is_plane = _places(arm, figure.tip(q))
+    low, high = places.min(axis=0), places.max(axis=0)
+    size = max(float((high - low).max()) / cells, 1e-9)
+    counts = np.maximum(np.ceil((high - low) / size - 1e-9).astype(np.intp), 1)
+    columns, rows = np.clip(((places - low) / size).astype(np.intp), 0, counts - 1).T
+    most = np.full((counts[1], counts[0]), -np.inf)
+    least = np.full_like(most, np.inf)
+    np.maximum.at(most, (rows, columns), shares)
+    np.minimum.at(least, (rows, columns), shares)
+    empty = np.isneginf(most)
+    most[empty] = least[empty] = np.nan
+    return WorkspaceGravity(
+        low[0] + size * np.arange(counts[0] + 1), low[1] + size * np.arange(counts[1] + 1),
+        most, least, is_plane, float((shares <= 1.0).mean()))
+
+
+def _places(arm: ArmModel, points: FloatArray) -> tuple[FloatArray, bool]:
+    """Return where the points (m, 3) are, (m, 2) [m], and whether in the plane of the arm."""
+    side, up = side_view(arm, points)
+    try:
+        plane = PlanarView(arm).plane
+        is_plane = bool(abs(plane.normal @ up) < 1e-6)
+    except ModelError:
+        is_plane = False
+    height = points @ up
+    if is_plane:
+        return np.column_stack([points @ plane.side, height]), True
+    away = points - np.outer(height, up)
+    return np.column_stack([np.linalg.norm(away, axis=1), height]), False

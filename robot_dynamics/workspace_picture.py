@@ -1,0 +1,110 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The workspace of an arm with the share of its effort limits that gravity takes there."""
+
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.gravity_capability import worst_gravity
+from robot_dynamics.plotting import BLACK, BLUE, styled_figure, title_axes, VERMILION
+from robot_dynamics.stick_figure import side_view, StickFigure
+from robot_dynamics.validation import FloatArray
+from robot_dynamics.workspace_gravity import WorkspaceGravity
+
+COLOURS = 'cividis'
+WIDTH, HEIGHT = 13.0, 4.8
+"""[inch]"""
+_PERCENT = 100.0
+_FEW = 6
+"""Joints, for which bars are not made thicker any more."""
+
+
+def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravity) -> Any:
+    """
+    Return a matplotlib figure: the worst and the best pose by place, and the worst by joint.
+
+    The worst pose of all, by the search of `gravity_capability`, is drawn where it is. Raises
+    MissingDependencyError without matplotlib.
+    """
+    worst = worst_gravity(arm)
+    with styled_figure(WIDTH, HEIGHT, style={'hatch.color': VERMILION}) as figure:
+        figure.suptitle(title, fontsize=11)
+        most, least, joints = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 0.8))
+        top = max(float(np.nanmax(found.most)), 1e-9)
+        _draw_places(most, found, found.most, top, 'In the worst pose at each place')
+        image = _draw_places(least, found, found.least, top, 'In the best pose at each place')
+        bar = figure.colorbar(image, ax=[most, least], shrink=0.9, aspect=26, pad=0.01)
+        bar.set_label(f'gravity at {link}: largest share of an effort limit [%]')
+        bar.outline.set_visible(False)
+        if top > 1.0:
+            bar.ax.axhline(_PERCENT, color=VERMILION, linewidth=2.6)
+        if found.is_plane:
+            q = worst.position[int(np.argmax(worst.effort / arm.limits.effort))]
+            _draw_pose(most, arm, link, q)
+            most.annotate('drawn: the worst of all', (1.0, 1.0), (0.0, 3.0), 'axes fraction',
+                          'offset points', ha='right', fontsize=8)
+        _draw_joints(joints, arm, worst.effort)
+    return figure
+
+
+def _draw_places(
+    axes: Any, found: WorkspaceGravity, shares: FloatArray, top: float, title: str,
+) -> Any:
+    image = axes.pcolormesh(
+        found.across, found.up, _PERCENT * shares, cmap=COLOURS, vmin=0.0, vmax=_PERCENT * top,
+        rasterized=True)
+    beyond = bool(np.nanmax(shares) > 1.0)
+    if beyond:
+        centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (found.across, found.up)]
+        axes.contourf(*centres, shares, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
+        axes.contour(*centres, shares, levels=[1.0], colors=VERMILION, linewidths=2.4)
+    axes.set_aspect('equal')
+    axes.set(xlabel='x [m]' if found.is_plane else 'distance from the vertical [m]',
+             ylabel='height [m]')
+    title_axes(axes, title, 'hatched: the arm cannot hold itself' if beyond else (
+        'the arm can hold itself everywhere'))
+    return image
+
+
+def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
+    points = StickFigure(arm, link).points(q)
+    flat = points @ side_view(arm, points).T
+    for colour, width in (('white', 4.2), (BLACK, 1.8)):
+        axes.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=width, marker='o',
+                  markersize=1.4 * width)
+
+
+def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
+    shares = _PERCENT * efforts / arm.limits.effort
+    names = arm.joint_names
+    places = np.arange(len(names))[::-1]
+    colours = [VERMILION if share > _PERCENT else BLUE for share in shares]
+    axes.barh(places, shares, 0.62, color=colours)
+    axes.axvline(_PERCENT, color=BLACK, linewidth=1.4, linestyle=(0, (4, 2)))
+    axes.set_yticks(places, names)
+    axes.set_ylim(len(names) - 0.4 - max(len(names), _FEW), len(names) - 0.4)
+    axes.grid(axis='y', visible=False)
+    right = 1.45 * max(float(shares.max()), _PERCENT)
+    axes.set(xlim=(0.0, right), xlabel='share of the effort limit [%]')
+    for place, share, effort, limit, kind in zip(
+            places, shares, efforts, arm.limits.effort, arm.joint_kinds):
+        unit = 'N' if kind == 'prismatic' else 'N·m'
+        of = f' of {limit:g} {unit}' if np.isfinite(limit) else f' {unit}, no limit'
+        effort = round(float(effort), 6) + 0.0
+        axes.text(
+            share + 0.02 * right, place, f'{effort:.3g}{of}', va='center', fontsize=8,
+            bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
+    title_axes(axes, 'The most that gravity asks of each joint')

@@ -1,0 +1,54 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Planar chains for the tests: random ones, as a URDF, and turned about in space."""
+
+from xml.etree import ElementTree
+
+import numpy as np
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_chain import PlanarChain
+from robot_dynamics.planar_urdf import planar_arm_urdf
+
+
+def random_chain(seed, n):
+    rng = np.random.default_rng(seed)
+    lengths = rng.uniform(0.2, 1.5, n)
+    return PlanarChain(
+        rng.uniform(0.5, 5.0, n), lengths, lengths * rng.uniform(0.1, 1.0, n),
+        rng.uniform(0.01, 0.5, n))
+
+
+def arm_of(chain, **more):
+    """Return the chain as an arm."""
+    return load_arm(urdf_of(chain), **more)
+
+
+def urdf_of(chain):
+    return planar_arm_urdf(chain.masses, chain.lengths, chain.com_distances, chain.inertias)
+
+
+def on_a_turned_base(urdf, rpy):
+    """Return the URDF with its arm on a base that is turned by these angles [rad]."""
+    robot = ElementTree.fromstring(urdf)
+    robot.find('joint/origin').set('rpy', ' '.join(str(angle) for angle in rpy))
+    return ElementTree.tostring(robot, encoding='unicode')
+
+
+def with_reversed_joint(urdf, name):
+    """Return the URDF with a joint that counts the other way round."""
+    robot = ElementTree.fromstring(urdf)
+    axis = robot.find(f'joint[@name="{name}"]/axis')
+    axis.set('xyz', ' '.join(str(-float(value)) for value in axis.get('xyz').split()))
+    return ElementTree.tostring(robot, encoding='unicode')

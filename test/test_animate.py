@@ -1,0 +1,234 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The animation: what stands on the stage and in the bars, and the tool that draws it."""
+
+import re
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.arm_motion import simulate_motion
+from robot_dynamics.chain_animation import chain_frames
+from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
+from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_for, StageScales
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar_view import PlanarView
+from robot_dynamics.plotting import styled_figure
+from robot_dynamics.recording import JOINT_STATE, RecordingWriter
+from robot_dynamics.tools.animate import main
+from robots import robot_path
+
+Image = pytest.importorskip('PIL.Image')
+pytest.importorskip('matplotlib')
+UR10_PLANE = ['shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint']
+
+
+@pytest.fixture(scope='module')
+def swing():
+    return simulate_motion(load_arm(default_arm_urdf()), 4.0, 4.0)
+
+
+def axes_of():
+    with styled_figure(4.0, 4.0, None) as figure:
+        return figure.add_axes((0.3, 0.1, 0.6, 0.8))
+
+
+# --- stage and bars ------------------------------------------------------------------------------
+
+def test_arrows_are_as_long_as_the_forces_and_point_their_way(swing):
+    view = PlanarView(swing.arm)
+    now = view.passes(swing.position[3], swing.velocity[3], swing.acceleration[3])
+    axes = axes_of()
+    stage = ChainStage(axes, 1.8, True)
+    stage.clear(StageScales(50.0, 10.0, 10.0, 2.0))
+    stage.draw_force(now.joint_position[0], now.force[0])
+    arrow = axes.texts[-1]
+    npt.assert_allclose(arrow.get_position(), now.joint_position[0], atol=1e-12)
+    npt.assert_allclose(50.0 * (np.array(arrow.xy) - now.joint_position[0]), now.force[0])
+    assert arrow.arrow_patch.get_edgecolor()[:3] == pytest.approx(
+        [int(FORCE[k:k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    stage.clear(StageScales(50.0, 10.0, 10.0, 2.0))
+    assert not [text for text in axes.texts if hasattr(text, 'arrow_patch')]
+
+
+@pytest.mark.parametrize('moment', [-12.0, 7.0])
+def test_arcs_cover_the_angle_of_the_moment_clockwise_from_above(moment):
+    axes = axes_of()
+    stage = ChainStage(axes, 1.8, False)
+    stage.clear(StageScales(50.0, 10.0, 10.0, 2.0))
+    stage.draw_moment(np.array([0.2, 0.1]), moment)
+    x, y = axes.lines[-1].get_data()
+    angle = np.unwrap(np.arctan2(np.asarray(x) - 0.2, np.asarray(y) - 0.1))
+    assert angle[0] == pytest.approx(0.0)
+    assert angle[-1] == pytest.approx(moment / 10.0)
+
+
+def test_links_are_where_the_chain_is(swing):
+    view = PlanarView(swing.arm)
+    now = view.passes(swing.position[5], swing.velocity[5], swing.acceleration[5])
+    axes = axes_of()
+    stage = ChainStage(axes, 1.8, False)
+    stage.draw_links(now)
+    ends = [line.get_xydata() for line in axes.lines if len(line.get_xydata()) == 2]
+    npt.assert_allclose(ends[0], [now.joint_position[0], now.joint_position[1]])
+    npt.assert_allclose(ends[1], [now.joint_position[1], now.tip_position])
+
+
+def test_the_largest_arrows_fit_on_the_stage(swing):
+    view = PlanarView(swing.arm)
+    passes = [view.passes(*state) for state in zip(
+        swing.position, swing.velocity, swing.acceleration)]
+    scales = scales_for(passes, view.reach())
+    forces = np.linalg.norm([one.force for one in passes], axis=2)
+    assert forces.max() / scales.force == pytest.approx(0.9 * view.reach())
+    assert max(np.abs(one.tau).max() for one in passes) / scales.moment < 2.0 * np.pi
+
+
+def test_energy_bars_end_where_the_work_ends(swing):
+    axes = axes_of()
+    panel = EnergyPanel(axes, swing)
+    panel.show(9)
+    kinetic, potential, total, heat, work = axes.patches
+    assert kinetic.get_width() == pytest.approx(swing.kinetic[9])
+    assert potential.get_x() == pytest.approx(kinetic.get_width())
+    assert total.get_width() == pytest.approx(potential.get_x() + potential.get_width())
+    assert heat.get_x() == pytest.approx(total.get_width())
+    assert heat.get_x() + heat.get_width() == pytest.approx(work.get_width(), abs=1e-4)
+    assert [label.get_text() for label in axes.get_yticklabels()][-1] == 'work of the motors'
+
+
+@pytest.mark.parametrize('joint', [0, 1])
+def test_effort_bars_add_up_to_the_last_one(swing, joint):
+    axes = axes_of()
+    panel = EffortPanel(axes, swing, joint)
+    for k in (2, 9):
+        panel.show(k)
+        *terms, total = (bar.get_width() for bar in axes.patches)
+        assert sum(terms) == pytest.approx(total, abs=1e-8)
+        assert total == pytest.approx(swing.terms['effort'][k, joint])
+    assert '[N·m]' in {text.get_text() for text in axes.texts}
+
+
+@pytest.mark.parametrize(('value', 'rounded'), [
+    (1.0, 1.0), (1.99, 1.0), (2.0, 2.0), (49.0, 20.0), (51.0, 50.0), (0.07, 0.05), (700.0, 500.0)])
+def test_keys_have_round_sizes(value, rounded):
+    assert round_number(value) == pytest.approx(rounded)
+
+
+# --- frames --------------------------------------------------------------------------------------
+
+def test_the_motion_stops_for_both_passes_of_each_link(swing):
+    few = swing.at(np.array([0.0, 0.5]))
+    frames = list(chain_frames(few, [0.5], 0.5, 'x'))
+    assert [frame.seconds > 2.0 for frame in frames] == [False, False, True, True, True, True]
+    assert frames[0].seconds == pytest.approx(1.0)
+    assert len({frame.pixels.shape for frame in frames}) == 1
+    for frame, after in zip(frames, frames[1:]):
+        assert (frame.pixels != after.pixels).any()
+    assert all(0.01 < (frame.pixels.min(axis=2) < 230).mean() < 0.3 for frame in frames)
+
+
+# --- the tool ------------------------------------------------------------------------------------
+
+def test_without_arguments_it_says_where_the_picture_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(['--duration', '1', '--rate', '1']) == 0
+    out = capsys.readouterr().out
+    path = tmp_path / 'out' / 'planar_arm.gif'
+    assert f'{path}: 7 frames' in out
+    with Image.open(path) as picture:
+        assert picture.n_frames == 7
+        assert picture.width <= 1000
+
+
+def write_bag(path, motion, names, urdf=None, extra=()):
+    with RecordingWriter(path) as writer:
+        writer.add_topic('/joint_states', JOINT_STATE)
+        if urdf is not None:
+            writer.add_topic('/robot_description', 'std_msgs/msg/String')
+            writer.write_message(
+                '/robot_description', 1, writer.make_message('std_msgs/msg/String', data=urdf))
+        for k, t in enumerate(motion.times):
+            sec, nanosec = divmod(int(round(1e9 * (t + 1.0))), 10**9)
+            header = writer.make_message(
+                'std_msgs/msg/Header', frame_id='', stamp=writer.make_message(
+                    'builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec))
+            writer.write_message('/joint_states', 10**9 * sec + nanosec, writer.make_message(
+                JOINT_STATE, header=header, name=[*names, *(name for name, _ in extra)],
+                position=np.append(motion.position[k], [x for _, x in extra]),
+                velocity=np.append(motion.velocity[k], [0.0] * len(extra)),
+                effort=np.append(motion.terms['effort'][k], [0.0] * len(extra))))
+    return path
+
+
+@pytest.fixture(scope='module')
+def recorded_swing(tmp_path_factory):
+    motion = simulate_motion(load_arm(default_arm_urdf()), 3.0, 100.0)
+    return write_bag(
+        tmp_path_factory.mktemp('bags') / 'swing', motion, ['joint1', 'joint2'])
+
+
+def test_a_recording_is_drawn(recorded_swing, tmp_path, capsys):
+    assert main([
+        str(recorded_swing), '--from', '0.5', '--duration', '1', '--rate', '2', '--stop',
+        '-o', str(tmp_path / 'x.gif')]) == 0
+    assert 'x.gif: 3 frames' in capsys.readouterr().out
+
+
+def test_the_description_in_the_recording_is_used(tmp_path, capsys):
+    urdf = robot_path('ur10').read_text()
+    motion = simulate_motion(load_arm(urdf, UR10_PLANE), 2.0, 50.0)
+    others = ['shoulder_pan_joint', 'wrist_2_joint', 'wrist_3_joint']
+    still = write_bag(
+        tmp_path / 'still', motion, UR10_PLANE, urdf, [(name, 0.0) for name in others])
+    arguments = ['--joints', *UR10_PLANE, '--duration', '1', '--rate', '1', '--stop']
+    assert main([str(still), *arguments, '-o', str(tmp_path / 'x.gif')]) == 0
+    assert 'instants of ur10' in capsys.readouterr().out
+    moved = write_bag(tmp_path / 'moved', motion, UR10_PLANE, urdf, [(others[0], 0.7)])
+    assert main([str(moved), *arguments, '-o', str(tmp_path / 'y.gif')]) == 2
+    err = capsys.readouterr().err
+    assert re.match(r"animate: recording .* 'shoulder_pan_joint' up to 0\.70 away from 0", err)
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['-o', 'x.webm'], r"x\.webm', expected a name that ends in one of \['\.gif', '\.mp4'\]"),
+    (['--urdf', 'UR10'], r"no planar chain: expected .* such as \['shoulder_lift_joint', "),
+    (['--urdf', 'UR10', '--joints', 'elbow'], r"joints has 'elbow', expected joints out of \["),
+    (['--stop', '9'], r'--stop is 9, expected a number in \[0, 5\]'),
+    (['--duration', 'nan'], '--duration is nan'),
+    (['--rate', '0'], r'--rate is 0, expected a number in \[1, 50\]'),
+    (['--speed', '0'], r'--speed is 0, expected a number in \[0\.01, 100\]'),
+    (['--topic', '/x'], '--topic is given without a recording'),
+    (['nowhere'], "recording 'nowhere' does not exist"),
+    (['SWING', '--urdf', 'UR10', '--joints', 'elbow_joint'],
+     r"has the joints \['joint1', 'joint2'\], expected \['elbow_joint'\] of 'ur10' too"),
+    (['SWING', '--from', '4'], r'--from is 4, expected a number in \[0, '),
+])
+def test_mistakes_are_told_in_one_line(recorded_swing, tmp_path, capsys, arguments, message):
+    names = {'UR10': str(robot_path('ur10')), 'SWING': str(recorded_swing)}
+    assert main(['-o', str(tmp_path / 'x.gif'), *(names.get(one, one) for one in arguments)]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith('animate: ')
+    assert err.count('\n') == 1
+    assert re.search(message, err), err
+
+
+def test_a_place_that_cannot_be_written_to_is_named(tmp_path, capsys):
+    (tmp_path / 'file').write_text('')
+    status = main(
+        ['--duration', '1', '--rate', '1', '-o', str(tmp_path / 'file' / 'x.gif')])
+    assert status == 1
+    assert capsys.readouterr().err.startswith('animate: cannot write ')

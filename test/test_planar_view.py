@@ -1,0 +1,164 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A planar chain out of a URDF: the passes of the recursion, and Newton's law for each link."""
+
+import re
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+from planar_chains import arm_of, on_a_turned_base, random_chain, urdf_of, with_reversed_joint
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.planar_chain import newton_euler
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar_view import PlanarView
+from robots import robot_urdf
+
+UR10_PLANE = ('shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint')
+
+cases = st.tuples(st.integers(1, 5), st.integers(0, 2**32 - 1))
+
+
+def motion(seed, n):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-4.0, 4.0, n), rng.normal(0.0, 3.0, n), rng.normal(0.0, 10.0, n)
+
+
+def assert_same(found, expected):
+    for field, one, other in zip(found._fields, found, expected):
+        scale = max(np.abs(other).max(), 1.0)
+        npt.assert_allclose(one, other, rtol=0.0, atol=1e-11 * scale, err_msg=field)
+
+
+@settings(deadline=None, derandomize=True, max_examples=25)
+@given(cases)
+def test_passes_are_those_of_the_recursion_written_for_the_plane(case):
+    n, seed = case
+    chain, state = random_chain(seed, n), motion(seed, n)
+    assert_same(PlanarView(arm_of(chain)).passes(*state), newton_euler(chain, *state))
+
+
+@settings(deadline=None, derandomize=True, max_examples=15)
+@given(cases)
+def test_the_joints_may_be_asked_for_in_any_order(case):
+    n, seed = case
+    chain, (q, v, a) = random_chain(seed, n), motion(seed, n)
+    order = np.random.default_rng(seed).permutation(n)
+    arm = arm_of(chain, joints=[f'joint{i + 1}' for i in order])
+    assert_same(PlanarView(arm).passes(q[order], v[order], a[order]), newton_euler(chain, q, v, a))
+
+
+@settings(deadline=None, derandomize=True, max_examples=15)
+@given(cases, st.floats(-3.0, 3.0))
+def test_the_arm_may_face_any_way_about_the_vertical(case, yaw):
+    n, seed = case
+    chain, state = random_chain(seed, n), motion(seed, n)
+    arm = load_arm(on_a_turned_base(urdf_of(chain), (0.0, 0.0, yaw)))
+    assert_same(PlanarView(arm).passes(*state), newton_euler(chain, *state))
+
+
+@settings(deadline=None, derandomize=True, max_examples=15)
+@given(cases, st.floats(-3.0, 3.0))
+def test_a_base_that_leans_is_a_shift_of_joint_1(case, lean):
+    n, seed = case
+    chain, (q, v, a) = random_chain(seed, n), motion(seed, n)
+    arm = load_arm(on_a_turned_base(urdf_of(chain), (0.0, lean, 0.0)))
+    shifted = q + lean * (np.arange(n) == 0)
+    assert_same(PlanarView(arm).passes(q, v, a), newton_euler(chain, shifted, v, a))
+
+
+def test_a_joint_that_counts_the_other_way_round():
+    chain, (q, v, a) = random_chain(3, 3), motion(3, 3)
+    sense = np.array([1.0, -1.0, 1.0])
+    arm = load_arm(with_reversed_joint(urdf_of(chain), 'joint2'))
+    view = PlanarView(arm)
+    assert_same(view.passes(q, v, a), newton_euler(chain, sense * q, sense * v, sense * a))
+    npt.assert_array_equal(view.sense, sense)
+    moments = view.sense * view.passes(q, v, a).tau
+    npt.assert_allclose(
+        moments, ArmDynamics(arm).inverse_dynamics(q, v, a), rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize('robot', ['default', 'ur10'])
+def test_newton_and_euler_hold_for_each_link(robot):
+    arm = load_arm(default_arm_urdf()) if robot == 'default' else (
+        load_arm(robot_urdf(robot), UR10_PLANE))
+    view = PlanarView(arm)
+    n = arm.joint_count
+    for seed in range(10):
+        state = motion(seed, n)
+        now = view.passes(*state)
+        masses = [inertia.mass for inertia in arm.engine.inertias[1:]]
+        for i in range(n):
+            beyond = now.force[i + 1] if i + 1 < n else np.zeros(2)
+            total = now.force[i] - beyond + view.weight(i)
+            npt.assert_allclose(total, masses[i] * now.com_acceleration[i], rtol=0.0, atol=1e-9)
+        # What the recursion passes on is what the general equation says of each joint.
+        npt.assert_allclose(
+            view.sense * now.tau, ArmDynamics(arm).rigid_body.inverse_dynamics(*state),
+            rtol=0.0, atol=1e-9)
+
+
+def test_velocities_and_accelerations_are_the_derivatives_of_positions():
+    view = PlanarView(load_arm(robot_urdf('ur10'), UR10_PLANE))
+    q, v, a = motion(5, 3)
+    h = 1e-4
+
+    def at(t):
+        return view.passes(q + v * t + 0.5 * a * t * t, v + a * t, a)
+
+    before, now, after = at(-h), at(0.0), at(h)
+    second = (after.com_position - 2.0 * now.com_position + before.com_position) / h**2
+    npt.assert_allclose(now.com_acceleration, second, rtol=1e-4, atol=1e-3)
+    npt.assert_allclose(now.omega_dot, (after.omega - before.omega) / (2.0 * h), atol=1e-6)
+
+
+def test_upright_is_told():
+    assert PlanarView(load_arm(default_arm_urdf())).upright_at_zero
+    leaning = on_a_turned_base(default_arm_urdf(), (0.0, 0.3, 0.0))
+    assert not PlanarView(load_arm(leaning)).upright_at_zero
+
+
+def test_a_chain_in_a_horizontal_plane_has_no_weight_in_it():
+    flat = load_arm(on_a_turned_base(default_arm_urdf(), (np.pi / 2.0, 0.0, 0.0)))
+    view = PlanarView(flat)
+    npt.assert_allclose(view.weight(0), 0.0, atol=1e-12)
+    now = view.passes(np.array([0.3, 0.4]), np.zeros(2), np.zeros(2))
+    npt.assert_allclose(now.force, 0.0, atol=1e-12)
+    npt.assert_allclose(view.reach(), 1.8)
+
+
+@pytest.mark.parametrize(('robot', 'joints', 'message'), [
+    ('ur10', (), "expected joints whose axes are parallel, such as ['shoulder_lift_joint', "
+     "'elbow_joint', 'wrist_1_joint', 'wrist_3_joint']"),
+    ('panda', ('panda_joint2', 'panda_finger_joint1'), "as ['panda_finger_joint2'] do"),
+    ('baxter', ('left_e1', 'left_w1', 'r_gripper_l_finger_joint'), 'mimic'),
+    ('talos_full_v2', ('leg_left_4_joint', 'leg_right_4_joint'), 'branch off'),
+])
+def test_what_is_no_planar_chain_is_refused_by_name(robot, joints, message):
+    arm = load_arm(robot_urdf(robot), joints)
+    with pytest.raises(ModelError, match=re.escape(message)):
+        PlanarView(arm)
+
+
+def test_a_slide_is_refused():
+    urdf = default_arm_urdf().replace('"joint2" type="continuous"', '"joint2" type="prismatic"')
+    urdf = urdf.replace('effort="60.0"', 'lower="0" upper="1" effort="60.0"')
+    with pytest.raises(ModelError, match=r"joints that turn, which \['joint2'\] do not"):
+        PlanarView(load_arm(urdf))

@@ -1,0 +1,196 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The pictures of maps, and the tool that draws them."""
+
+import re
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.plotting import save_figure
+from robot_dynamics.tools.torque_map import main
+from robot_dynamics.torque_grid import gravity_efforts, make_grid
+from robot_dynamics.torque_map_picture import (
+    angle_ticks,
+    even_poses,
+    LIMIT_WIDTH,
+    map_figure,
+    MapPanel,
+)
+from robots import robot_path
+
+pytest.importorskip('matplotlib')
+from matplotlib.image import imread  # noqa: E402
+
+DEFAULT = load_arm(default_arm_urdf())
+
+
+@pytest.fixture(scope='module')
+def grid():
+    return make_grid(DEFAULT, samples=41)
+
+
+def figure_of(grid, limit):
+    values = gravity_efforts(DEFAULT, grid)[..., 0]
+    return map_figure('title', DEFAULT, grid, [
+        MapPanel('Effort at joint1', values, 'N·m', True, limit)])
+
+
+def texts_of(axes):
+    return [text.get_text() for text in axes.texts]
+
+
+def limit_contour(axes):
+    """Return the points of the contours that are drawn in the thickest black line."""
+    return [path.vertices for contour in axes.collections for path in contour.get_paths()
+            if list(contour.get_linewidths())[:1] == [LIMIT_WIDTH] and len(path.vertices)]
+
+
+def test_axes_have_names_and_units(grid):
+    axes, bar = figure_of(grid, 40.0).axes
+    assert axes.get_xlabel() == 'position of joint1 [rad]'
+    assert axes.get_ylabel() == 'position of joint2 [rad]'
+    assert bar.get_ylabel() == '[N·m]'
+    ticks = [label.get_text() for label in axes.get_xticklabels()]
+    assert ticks == ['−π', '−π/2', '0', 'π/2', 'π']
+
+
+def test_the_limit_is_a_contour_where_the_effort_is_the_limit(grid):
+    axes = figure_of(grid, 40.0).axes[0]
+    assert 'hatched: beyond the limit, 40 N·m' in texts_of(axes)
+    paths = limit_contour(axes)
+    assert paths
+    values = gravity_efforts(DEFAULT, make_grid(DEFAULT, samples=41))[..., 0]
+    fine = np.concatenate(paths)
+    rows = np.abs(grid.y[:, None] - fine[:, 1]).argmin(axis=0)
+    columns = np.abs(grid.x[:, None] - fine[:, 0]).argmin(axis=0)
+    slope = 65.8 * (grid.x[1] - grid.x[0])
+    npt.assert_allclose(np.abs(values[rows, columns]), 40.0, rtol=0.0, atol=1.2 * slope)
+
+
+def test_without_a_limit_that_matters_nothing_is_hatched(grid):
+    assert 'within the limit of 150 N·m everywhere' in texts_of(figure_of(grid, 150.0).axes[0])
+    axes = figure_of(grid, np.inf).axes[0]
+    assert not [text for text in texts_of(axes) if 'limit' in text]
+    assert not limit_contour(axes)
+
+
+def test_poses_start_at_their_points_and_have_the_shape_of_the_arm(grid):
+    values = gravity_efforts(DEFAULT, grid)[..., 0]
+    pose = np.array([[0.3, 1.1]])
+    axes = map_figure('', DEFAULT, grid, [MapPanel('', values, 'N·m', True)], pose).axes[0]
+    line = next(line.get_xydata() for line in axes.lines if len(line.get_xydata()) == 3)
+    npt.assert_allclose(line[0], pose[0])
+    upper, lower = np.diff(line, axis=0)
+    angles = [np.arctan2(*upper), np.arctan2(*lower)]
+    npt.assert_allclose(angles, [0.3, 0.3 + 1.1], atol=1e-9)
+    assert np.linalg.norm(lower) / np.linalg.norm(upper) == pytest.approx(0.8)
+
+
+def test_even_poses_are_the_middles_of_equal_fields(grid):
+    poses = even_poses(grid, 2)
+    quarter = np.pi / 2.0
+    npt.assert_allclose(
+        sorted(map(tuple, poses)), [(x, y) for x in (-quarter, quarter) for y in (
+            -quarter, quarter)])
+
+
+@pytest.mark.parametrize(('low', 'high', 'names'), [
+    (-np.pi, np.pi, ['−π', '−π/2', '0', 'π/2', 'π']),
+    (-1.7, 4.8, ['−π/2', '0', 'π/2', 'π', '3π/2']),
+    (-3.0 * np.pi, 3.0 * np.pi, ['−3π', '−2π', '−π', '0', 'π', '2π', '3π']),
+])
+def test_angles_are_named_as_fractions_of_pi(low, high, names):
+    places, found = angle_ticks(low, high)
+    assert found == names
+    for place, name in zip(places, names):
+        text = name.replace('−', '-')
+        number, _, part = text.partition('/')
+        factor = {'': 1.0, '-': -1.0}.get(number.removesuffix('π'))
+        factor = float(number.removesuffix('π')) if factor is None else factor
+        expected = 0.0 if name == '0' else factor * np.pi / float(part or 1)
+        assert place == pytest.approx(expected)
+
+
+def test_flat_maps_are_drawn(grid, tmp_path):
+    flat = np.zeros(grid.positions.shape[:2])
+    save_figure(map_figure('', DEFAULT, grid, [
+        MapPanel('', flat, 'N·m', True, 10.0), MapPanel('', flat + 2.0, 'kg·m²', False)]),
+        tmp_path / 'x.png')
+    assert (tmp_path / 'x.png').stat().st_size > 1000
+
+
+# --- the tool ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['gravity', '--payload', '8'], 'Effort at joint1 from -207 to 207 N·m'),
+    (['inertia'], r'Inertia at joint2 from 0\.53 to 0\.53 kg·m²'),
+    (['motion', '--velocity', '0.5', '0.3', '--acceleration', '0.1', '0.2', '--pose', '1', '1'],
+     'Effort at joint2 from '),
+    (['workspace', '--payload', '8'], '% of the positions tried can be held'),
+    (['--urdf', 'PANDA', '--joints', 'panda_joint2', 'panda_joint4', '--at', 'panda_joint1',
+      'panda_joint2', 'panda_joint4', 'panda_finger_joint1', '--samples', '15'],
+     'Effort at panda_finger_joint1 from .* N'),
+])
+def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
+    path = tmp_path / 'x.png'
+    urdf = str(robot_path('panda'))
+    assert main([urdf if one == 'PANDA' else one for one in arguments] + ['-o', str(path)]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f'{path}: ')
+    assert re.search(said, out), out
+    pixels = imread(path)[..., :3]
+    assert min(pixels.shape[:2]) > 300
+    assert 0.1 < (pixels.min(axis=2) < 0.9).mean() < 0.95
+
+
+def test_without_arguments_it_says_where_the_picture_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([]) == 0
+    path = tmp_path / 'out' / 'planar_arm_gravity.png'
+    assert path.exists()
+    assert str(path) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['--joints', 'joint1', 'elbow'],
+     "joints has 'elbow', expected joints out of ['joint1', 'joint2']"),
+    (['--at', 'elbow'], "--at has 'elbow', expected joints out of ['joint1', 'joint2']"),
+    (['--position', '1'], 'position has 1 values, expected 2'),
+    (['motion', '--velocity', '1'], 'velocity has 1 values, expected 2'),
+    (['--velocity', '1', '2'],
+     "--velocity and --acceleration are given with 'gravity', expected 'motion'"),
+    (['--samples', '1'], '--samples is 1, expected a number in [3, 1001]'),
+    (['--payload', '-1'], 'payload.inertia.m is -1'),
+    (['--link', 'hand'], "'hand', expected one of the links ['base_link'"),
+    (['workspace', '--link', 'hand'], "'hand', expected one of the links ['base_link'"),
+    (['--urdf', 'nowhere.urdf'], "'nowhere.urdf', which cannot be read"),
+    (['-o', 'x.gif'], "'x.gif', expected a name that ends in one of"),
+])
+def test_mistakes_are_told_in_one_line(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    err = capsys.readouterr().err
+    assert err.startswith('torque_map: ')
+    assert err.count('\n') == 1
+    assert message in err
+
+
+def test_a_place_that_cannot_be_written_to_is_named(tmp_path, capsys):
+    (tmp_path / 'file').write_text('')
+    assert main(['--samples', '5', '-o', str(tmp_path / 'file' / 'x.png')]) == 1
+    assert capsys.readouterr().err.startswith('torque_map: cannot write ')
