@@ -72,7 +72,7 @@ class Diagnostics:
     def _to_ros(self, status: Status) -> DiagnosticStatus:
         return DiagnosticStatus(
             name=f'{self._node.get_name()}: {status.name}',
-            hardware_id=self._node.get_name(),
+            hardware_id=self._node.get_fully_qualified_name().strip('/'),
             level=status.level,
             message=status.message,
             values=[KeyValue(key=key, value=str(value)) for key, value in status.values.items()])

@@ -48,16 +48,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         xml = read_description(arguments.urdf, 'URDF')
         meshes = MeshReader(arguments.urdf.parent)
-        findings = _findings(xml, arguments.joints, meshes)
+        findings = findings_of(xml, arguments.joints, meshes)
         unread = list(unmeasured(read_bodies(xml, meshes)))
     except RobotDynamicsError as error:
         print(f'check_model: {error}', file=sys.stderr)
         return 2
     errors = errors_of(findings, arguments.ignore)
     if arguments.json:
-        print(json.dumps(_as_data(findings, arguments.ignore, unread), indent=2))
+        print(json.dumps(findings_as_data(findings, arguments.ignore, unread), indent=2))
     else:
-        print(_report(arguments.urdf, findings, arguments.ignore, unread))
+        print(findings_report(arguments.urdf, findings, arguments.ignore, unread))
     return 1 if errors else 0
 
 
@@ -81,7 +81,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _findings(xml: str, joints: Sequence[str], meshes: MeshReader) -> list[Finding]:
+def findings_of(
+    xml: str, joints: Sequence[str], meshes: MeshReader | None = None,
+) -> list[Finding]:
+    """Return what is found in a URDF; raise RobotDynamicsError where it cannot be used at all."""
     try:
         arm = load_arm(xml, joints)
     except InvalidInputError:
@@ -91,9 +94,10 @@ def _findings(xml: str, joints: Sequence[str], meshes: MeshReader) -> list[Findi
     return check_model(xml, arm, meshes=meshes)
 
 
-def _as_data(
-    findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str],
+def findings_as_data(
+    findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str] = (),
 ) -> dict[str, object]:
+    """Return findings as what JSON is written of."""
     return {
         'findings': [
             {'check': finding.check, 'level': finding.level, 'where': finding.where,
@@ -102,9 +106,11 @@ def _as_data(
         'links_with_unread_geometry': list(unread)}
 
 
-def _report(
-    path: Path, findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str],
+def findings_report(
+    where: object, findings: Sequence[Finding], ignored: Sequence[str],
+    unread: Sequence[str] = (),
 ) -> str:
+    """Return findings in lines, with a verdict on `where` they were found as the last one."""
     lines = []
     for level, title in ((ERROR, 'Errors'), (WARNING, 'Warnings')):
         of_level = [finding for finding in findings if finding.level == level]
@@ -117,7 +123,7 @@ def _report(
     count = len(errors_of(findings, ignored))
     verdict = f'{count} error{"" if count == 1 else "s"}' if count else (
         'accepted, as the errors are ignored' if errors_of(findings) else 'no errors')
-    return '\n'.join([*lines, f'{path}: {verdict}'])
+    return '\n'.join([*lines, f'{where}: {verdict}'])
 
 
 def _rows(finding: Finding, ignored: Sequence[str]) -> list[str]:

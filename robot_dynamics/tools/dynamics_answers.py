@@ -1,0 +1,267 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the verbs of `ros2 dynamics` answer: each as data for JSON, and as text for people."""
+
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped
+from lifecycle_msgs.srv import GetState
+import numpy as np
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.tools.dynamics_client import DynamicsClient, LATCHED, NoAnswerError
+from robot_dynamics.tools.joint_arguments import joint_values
+from robot_dynamics.tools.text_table import matrix_table, text_table
+from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
+
+TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
+MOTORS = {
+    'motor_current': 'current [A]', 'motor_voltage': 'voltage [V]',
+    'current_ratio': 'of its limit', 'voltage_ratio': 'of its limit'}
+LEVELS = {
+    DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warning', DiagnosticStatus.ERROR: 'ERROR',
+    DiagnosticStatus.STALE: 'stale'}
+
+
+class Answer(NamedTuple):
+    """What a verb answers: `data` for JSON, `text` for people, the exit status."""
+
+    data: Mapping[str, Any]
+    text: str
+    status: int = 0
+
+
+class Units(NamedTuple):
+    """The units of positions and efforts of an arm, and a column of kinds where they differ."""
+
+    position: str
+    effort: str
+    kinds: Mapping[str, str]
+
+    @classmethod
+    def of(cls, names: Sequence[str], kinds: Mapping[str, str]) -> 'Units':
+        """Return the units of these joints; both where their kinds are not known."""
+        slides = {kinds[name] == 'prismatic' for name in names} if set(names) <= set(kinds) else (
+            {True, False})
+        if slides == {False}:
+            return cls('rad', 'N m', {})
+        if slides == {True}:
+            return cls('m', 'N', {})
+        return cls('rad, m', 'N m, N', {name: kinds.get(name, '') for name in names})
+
+    def first(self, name: str) -> list[str]:
+        """Return the first cells of the row of a joint."""
+        return [name, self.kinds[name]] if self.kinds else [name]
+
+    def table(self, headings: Sequence[str], columns: Mapping[str, Sequence[float]]) -> str:
+        """Return a table of values by joint; `columns` have a unit in their headings."""
+        names = list(headings)
+        heads = ['joint', 'kind'] if self.kinds else ['joint']
+        return text_table([*heads, *columns], [
+            [*self.first(name), *values] for name, *values in zip(names, *columns.values())])
+
+
+def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Return the efforts of a motion."""
+    names, motion = _motion(client, arguments, ('position', 'velocity', 'acceleration'))
+    response = client.call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
+        joint_names=names, **motion))
+    terms = {name: list(getattr(response.terms, name)) for name in TERMS}
+    motors = {field: list(getattr(response, field)) for field in MOTORS}
+    units = Units.of(names, {} if arguments.json else client.joint_kinds())
+    energies = _energies(response.terms)
+    blocks = [
+        _motion_table(units, names, motion),
+        f'Effort by term [{units.effort}]\n{units.table(names, terms)}']
+    if motors['motor_current']:
+        blocks.append('Motors\n' + text_table(
+            ['joint', *MOTORS.values()],
+            [[name, *row] for name, *row in zip(names, *motors.values())]))
+    blocks.append(_in_words(energies))
+    blocks += [f'Warning: {warning}' for warning in response.warnings]
+    return Answer({
+        'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
+        'terms': terms, **energies, **{key: value for key, value in motors.items() if value},
+        'warnings': list(response.warnings)}, '\n\n'.join(blocks))
+
+
+def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Return the parts of the manipulator equation."""
+    names, motion = _motion(client, arguments, ('position', 'velocity'))
+    n = len(names)
+    response = client.call(
+        ManipulatorEquation, 'manipulator_equation', ManipulatorEquation.Request(
+            joint_names=names, include_christoffel=arguments.christoffel, **motion))
+    M = np.array(response.mass_matrix).reshape(n, n)
+    C = np.array(response.coriolis_matrix).reshape(n, n)
+    vectors = {
+        'gravity': list(response.gravity), 'nonlinear': list(response.nonlinear),
+        'friction': list(response.friction)}
+    units = Units.of(names, {} if arguments.json else client.joint_kinds())
+    energies = _energies(response)
+    inertia = {'N m': 'kg m^2', 'N': 'kg'}.get(units.effort, 'kg m^2, kg m, kg')
+    rate = {'N m': 'N m s/rad', 'N': 'N s/m'}.get(units.effort, 'N m s, N s, N s/m')
+    blocks = [
+        _motion_table(units, names, motion),
+        f'Mass matrix M(q) [{inertia}]\n{matrix_table("", names, M)}',
+        f'Coriolis matrix C(q, v) [{rate}]\n{matrix_table("", names, C)}',
+        f'Vectors [{units.effort}]\n' + units.table(names, {
+            'g(q)': vectors['gravity'], 'C v + g': vectors['nonlinear'],
+            'friction': vectors['friction']})]
+    data = {
+        'node': client.name, 'joint_names': names, **motion, 'mass_matrix': M.tolist(),
+        'coriolis_matrix': C.tolist(), **vectors, **energies, 'message': response.message}
+    if arguments.christoffel:
+        c = np.array(response.christoffel).reshape(n, n, n)
+        data['christoffel'] = c.tolist()
+        rows = [[names[i], names[j], names[k], float(c[i, j, k])]
+                for i, j, k in np.argwhere(np.abs(c) > 1e-12)]
+        blocks.append('Christoffel symbols c_ijk that are not 0\n' + text_table(
+            ['i', 'j', 'k', 'c_ijk'], rows))
+    blocks.append(_in_words(energies))
+    blocks += [f'Warning: {response.message}'] if response.message else []
+    return Answer(data, '\n\n'.join(blocks))
+
+
+def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Return what the model check finds in the URDF that the node uses."""
+    from robot_dynamics.model_finding import CHECKS, errors_of
+    from robot_dynamics.tools.check_model import findings_as_data, findings_of, findings_report
+    from robot_dynamics.validation import check_choice
+    parameters = client.parameters(['joints', 'ignore_checks'])
+    ignored = parameters['ignore_checks'] if arguments.ignore is None else arguments.ignore
+    for name in ignored:
+        check_choice('--ignore', name, tuple(CHECKS))
+    findings = findings_of(client.description(), list(parameters['joints'] or []))
+    return Answer(
+        {'node': client.name, **findings_as_data(findings, ignored)},
+        findings_report(client.name, findings, ignored),
+        1 if errors_of(findings, ignored) else 0)
+
+
+def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Return the payload in force, after a change where one is asked for."""
+    if arguments.clear and arguments.link:
+        raise InvalidInputError(f'LINK is {arguments.link!r} beside --clear, expected one of both')
+    if arguments.link and arguments.mass is None:
+        raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
+    if arguments.link or arguments.clear:
+        response = client.call(SetPayload, 'set_payload', SetPayload.Request(
+            payload=_payload_to_ros(arguments), transition_time=arguments.transition))
+        return Answer(
+            {'node': client.name, 'message': response.message,
+             'transition_time': arguments.transition},
+            f'{client.name}: {response.message}' + (
+                f', in {arguments.transition:g} s' if arguments.transition else ''))
+    payload = _payload_in_force(client)
+    if payload is None:
+        raise NoAnswerError(f'{client.name} does not tell its payload')
+    return Answer({'node': client.name, 'payload': payload},
+                  f'{client.name}: {_payload_in_words(payload)}')
+
+
+def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Return how the node is."""
+    name = client.name
+    state = client.call(GetState, 'get_state', GetState.Request()).current_state.label
+    command = client.parameters(['command'])['command']
+    joints = client.joint_names() if state in ('active', 'inactive') else []
+    payload = _payload_in_force(client) if joints else None
+    checks = client.hear(DiagnosticArray, '/diagnostics', 10, lambda message: [
+        status for status in message.status if status.hardware_id == name.strip('/')] or None)
+    if checks is None:
+        raise NoAnswerError(f'{name} sends no /diagnostics')
+    rows = [[status.name.partition(': ')[2], LEVELS[status.level], status.message]
+            for status in checks]
+    facts = {'state': state, 'command': command, 'joints': ', '.join(joints) or 'none yet'}
+    facts |= {'payload': _payload_in_words(payload)} if payload else {}
+    blocks = [f'{name}\n' + text_table([], list(facts.items())),
+              text_table(['check', 'level', 'says'], rows)]
+    if arguments.verbose:
+        blocks += [f'{row[0]}\n' + text_table([], [
+            [pair.key, pair.value] for pair in status.values])
+            for row, status in zip(rows, checks) if status.values]
+    return Answer(
+        {'node': name, **facts, 'joints': joints, 'payload': payload, 'checks': [
+            {'check': row[0], 'level': row[1].lower(), 'message': row[2],
+             'values': {pair.key: pair.value for pair in status.values}}
+            for row, status in zip(rows, checks)]},
+        '\n\n'.join(blocks),
+        1 if any(status.level == DiagnosticStatus.ERROR for status in checks) else 0)
+
+
+# ------------------------------------------------------------------------------ motions, energies
+
+def _motion(
+    client: DynamicsClient, arguments: Namespace, fields: Sequence[str],
+) -> tuple[list[str], dict[str, list[float]]]:
+    """Return the joints, and what was typed of their motion in the same order."""
+    names = client.joint_names()
+    motion = {'position': joint_values('position', arguments.position, names)}
+    for field in fields[1:]:
+        texts = getattr(arguments, field)
+        motion[field] = joint_values(field, texts, names, 0.0) if texts else [0.0] * len(names)
+    return names, motion
+
+
+def _motion_table(units: Units, names: Sequence[str], motion: Mapping[str, list[float]]) -> str:
+    of_time = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
+    return 'Motion\n' + units.table(names, {
+        f'{field} [{", ".join(unit + of_time[field] for unit in units.position.split(", "))}]':
+            values for field, values in motion.items()})
+
+
+def _energies(message: Any) -> dict[str, float]:
+    return {'kinetic_energy': message.kinetic_energy, 'potential_energy': message.potential_energy}
+
+
+def _in_words(energies: Mapping[str, float]) -> str:
+    return (f'Kinetic energy {energies["kinetic_energy"]:.4f} J, potential energy '
+            f'{energies["potential_energy"]:.4f} J')
+
+
+# ------------------------------------------------------------------------------ the payload
+
+def _payload_to_ros(arguments: Namespace) -> InertiaStamped:
+    message = InertiaStamped()
+    if arguments.clear:
+        return message
+    message.header.frame_id = arguments.link
+    inertia = message.inertia
+    inertia.m = arguments.mass
+    inertia.com.x, inertia.com.y, inertia.com.z = arguments.com
+    (inertia.ixx, inertia.ixy, inertia.ixz,
+     inertia.iyy, inertia.iyz, inertia.izz) = arguments.inertia
+    return message
+
+
+def _payload_in_force(client: DynamicsClient) -> dict[str, Any] | None:
+    message = client.hear(InertiaStamped, f'{client.name}/payload', LATCHED, lambda m: m)
+    if message is None:
+        return None
+    inertia = message.inertia
+    return {
+        'link': message.header.frame_id, 'mass': inertia.m,
+        'com': [inertia.com.x, inertia.com.y, inertia.com.z],
+        'inertia': [inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz]}
+
+
+def _payload_in_words(payload: Mapping[str, Any]) -> str:
+    if payload['mass'] == 0.0:
+        return 'no payload'
+    com = ', '.join(f'{value:g}' for value in payload['com'])
+    return f'{payload["mass"]:g} kg on {payload["link"]!r}, centre of mass ({com}) m'

@@ -1,0 +1,200 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A client that finds a running `dynamics` node, asks its services and hears its topics."""
+
+from collections.abc import Callable, Sequence
+import os
+import time
+from typing import Any, TypeVar
+
+from rcl_interfaces.srv import GetParameters
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics_interfaces.srv import InverseDynamicsBatch
+from std_msgs.msg import String
+
+TIMEOUT = 5.0
+"""[s] that a node is looked for, and that an answer may take."""
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_TURN = 0.02
+"""[s] between two looks."""
+_SETTLE = 0.5
+"""[s] after the first node in which others may be found too, as long as ros2cli takes."""
+_GLANCE = 0.2
+"""[s] in which a publisher is found that has been there before the node was found."""
+_OFFERED = '/inverse_dynamics'
+_SERVICE = 'robot_dynamics_interfaces/srv/InverseDynamics'
+Answer = TypeVar('Answer')
+
+
+class NoAnswerError(RobotDynamicsError, TimeoutError):
+    """There is no such node, or it does not answer."""
+
+
+class RefusedError(RobotDynamicsError, ValueError):
+    """The node answered that it cannot."""
+
+
+class DynamicsClient:
+    """Speaks to one `dynamics` node; for use in a `with` statement."""
+
+    def __init__(self, node: str = '', timeout: float = TIMEOUT) -> None:
+        """`node` is a name with its namespace; empty for the only one that runs."""
+        self._wanted = f'/{node.strip("/")}' if node else ''
+        self._timeout = timeout
+        self._target = ''
+        self._context = Context()
+        rclpy.init(args=[], context=self._context)
+        self._node = rclpy.create_node(
+            f'_ros2cli_dynamics_{os.getpid()}', context=self._context,
+            start_parameter_services=False, enable_rosout=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def __enter__(self) -> 'DynamicsClient':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    # ------------------------------------------------------------------ the node
+
+    @property
+    def name(self) -> str:
+        """The full name of the node, which is looked for at first; raises NoAnswerError."""
+        if not self._target:
+            self._target = self._found()
+        return self._target
+
+    def nodes(self) -> list[str]:
+        """Return the full names of all `dynamics` nodes that are found in a moment."""
+        if self._wait(self._offering):
+            self._wait(lambda: False, _SETTLE)
+        return self._offering()
+
+    def _found(self) -> str:
+        wanted = self._wanted
+        if wanted and self._wait(lambda: wanted in self._offering()):
+            return wanted
+        nodes = self._offering() if wanted else self.nodes()
+        running = f'those that run: {", ".join(nodes)}' if nodes else (
+            'none runs; start one with: ros2 run robot_dynamics dynamics_node')
+        if wanted:
+            raise NoAnswerError(f'no dynamics node {wanted!r} in {self._timeout:g} s; {running}')
+        if not nodes:
+            raise NoAnswerError(f'no dynamics node in {self._timeout:g} s; {running}')
+        if len(nodes) > 1:
+            raise NoAnswerError(
+                f'there are {len(nodes)} dynamics nodes, expected --node with one of: '
+                f'{", ".join(nodes)}')
+        return nodes[0]
+
+    def _offering(self) -> list[str]:
+        return sorted(
+            name.removesuffix(_OFFERED)
+            for name, kinds in self._node.get_service_names_and_types()
+            if name.endswith(_OFFERED) and _SERVICE in kinds)
+
+    # ------------------------------------------------------------------ services and topics
+
+    def call(self, service_type: Any, name: str, request: Any) -> Any:
+        """Return the answer of a service of the node; raise NoAnswerError or RefusedError."""
+        full = f'{self.name}/{name}'
+        service = self._node.create_client(service_type, full)
+        try:
+            if not self._wait(service.service_is_ready):
+                raise NoAnswerError(f'no service {full} in {self._timeout:g} s')
+            future = service.call_async(request)
+            if not self._wait(future.done):
+                raise NoAnswerError(f'no answer of {full} in {self._timeout:g} s')
+            response = future.result()
+        finally:
+            self._node.destroy_client(service)
+        if getattr(response, 'success', True) is False:
+            raise RefusedError(response.message)
+        return response
+
+    def parameters(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return parameters of the node by name."""
+        response = self.call(
+            GetParameters, 'get_parameters', GetParameters.Request(names=list(names)))
+        return {name: parameter_value_to_python(value)
+                for name, value in zip(names, response.values)}
+
+    def hear(
+        self, message_type: type, topic: str, qos: Any,
+        take: Callable[[Any], Answer | None],
+    ) -> Answer | None:
+        """Return what `take` makes of the first message that it takes; None after the timeout."""
+        taken: list[Answer] = []
+
+        def look(message: Any) -> None:
+            answer = take(message)
+            if answer is not None:
+                taken.append(answer)
+
+        subscription = self._node.create_subscription(message_type, topic, look, qos)
+        self._wait(lambda: bool(taken))
+        self._node.destroy_subscription(subscription)
+        return taken[0] if taken else None
+
+    def _wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
+        deadline = time.monotonic() + (self._timeout if timeout is None else timeout)
+        while not is_so():
+            if time.monotonic() > deadline:
+                return False
+            self._executor.spin_once(timeout_sec=_TURN)
+        return True
+
+    # ------------------------------------------------------------------ the arm
+
+    def joint_names(self) -> list[str]:
+        """Return the joints in the node's order: a batch without samples is answered with them."""
+        return list(self.call(
+            InverseDynamicsBatch, 'inverse_dynamics_batch',
+            InverseDynamicsBatch.Request()).joint_names)
+
+    def description(self) -> str:
+        """
+        Return the URDF that the node uses: of its parameters, of the topic, or the embedded one.
+
+        Raises ModelError where it is in a file that is not on this machine.
+        """
+        from robot_dynamics.ros.robot_description import (
+            description_from_parameters,
+            embedded_description,
+        )
+        xml = description_from_parameters(
+            self.parameters(['robot_description', 'robot_description_file']))
+        if xml is None:
+            topic = f'{self.name.rpartition("/")[0]}/robot_description'
+            if self._wait(lambda: self._node.count_publishers(topic), _GLANCE):
+                xml = self.hear(String, topic, LATCHED, lambda message: str(message.data))
+        return embedded_description() if xml is None else xml
+
+    def joint_kinds(self) -> dict[str, str]:
+        """Return the kinds of joints by name; empty where the URDF cannot be had."""
+        from robot_dynamics.urdf import parse_urdf
+        try:
+            robot = parse_urdf(self.description())
+        except RobotDynamicsError:
+            return {}
+        return {joint.name: joint.kind for joint in robot.joints}

@@ -1,0 +1,72 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a shell may complete of `ros2 dynamics`: nodes, joints and links of what runs.
+
+These are completers of argcomplete, which calls them with the beginning of a word and what was
+typed before. A completer has nobody to tell of an error, and offers nothing then.
+"""
+
+from argparse import Namespace
+from collections.abc import Callable
+from typing import Any
+
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.dynamics_client import DynamicsClient
+
+_TIMEOUT = 2.0
+"""[s] that somebody waits for a completion."""
+
+
+def _asking(ask: Callable[[DynamicsClient], list[str]], arguments: Namespace) -> list[str]:
+    try:
+        with DynamicsClient(getattr(arguments, 'node', '') or '', _TIMEOUT) as client:
+            return ask(client)
+    except (RobotDynamicsError, RuntimeError):
+        return []
+
+
+def complete_nothing(prefix: str, **_: Any) -> list[str]:
+    """Return nothing for a number, where argcomplete would offer files."""
+    return []
+
+
+def complete_checks(prefix: str, **_: Any) -> list[str]:
+    """Return the names of the checks of a model."""
+    from robot_dynamics.model_finding import CHECKS
+    return list(CHECKS)
+
+
+def complete_nodes(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Return the `dynamics` nodes that run."""
+    return _asking(lambda client: client.nodes(), Namespace())
+
+
+def complete_joints(
+    prefix: str, parsed_args: Namespace, action: Any = None, **_: Any,
+) -> list[str]:
+    """Return NAME= for each joint that has no value yet."""
+    texts = getattr(parsed_args, getattr(action, 'dest', 'position'), None) or []
+    if any('=' not in text for text in texts):
+        return []
+    given = {text.partition('=')[0] for text in texts}
+    names = _asking(lambda client: client.joint_names(), parsed_args)
+    return [f'{name}=' for name in names if name not in given]
+
+
+def complete_links(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Return the links of the arm."""
+    from robot_dynamics.urdf import parse_urdf
+    return _asking(lambda client: list(parse_urdf(client.description()).link_names), parsed_args)

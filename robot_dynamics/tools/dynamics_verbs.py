@@ -1,0 +1,192 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Ask a running `dynamics` node in the words of a command line: `ros2 dynamics inverse 0.1 0.2`.
+
+Where there is no ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
+`python -m robot_dynamics.tools.dynamics_verbs inverse 0.1 0.2`.
+"""
+# PYTHON_ARGCOMPLETE_OK
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+import json
+import re
+import sys
+from typing import Any, NamedTuple
+
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.dynamics_answers import (
+    Answer,
+    answer_check,
+    answer_equation,
+    answer_inverse,
+    answer_payload,
+    answer_status,
+)
+from robot_dynamics.tools.dynamics_client import DynamicsClient, TIMEOUT
+from robot_dynamics.tools.dynamics_completion import (
+    complete_checks,
+    complete_joints,
+    complete_links,
+    complete_nodes,
+    complete_nothing,
+)
+
+_NEGATIVE = re.compile(r'^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$', re.IGNORECASE)
+
+
+def _inverse_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_position(parser)
+    _add_joints(parser, '-v', '--velocity', 'velocities [rad/s] or [m/s] (default: 0)')
+    _add_joints(
+        parser, '-a', '--acceleration', 'accelerations [rad/s^2] or [m/s^2] (default: 0)')
+
+
+def _equation_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_position(parser)
+    _add_joints(parser, '-v', '--velocity', 'velocities [rad/s] or [m/s] (default: 0)')
+    parser.add_argument(
+        '-c', '--christoffel', action='store_true', help='the Christoffel symbols c_ijk too')
+
+
+def _check_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_checks, '--ignore', nargs='*', metavar='NAME',
+         help='checks whose errors do not count (default: what the node ignores)')
+
+
+def _payload_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_links, 'link', nargs='?', metavar='LINK', help='where the load is')
+    _add(parser, complete_nothing, 'mass', nargs='?', type=float, metavar='MASS', help='[kg]')
+    _add(parser, complete_nothing, '--com', nargs=3, type=float, default=[0.0] * 3,
+         metavar=('X', 'Y', 'Z'),
+         help='its centre of mass in the frame of the link [m] (default: 0 0 0)')
+    _add(parser, complete_nothing, '--inertia', nargs=6, type=float, default=[0.0] * 6,
+         metavar=('XX', 'XY', 'XZ', 'YY', 'YZ', 'ZZ'),
+         help='its inertia about the centre of mass [kg m^2] (default: 0, a point)')
+    _add(parser, complete_nothing, '--transition', type=float, default=0.0, metavar='SECONDS',
+         help='time over which it takes the place of the load before (default: 0, at once)')
+    parser.add_argument('--clear', action='store_true', help='take the load away')
+
+
+def _status_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        '-v', '--verbose', action='store_true', help='the figures of each check too')
+
+
+def _add_position(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_joints, 'position', nargs='+', metavar='POSITION',
+         help='positions [rad] or [m]: a number for each joint in order, or JOINT=NUMBER')
+
+
+def _add_joints(parser: argparse.ArgumentParser, short: str, name: str, what: str) -> None:
+    _add(parser, complete_joints, short, name, nargs='+', default=[], metavar='VALUE',
+         help=f'{what}; with JOINT=NUMBER joints left out have 0')
+
+
+def _add(
+    parser: argparse.ArgumentParser, completer: Callable[..., list[str]], *names: str,
+    **options: Any,
+) -> None:
+    argument: Any = parser.add_argument(*names, **options)
+    argument.completer = completer
+
+
+class Verb(NamedTuple):
+    """One verb: its help in a line, its arguments, and what answers."""
+
+    help: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    answer: Callable[[DynamicsClient, argparse.Namespace], Answer]
+
+
+VERBS: Mapping[str, Verb] = {
+    'inverse': Verb(
+        'Which efforts a motion takes, split by term', _inverse_arguments, answer_inverse),
+    'equation': Verb(
+        'M(q), C(q, v), g(q), friction and energies at a state', _equation_arguments,
+        answer_equation),
+    'check': Verb(
+        'Whether the model of the node is fit to compute with', _check_arguments, answer_check),
+    'payload': Verb(
+        'Show the load in force, put one on a link, or take it away', _payload_arguments,
+        answer_payload),
+    'status': Verb(
+        'How the node is: lifecycle, command, payload, diagnostics', _status_arguments,
+        answer_status),
+}
+
+
+def add_arguments(name: str, parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a verb to its parser."""
+    # argparse takes -1e-3 for an option before Python 3.14.
+    parser._negative_number_matcher = _NEGATIVE
+    VERBS[name].add_arguments(parser)
+    _add(parser, complete_nodes, '-n', '--node', default='', metavar='NODE',
+         help='the dynamics node, with its namespace (default: the only one that runs)')
+    _add(parser, complete_nothing, '--timeout', type=float, default=TIMEOUT, metavar='SECONDS',
+         help=f'how long to look for the node, and to wait for an answer (default: {TIMEOUT:g})')
+    parser.add_argument('--json', action='store_true', help='write the answer as JSON')
+
+
+def run(
+    name: str, arguments: argparse.Namespace,
+    client_for: Callable[[str, float], AbstractContextManager[DynamicsClient]] = DynamicsClient,
+) -> int:
+    """
+    Answer a verb by a client for the node and the timeout asked for; return the exit status.
+
+    0: answered; 1: answered with errors (`check`, `status`); 2: no node, or it refused, which one
+    line on stderr explains.
+    """
+    try:
+        with client_for(arguments.node, arguments.timeout) as client:
+            answer = VERBS[name].answer(client, arguments)
+    except RobotDynamicsError as error:
+        print(f'ros2 dynamics {name}: {error}', file=sys.stderr)
+        return 2
+    print(json.dumps(answer.data, indent=2) if arguments.json else answer.text)
+    return answer.status
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool without ros2cli, and return its exit status."""
+    parser = make_parser()
+    try:
+        import argcomplete
+    except ImportError:
+        pass
+    else:
+        argcomplete.autocomplete(parser)
+    arguments = parser.parse_args(argv)
+    if arguments.verb is None:
+        parser.print_help(sys.stderr)
+        return 2
+    return run(arguments.verb, arguments)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of all verbs."""
+    parser = argparse.ArgumentParser(
+        prog='dynamics', description='Ask a running dynamics node.')
+    verbs = parser.add_subparsers(dest='verb', metavar='VERB')
+    for name, verb in VERBS.items():
+        add_arguments(name, verbs.add_parser(name, help=verb.help, description=verb.help))
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,77 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Joint values on a command line: `0.1 0.2` in the node's order, or `joint1=0.1 joint2=0.2`."""
+
+from collections.abc import Mapping, Sequence
+import math
+
+from robot_dynamics.exceptions import InvalidInputError
+
+
+def joint_values(
+    field: str, texts: Sequence[str], names: Sequence[str], rest: float | None = None,
+) -> list[float]:
+    """
+    Return a value for each of `names` out of what was typed.
+
+    Numbers alone are in the order of `names`, one each; NAME=NUMBER in any order, where `rest` is
+    the value of joints left out (None: none may be). Raises InvalidInputError with the names.
+    """
+    named = [text for text in texts if '=' in text]
+    if not named:
+        values = [_number(field, text) for text in texts]
+        if len(values) != len(names):
+            raise InvalidInputError(
+                f'{field} has {len(values)} value{"" if len(values) == 1 else "s"}, expected '
+                f'{len(names)}: {_in_words(names)}')
+        return values
+    if len(named) < len(texts):
+        plain = next(text for text in texts if '=' not in text)
+        raise InvalidInputError(
+            f'{field} has {plain!r} beside {named[0]!r}, expected numbers alone, or NAME=NUMBER '
+            f'for each joint: {_in_words(names)}')
+    given = _by_name(field, named, names)
+    missing = [name for name in names if name not in given]
+    if missing and rest is None:
+        raise InvalidInputError(
+            f'{field} leaves out {_in_words(missing)}, expected every joint: {_in_words(names)}')
+    return [given.get(name, rest or 0.0) for name in names]
+
+
+def _by_name(field: str, texts: Sequence[str], names: Sequence[str]) -> Mapping[str, float]:
+    given: dict[str, float] = {}
+    for text in texts:
+        name, _, number = text.partition('=')
+        if name not in names:
+            raise InvalidInputError(
+                f'{field} has joint {name!r}, expected one of: {_in_words(names)}')
+        if name in given:
+            raise InvalidInputError(f'{field} has joint {name!r} twice, expected it once')
+        given[name] = _number(f'{field} of {name}', number)
+    return given
+
+
+def _number(field: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InvalidInputError(f'{field} is {text!r}, expected a number')
+    return value
+
+
+def _in_words(names: Sequence[str]) -> str:
+    return ', '.join(names)

@@ -1,0 +1,81 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+`ros2 dynamics`: the verbs of `dynamics_verbs` for ros2cli, which finds them by entry points.
+
+Nothing else imports this module, as ros2cli is not everywhere.
+"""
+
+from argparse import ArgumentParser, Namespace
+
+from robot_dynamics.tools.dynamics_verbs import add_arguments, run
+from ros2cli.command import add_subparsers_on_demand, CommandExtension
+from ros2cli.plugin_system import PLUGIN_SYSTEM_VERSION, satisfies_version
+
+
+class DynamicsCommand(CommandExtension):
+    """Ask a running dynamics node: efforts, manipulator equation, payload, status."""
+
+    def add_arguments(self, parser: ArgumentParser, cli_name: str) -> None:
+        """Add the verbs that are installed."""
+        self._parser = parser
+        add_subparsers_on_demand(
+            parser, cli_name, '_verb', 'robot_dynamics.verb', required=False)
+
+    def main(self, *, parser: ArgumentParser, args: Namespace) -> int:
+        """Answer the verb; without one, print the help."""
+        verb: VerbExtension | None = getattr(args, '_verb', None)
+        if verb is None:
+            self._parser.print_help()
+            return 0
+        return verb.main(args=args)
+
+
+class VerbExtension:
+    """The extension point for verbs of `ros2 dynamics`; `NAME` is that of the entry point."""
+
+    NAME = ''
+    EXTENSION_POINT_VERSION = '0.1'
+
+    def __init__(self) -> None:
+        satisfies_version(PLUGIN_SYSTEM_VERSION, '^0.1')
+
+    def add_arguments(self, parser: ArgumentParser, cli_name: str) -> None:
+        """Add the arguments of the verb."""
+        add_arguments(self.NAME, parser)
+
+    def main(self, *, args: Namespace) -> int:
+        """Answer, and return the exit status."""
+        return run(self.NAME, args)
+
+
+class InverseVerb(VerbExtension):
+    """Which efforts a motion takes, split by term."""
+
+
+class EquationVerb(VerbExtension):
+    """M(q), C(q, v), g(q), friction and energies at a state."""
+
+
+class CheckVerb(VerbExtension):
+    """Whether the model of the node is fit to compute with."""
+
+
+class PayloadVerb(VerbExtension):
+    """Show the load in force, put one on a link, or take it away."""
+
+
+class StatusVerb(VerbExtension):
+    """How the node is: lifecycle, command, payload, diagnostics."""

@@ -1,0 +1,50 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables for a terminal: text in columns, numbers below their headings."""
+
+from collections.abc import Sequence
+
+from robot_dynamics.validation import FloatArray
+
+Cell = str | float
+_ROUNDING = 1e-12
+"""What is smaller is 0 to a reader."""
+
+
+def text_table(headings: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
+    """Return rows of cells under headings, if any: text to the left, numbers to the right."""
+    lines = [list(headings)] if headings else []
+    lines += [[_text(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    is_text = [all(isinstance(row[i], str) for row in rows) for i in range(len(widths))]
+    return '\n'.join(
+        '  '.join(
+            cell.ljust(width) if left else cell.rjust(width)
+            for cell, width, left in zip(row, widths, is_text)).rstrip()
+        for row in lines)
+
+
+def matrix_table(title: str, names: Sequence[str], matrix: FloatArray) -> str:
+    """Return a matrix (n, n) over joints, whose names stand at its rows and columns."""
+    return text_table([title, *names], [
+        [name, *row] for name, row in zip(names, matrix.tolist())])
+
+
+def _text(cell: Cell) -> str:
+    if isinstance(cell, str):
+        return cell
+    if abs(cell) < _ROUNDING:
+        return f'{0.0:.4f}'
+    return f'{cell:.4f}' if 1e-3 <= abs(cell) < 1e6 else f'{cell:.3e}'
