@@ -31,6 +31,7 @@ setup(
         (f'share/{package_name}/config', glob('config/*.*')),
         (f'share/{package_name}/config/security', glob('config/security/*')),
         (f'share/{package_name}/launch', glob('launch/*.launch.py')),
+        (f'share/{package_name}/rviz', glob('rviz/*.rviz')),
     ],
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],

@@ -69,9 +69,9 @@ LAYERS = {
         'excitation', 'excitation_limits', 'excitation_trajectory', 'external_effort',
         'live_residual', 'trajectory_file',
         # pictures
-        'arm_motion', 'chain_animation', 'chain_panels', 'chain_stage', 'moving_picture',
-        'planar_view', 'stick_figure', 'torque_grid', 'torque_map_picture', 'workspace_gravity',
-        'workspace_picture',
+        'arm_marks', 'arm_motion', 'chain_animation', 'chain_panels', 'chain_stage',
+        'moving_picture', 'planar_view', 'stick_figure', 'torque_grid', 'torque_map_picture',
+        'workspace_gravity', 'workspace_picture',
     ),
     # and ROS
     'ros': ('ros.',),

@@ -32,6 +32,7 @@ from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
 from robot_dynamics.ros.live_estimates import Estimates, LiveEstimates
+from robot_dynamics.ros.live_markers import LiveMarkers
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.safe_command import SafeCommand
@@ -97,6 +98,8 @@ class ControlPath:
         self._computed_torque = publisher(JointState, '~/computed_torque')
         self._terms = publisher(DynamicsTerms, '~/terms')
         self.estimates = LiveEstimates(node)
+        self.markers = LiveMarkers(node)
+        self.estimates.is_external_wanted = lambda: self.markers.is_on
         self.command = SafeCommand(node, NEWEST_ONLY, self._forget_reference)
 
     def use(
@@ -118,6 +121,7 @@ class ControlPath:
         with self._answering:
             self._served = None
             self.estimates.forget()
+            self.markers.forget()
             self.command.forget()
 
     def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
@@ -199,6 +203,8 @@ class ControlPath:
             command = self.command.repeat(state.stamp)
         self._publish(state, served, output)
         self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
+        if self.markers.is_on:
+            self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
         self.counters.states += 1
         self.counters.following = output.sample is not None
         self.counters.lacks_velocity = v is None

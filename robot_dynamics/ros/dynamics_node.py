@@ -49,6 +49,7 @@ from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.serialized import JointStateDecoder
 from robot_dynamics.state_watch import StateWatch
+from robot_dynamics.urdf import parse_urdf
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -238,6 +239,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             controller, watch, check, estimates, guard_limits(values, arm),
             safety_options(values))
         self._path.set_limits(values['state_max_age'], values['reference_timeout'])
+        self._path.markers.use(controller, parse_urdf(xml).root_link)
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
         self._effort_check, self._estimates = check, estimates

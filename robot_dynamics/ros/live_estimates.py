@@ -20,6 +20,7 @@ subscribes; each begins anew when its first subscriber comes. They never disturb
 """
 
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 from rclpy.node import Node
@@ -127,6 +128,10 @@ class LiveEstimates:
         self._is_on = self._is_lacking = False
         self._words = UNHEARD
         self._stamp = 0
+        self.is_external_wanted: Callable[[], bool] = lambda: False
+        """Tells whether somebody beside the subscribers needs the external effort."""
+        self.external_effort: FloatArray | None = None
+        """That of the newest state (n,), where it is estimated."""
         self._restarts: Counter[str] = Counter()
 
     def use(self, estimates: Estimates) -> None:
@@ -135,8 +140,8 @@ class LiveEstimates:
 
     def forget(self) -> None:
         """Make no estimates."""
-        self._estimates, self._is_on, self._is_lacking = None, False, False
-        self._words = UNHEARD
+        self._estimates = None
+        self._rest()
 
     def look(
         self, reader: JointStateReader, state: SensedState, q: FloatArray,
@@ -144,18 +149,22 @@ class LiveEstimates:
     ) -> None:
         """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
         external, residual = self._publishers
-        wanted = (
-            external.get_subscription_count() > 0, residual.get_subscription_count() > 0)
+        is_heard = external.get_subscription_count() > 0
+        wanted = is_heard or self.is_external_wanted(), residual.get_subscription_count() > 0
         estimates = self._estimates
         if estimates is None or not any(wanted):
-            self._is_on, self._is_lacking, self._words = False, False, UNHEARD
+            self._rest()
         elif judgement.is_news:
             try:
                 self._take(estimates, wanted, reader, state, q, v, judgement, robot_gravity)
             except RobotDynamicsError as error:
-                self._lack(str(error))
+                self._lack(str(error), is_heard or wanted[1])
             except Exception as error:  # an estimate may fail, the control path may not
-                self._lack(repr(error))
+                self._lack(repr(error), is_heard or wanted[1])
+
+    def _rest(self) -> None:
+        self._is_on, self._is_lacking, self._words = False, False, UNHEARD
+        self.external_effort = None
 
     def _take(
         self, estimates: Estimates, wanted: tuple[bool, bool], reader: JointStateReader,
@@ -175,6 +184,7 @@ class LiveEstimates:
             found = estimates.update(wanted, dt, q, v, effort)
         if not all(estimate is None or all_finite(estimate) for estimate in found):
             raise InvalidInputError('they are beyond all numbers')
+        self.external_effort = found[0]
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
@@ -193,9 +203,12 @@ class LiveEstimates:
         self._is_on, self._is_lacking, self._words = True, False, 'made'
         return dt
 
-    def _lack(self, words: str) -> None:
-        """Make no estimate of this state, and begin anew with the next."""
-        self._is_on, self._is_lacking, self._words = False, True, f'none: {words}'
+    def _lack(self, words: str, is_heard: bool) -> None:
+        """Make no estimate of this state, and begin anew with the next; tell who listens."""
+        self._rest()
+        if not is_heard:
+            return
+        self._is_lacking, self._words = True, f'none: {words}'
         self._node.get_logger().warning(
             f'No ~/external_effort and no ~/residual: {words}', throttle_duration_sec=LOG_PERIOD)
 

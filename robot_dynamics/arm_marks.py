@@ -1,0 +1,165 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What a 3-D view draws at an arm: arcs of effort at its joints, a force at its tool, its payloads.
+
+All points are in the base frame [m].
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.stick_figure import tool_link
+from robot_dynamics.validation import FloatArray
+
+FULL_TURN = 1.5 * math.pi
+"""[rad] of the arc of an effort that is its limit; a whole turn would not tell its sign."""
+LARGEST_SHARE = 1.2
+"""Share of the limit beyond which arcs grow no more."""
+_ARC_STEP = 0.15
+"""[rad] between two points of an arc."""
+_MARK_SIZE, _LEAST_SIZE, _LARGEST_SIZE = 0.08, 0.02, 0.25
+"""Radius of an arc: as a share of the reach; least and largest [m]."""
+_PAYLOAD_DENSITY = 2000.0
+"""[kg/m^3] of the ball that stands for a payload."""
+_UNEXPLAINED = 0.2
+"""Share of the external effort that a force at the tool may leave unexplained."""
+_SMALL_FORCE = 1e-3
+"""Of the arm's weight; a smaller force is noise."""
+
+
+class JointPlace(NamedTuple):
+    """Where a joint is: its origin and the direction of its axis, (3,); whether it slides."""
+
+    origin: FloatArray
+    axis: FloatArray
+    slides: bool
+
+
+class Ball(NamedTuple):
+    """A payload: the ball of its mass about its centre of mass (3,); radius [m]."""
+
+    centre: FloatArray
+    radius: float
+
+
+class ArmMarks:
+    """The marks of one arm, with the loads that it has. Not for two threads at a time."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        self._arm, self._data = arm, arm.engine.createData()
+        self._joints = [arm.engine.getJointId(name) for name in arm.joint_names]
+        self._tool = arm.engine.getFrameId(tool_link(arm), pin.FrameType.BODY)
+        offsets = [float(np.linalg.norm(place.translation))
+                   for place in list(arm.engine.jointPlacements)[2:]]
+        tip = float(np.linalg.norm(arm.engine.frames[self._tool].placement.translation))
+        self.reach = max(sum(offsets) + tip, _LEAST_SIZE / _MARK_SIZE)
+        """The length of the arm from its first joint to its end, stretched out [m]."""
+        self.size = min(max(_MARK_SIZE * self.reach, _LEAST_SIZE), _LARGEST_SIZE)
+        """Radius of an arc [m]."""
+        mass = sum(inertia.mass for inertia in list(arm.engine.inertias)[1:])
+        self.weight = 9.81 * mass if mass > 0.0 else 1.0
+        """[N] on Earth: the scale of forces."""
+
+    def move(self, q: FloatArray) -> None:
+        """Take a position q (n,), for all that is asked next."""
+        engine, data = self._arm.engine, self._data
+        pin.computeJointJacobians(engine, data, self._arm.coordinates.position(q))
+        pin.updateFramePlacements(engine, data)
+
+    def joints(self) -> list[JointPlace]:
+        """Return where the joints are."""
+        places = []
+        for joint, kind in zip(self._joints, self._arm.joint_kinds):
+            slides = kind == 'prismatic'
+            column = pin.getJointJacobian(
+                self._arm.engine, self._data, joint, pin.LOCAL_WORLD_ALIGNED)[
+                    :, self._arm.engine.joints[joint].idx_v]
+            places.append(JointPlace(
+                np.array(self._data.oMi[joint].translation),
+                np.array(column[:3] if slides else column[3:]), slides))
+        return places
+
+    def tool(self) -> FloatArray:
+        """Return the origin of the link at the end (3,)."""
+        return np.array(self._data.oMf[self._tool].translation)
+
+    def tool_force(self, external_effort: FloatArray) -> FloatArray | None:
+        """
+        Return the force (3,) [N] on the link at the end that exerts Jᵀf (n,) on the joints.
+
+        It is the smallest of those that explain it best; None where none explains most of it, or
+        where it is too small to show.
+        """
+        engine, x = self._arm.engine, self._arm.coordinates
+        J = pin.getFrameJacobian(engine, self._data, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
+        transposed = np.column_stack([x.effort(np.array(row)) for row in J])
+        force, *_ = np.linalg.lstsq(transposed, external_effort, rcond=1e-6)
+        missed = float(np.linalg.norm(transposed @ force - external_effort))
+        if missed > _UNEXPLAINED * float(np.linalg.norm(external_effort)):
+            return None
+        is_small = float(np.linalg.norm(force)) < _SMALL_FORCE * self.weight
+        return None if is_small else np.asarray(force)
+
+    def payloads(self) -> list[Ball]:
+        """Return the loads."""
+        balls = []
+        for load in self._arm.payloads:
+            frame = self._arm.engine.getFrameId(load.link, pin.FrameType.BODY)
+            radius = (0.75 * load.mass / (math.pi * _PAYLOAD_DENSITY)) ** (1.0 / 3.0)
+            balls.append(Ball(np.array(self._data.oMf[frame].act(load.com)), radius))
+        return balls
+
+
+def effort_scale(effort: FloatArray, limit: FloatArray) -> FloatArray:
+    """Return what an arc of FULL_TURN stands for (n,): the limit, or else the largest effort."""
+    largest = float(np.abs(effort).max(initial=0.0)) or 1.0
+    return np.where(np.isfinite(limit) & (limit > 0.0), limit, largest)
+
+
+def effort_line(place: JointPlace, share: float, size: float) -> FloatArray:
+    """
+    Return the line (k, 3) of an effort: an arc about the axis, right-handed where it is positive.
+
+    It ends in an arrowhead, and is FULL_TURN long at the limit; along a joint that slides it is
+    straight, and 3 sizes long there.
+    """
+    share = min(max(share, -LARGEST_SHARE), LARGEST_SHARE)
+    first, second = _across(place.axis)
+    if place.slides:
+        tip = place.origin + 3.0 * size * share * place.axis
+        back = -0.3 * size * math.copysign(1.0, share) * place.axis
+        return np.array([
+            place.origin, tip, tip + back + 0.2 * size * first, tip,
+            tip + back - 0.2 * size * first])
+    turn = FULL_TURN * share
+    angles = np.linspace(0.0, turn, max(2, math.ceil(abs(turn) / _ARC_STEP) + 1))
+    arc = place.origin + size * (
+        np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
+    out = np.cos(turn) * first + np.sin(turn) * second
+    along = math.copysign(1.0, share) * (np.cos(turn) * second - np.sin(turn) * first)
+    back = -0.3 * size * along
+    tip = arc[-1]
+    return np.vstack([arc, tip + back + 0.2 * size * out, tip, tip + back - 0.2 * size * out])
+
+
+def _across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two unit vectors (3,) that are right-handed with an axis."""
+    first = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+    first = first / np.linalg.norm(first)
+    return np.asarray(first), np.asarray(np.cross(axis, first))

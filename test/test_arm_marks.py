@@ -1,0 +1,145 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a 3-D view draws at an arm: arcs at joints, the force that explains an effort, payloads."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.arm_marks import (
+    ArmMarks,
+    effort_line,
+    effort_scale,
+    FULL_TURN,
+    JointPlace,
+    LARGEST_SHARE,
+)
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.payload import make_payload
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.stick_figure import tool_link
+from robots import robot_urdf
+
+ARM = load_arm(default_arm_urdf())
+AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
+PLACE = JointPlace(np.array([0.3, -0.2, 0.5]), AXIS, False)
+
+
+def turns(line, place):
+    """Return the angles that a line turns by, right-handed about the axis, from point to point."""
+    arms = line - place.origin
+    return [np.arctan2(np.cross(a, b) @ place.axis, a @ b) for a, b in zip(arms, arms[1:])]
+
+
+@pytest.mark.parametrize('share', [0.01, 0.3, -0.3, 1.0, -1.1])
+def test_an_arc_is_about_the_axis_as_long_as_its_share(share):
+    arc = effort_line(PLACE, share, 0.2)[:-3]  # without the head
+    arms = arc - PLACE.origin
+    npt.assert_allclose(arms @ AXIS, 0.0, atol=1e-12)
+    npt.assert_allclose(np.linalg.norm(arms, axis=1), 0.2)
+    assert sum(turns(arc, PLACE)) == pytest.approx(share * FULL_TURN)
+
+
+def test_the_head_of_an_arc_ends_at_its_tip_and_points_onward():
+    for share in (0.4, -0.4):
+        line = effort_line(PLACE, share, 0.2)
+        one, tip, other = line[-3:]
+        npt.assert_allclose(tip, line[-4])
+        onward = tip - 0.5 * (one + other)
+        assert onward @ (line[-4] - line[-5]) > 0.0
+
+
+def test_an_effort_far_beyond_its_limit_does_not_wind_up():
+    arc = effort_line(PLACE, 50.0, 0.2)[:-3]
+    assert sum(turns(arc, PLACE)) == pytest.approx(LARGEST_SHARE * FULL_TURN)
+
+
+@pytest.mark.parametrize('share', [0.5, -0.5])
+def test_the_line_of_a_joint_that_slides_is_along_it(share):
+    line = effort_line(PLACE._replace(slides=True), share, 0.2)
+    npt.assert_allclose(line[1] - line[0], 3.0 * 0.2 * share * AXIS, atol=1e-12)
+
+
+def test_efforts_without_a_limit_are_shares_of_the_largest():
+    scale = effort_scale(np.array([-8.0, 2.0, 1.0]), np.array([np.inf, 10.0, 0.0]))
+    npt.assert_array_equal(scale, [8.0, 10.0, 8.0])
+    npt.assert_array_equal(effort_scale(np.zeros(2), np.full(2, np.inf)), [1.0, 1.0])
+
+
+def test_joints_of_the_planar_arm_are_where_trigonometry_puts_them():
+    marks, q = ArmMarks(ARM), np.array([0.7, 0.4])
+    marks.move(q)
+    base, elbow = marks.joints()
+    origin = base.origin + [np.sin(0.7), 0.0, np.cos(0.7)]  # links of 1 m and 0.8 m, from upright
+    npt.assert_allclose(elbow.origin, origin, atol=1e-12)
+    npt.assert_allclose(
+        marks.tool(), origin + 0.8 * np.array([np.sin(1.1), 0.0, np.cos(1.1)]), atol=1e-12)
+    for place in (base, elbow):
+        npt.assert_allclose(place.axis, [0.0, 1.0, 0.0], atol=1e-12)
+        assert not place.slides
+    assert marks.reach == pytest.approx(1.8)
+    assert marks.weight == pytest.approx(8.0 * 9.81)
+
+
+@pytest.mark.parametrize('name', ['ur10', 'panda', 'xarm7'])
+def test_axes_are_what_turns_the_tool(name):
+    """The tool moves by axis × (tool − origin), or along the axis: the columns of J, by steps."""
+    arm = load_arm(robot_urdf(name))
+    marks, step = ArmMarks(arm), 1e-6
+    q = np.clip(np.linspace(0.3, 1.2, arm.joint_count), arm.limits.lower, arm.limits.upper)
+    marks.move(q)
+    places, tool = marks.joints(), marks.tool()
+    for i, place in enumerate(places):
+        moved = q.copy()
+        moved[i] += step
+        marks.move(moved)
+        found = (marks.tool() - tool) / step
+        expected = place.axis if place.slides else np.cross(place.axis, tool - place.origin)
+        if i < 6:  # fingers of a hand do not all move the link at the end
+            npt.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_the_force_at_the_tool_is_found_from_the_effort_that_it_exerts():
+    arm = load_arm(robot_urdf('ur10'))
+    marks, q = ArmMarks(arm), np.array([0.3, -1.2, 1.4, 0.5, 0.8, 0.2])
+    marks.move(q)
+    force = np.array([20.0, -35.0, 50.0])
+    link = tool_link(arm)
+    placement = marks._data.oMf[marks._tool]
+    wrench = ExternalWrench(link, placement.rotation.T @ force, np.zeros(3))
+    effort = -RigidBody(arm).external(q, [wrench])
+    npt.assert_allclose(marks.tool_force(effort), force, atol=1e-8)
+    assert marks.tool_force(1e-9 * effort) is None
+    assert marks.tool_force(np.zeros(6)) is None
+
+
+def test_an_effort_that_no_force_at_the_tool_exerts_has_none():
+    """The last axis of a UR10 runs through the tool's origin, where no force turns it."""
+    arm = load_arm(robot_urdf('ur10'))
+    marks = ArmMarks(arm)
+    marks.move(np.array([0.3, -1.2, 1.4, 0.5, 0.8, 0.2]))
+    assert marks.tool_force(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 30.0])) is None
+
+
+def test_a_payload_is_a_ball_of_its_mass_at_its_centre_of_mass():
+    assert ArmMarks(ARM).payloads() == []
+    loaded = ARM.with_payloads([make_payload('tool0', 2.0, (0.0, 0.0, 0.1))])
+    marks = ArmMarks(loaded)
+    marks.move(np.array([0.5, 0.0]))
+    (ball,) = marks.payloads()
+    npt.assert_allclose(
+        ball.centre, marks.joints()[0].origin + 1.9 * np.array([np.sin(0.5), 0.0, np.cos(0.5)]),
+        atol=1e-12)
+    assert ball.radius**3 * 4.0 / 3.0 * np.pi * 2000.0 == pytest.approx(2.0)
