@@ -223,9 +223,13 @@ def test_several_nodes_and_none(capsys: pytest.CaptureFixture[str]) -> None:
         wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
         with pytest.raises(NoAnswerError, match='expected --node with one of: /dynamics, /lift/'):
             client.name  # noqa: B018
-    assert main(['inverse', '1', '2', '--node', 'nobody', '--timeout', '1']) == 2
-    assert "no dynamics node '/nobody' in 1 s; those that run: /dynamics" in (
-        capsys.readouterr().err)
+    with DynamicsClient('nobody', 0.1) as client:
+        wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
+        with pytest.raises(
+                NoAnswerError, match="no dynamics node '/nobody' in 0.1 s; those that run: /dyn"):
+            client.name  # noqa: B018
+    assert main(['inverse', '1', '2', '--node', 'nobody', '--timeout', '0.1']) == 2
+    assert "no dynamics node '/nobody' in 0.1 s" in capsys.readouterr().err
 
 
 def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
