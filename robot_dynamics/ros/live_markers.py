@@ -19,6 +19,7 @@ The control path leaves the newest state here while somebody subscribes; a timer
 draws it in the executor's thread. Without subscribers there is neither.
 """
 
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,8 @@ from visualization_msgs.msg import MarkerArray
 
 PERIOD = 1.0 / 30.0
 """[s] between two pictures, on the steady clock."""
+SHARE_OF_TIME = 0.1
+"""Share of the time that drawing may take; arms of many joints are drawn less often."""
 
 
 class _Seen(NamedTuple):
@@ -54,6 +57,7 @@ class LiveMarkers:
         self._marks: tuple[object, ArmMarks] | None = None
         self._frame = ''
         self._seen: _Seen | None = None
+        self._rests_until = 0.0
         self.is_on = False
         """Whether somebody listens."""
         self._timer = node.create_timer(
@@ -89,12 +93,12 @@ class LiveMarkers:
             stamp_ns, q, output.gravity_compensation if effort is None else effort, external)
 
     def _draw(self) -> None:
-        seen, self._seen = self._seen, None
-        controller = self._controller
-        if seen is None or controller is None:
+        began, controller = time.monotonic(), self._controller
+        if controller is None or began < self._rests_until:
             return
+        seen, self._seen = self._seen, None
         arm = controller.loaded_arm
-        if len(seen.q) != arm.joint_count:  # a state of the arm before
+        if seen is None or len(seen.q) != arm.joint_count:  # of the arm before
             return
         if self._marks is None or self._marks[0] is not arm:
             self._marks = arm, ArmMarks(arm)
@@ -104,3 +108,4 @@ class LiveMarkers:
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp
         self._publisher.publish(message)
+        self._rests_until = began + (time.monotonic() - began) / SHARE_OF_TIME
