@@ -33,6 +33,8 @@ LARGEST_SHARE = 1.2
 """Share of the limit beyond which arcs grow no more."""
 _ARC_STEP = 0.15
 """[rad] between two points of an arc."""
+_HEAD = 0.3
+"""Length of an arrowhead, as a share of the radius of an arc."""
 _MARK_SIZE, _LEAST_SIZE, _LARGEST_SIZE = 0.08, 0.02, 0.25
 """Radius of an arc: as a share of the reach; least and largest [m]."""
 _PAYLOAD_DENSITY = 2000.0
@@ -136,26 +138,32 @@ def effort_line(place: JointPlace, share: float, size: float) -> FloatArray:
     """
     Return the line (k, 3) of an effort: an arc about the axis, right-handed where it is positive.
 
-    It ends in an arrowhead, and is FULL_TURN long at the limit; along a joint that slides it is
-    straight, and 3 sizes long there.
+    It ends in an arrowhead, no longer than itself, and is FULL_TURN long at the limit; along a
+    joint that slides it is straight, and 3 sizes long there.
     """
     share = min(max(share, -LARGEST_SHARE), LARGEST_SHARE)
+    sign = math.copysign(1.0, share)
     first, second = _across(place.axis)
     if place.slides:
-        tip = place.origin + 3.0 * size * share * place.axis
-        back = -0.3 * size * math.copysign(1.0, share) * place.axis
-        return np.array([
-            place.origin, tip, tip + back + 0.2 * size * first, tip,
-            tip + back - 0.2 * size * first])
+        length = 3.0 * size * share
+        line = place.origin + np.outer([0.0, length], place.axis)
+        return _with_head(line, sign * place.axis, first, min(_HEAD * size, abs(length)))
     turn = FULL_TURN * share
     angles = np.linspace(0.0, turn, max(2, math.ceil(abs(turn) / _ARC_STEP) + 1))
-    arc = place.origin + size * (
+    line = place.origin + size * (
         np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
     out = np.cos(turn) * first + np.sin(turn) * second
-    along = math.copysign(1.0, share) * (np.cos(turn) * second - np.sin(turn) * first)
-    back = -0.3 * size * along
-    tip = arc[-1]
-    return np.vstack([arc, tip + back + 0.2 * size * out, tip, tip + back - 0.2 * size * out])
+    along = sign * (np.cos(turn) * second - np.sin(turn) * first)
+    return _with_head(line, along, out, size * min(_HEAD, abs(turn)))
+
+
+def _with_head(
+    line: FloatArray, along: FloatArray, across: FloatArray, length: float,
+) -> FloatArray:
+    """Return a line (k, 3) with a head of this length at its end, in the plane of both axes."""
+    tip, back = line[-1], line[-1] - length * along
+    aside = 0.7 * length * across
+    return np.vstack([line, back + aside, tip, back - aside])
 
 
 def _across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
