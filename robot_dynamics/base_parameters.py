@@ -27,8 +27,15 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.validation import FloatArray
 
-TOLERANCE = 1e-6
-"""Of a column, relative to its own size, that is left beside the columns before it."""
+TOLERANCE = 1e-4
+"""
+Of a column, relative to its own size, that is left beside the columns before it if it counts.
+
+Angles in a URDF are rounded: with π/2 as 1.5708 efforts would tell more parameters than the arm
+has, but by a millionth.
+"""
+_NOTHING = 1e-8
+"""Of the largest column, below which one is empty."""
 _SHOWN = 1e-7
 
 
@@ -77,7 +84,7 @@ def base_parameters(regressor: FloatArray, names: Sequence[str]) -> BaseParamete
     basis: list[FloatArray] = []
     columns: list[int] = []
     for i in range(R.shape[1]):
-        if size[i] <= TOLERANCE * largest:
+        if size[i] <= _NOTHING * largest:
             continue
         rest = R[:, i] / size[i]
         for _ in range(2):  # once more for what rounding leaves

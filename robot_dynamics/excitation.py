@@ -51,13 +51,6 @@ SEARCH_SAMPLES, CHECK_SAMPLES = 12, 200
 """A period of the fastest harmonic: of the search, and of the check of limits."""
 EFFORT_WEIGHT = 10.0
 """Decades of condition number that twice the allowed effort costs in the search."""
-LEAST_SHARE = 1e-4
-"""
-Of a column that is left beside those before it, for a parameter to count.
-
-Angles in a URDF are rounded: π/2 as 1.5708 lets efforts tell more parameters than the arm has, but
-by a millionth.
-"""
 WORST = 1e8
 """A condition number beyond which squares tell nothing."""
 SMOOTHING_VELOCITY = 0.05
@@ -113,10 +106,7 @@ class ConditionNumber:
         self._regressor = TorqueRegressor(arm)
         rows = self._rows(Motion(*random_states(arm, 40 * arm.joint_count)))
         names = [str(i) for i in range(rows.shape[1])]
-        columns = np.array(base_parameters(rows, names).columns)
-        base = rows[:, columns]
-        left = np.abs(np.diag(np.linalg.qr(base / np.linalg.norm(base, axis=0), mode='r')))
-        self._columns = columns[left > LEAST_SHARE]
+        self._columns = np.array(base_parameters(rows, names).columns)
 
     @property
     def parameter_count(self) -> int:

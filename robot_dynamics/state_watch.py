@@ -125,6 +125,11 @@ class StateWatch:
         is_news, dt, restart, *_ = judgement
         return Judgement(is_news, dt, '' if shift else restart, stamp, shift)
 
+    @property
+    def is_other_clock(self) -> bool:
+        """Tell whether stamps are those of a simulation, or of any other clock than this one's."""
+        return not self._is_same_clock
+
     def _is_usual(self, stamp: int, clock: int, q: FloatArray) -> bool:
         """
         Tell in a few steps, for the common case, that a state follows the one before.

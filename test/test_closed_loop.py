@@ -34,6 +34,7 @@ from ros_harness import (
     RosClient,
     running,
     SIMULATED_ARM,
+    wait_until,
 )
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
@@ -203,6 +204,20 @@ def load_of(client: RosClient, namespace: str, node: str) -> None:
         SetPayload, f'{namespace}/{node}/set_payload',
         SetPayload.Request(payload=payload_to_ros(make_payload('tool0', 2.0))))
     assert response.success, response.message
+
+
+def test_a_state_that_waits_is_answered_once_a_command_is_wanted(client: RosClient) -> None:
+    """In lock-step the arm repeats its state until then, with the stamp that it has."""
+    with client.collect(JointState, '/late/joint_states') as states, \
+            running(simulated_arm('/late'),
+                    NodeProcess(DYNAMICS, {'command': 'none'}, namespace='/late')):
+        def repeats() -> bool:
+            stamps = [message.header.stamp for message in states.messages[-5:]]
+            return len(stamps) == 5 and all(stamp == stamps[0] for stamp in stamps)
+
+        wait_until(repeats, 'the arm to wait')
+        client.set_parameters('/late/dynamics', {'command': 'computed_torque'})
+        states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= 500_000_000)
 
 
 def test_a_load_is_held_where_the_controller_knows_of_it(client: RosClient) -> None:

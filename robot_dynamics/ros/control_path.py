@@ -195,12 +195,16 @@ class ControlPath:
                 'The stream of set-points paused for more than reference_timeout: gravity '
                 'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
         output = served.controller.answer(judgement.stamp, q, v)
-        if judgement.is_news:
+        # A simulation in lock-step repeats its state until an effort lets it go on.
+        waits = not judgement.is_news and self.command.is_waiting and served.watch.is_other_clock
+        if judgement.is_news or waits:
             command = self.command.answer(state.stamp, q, v, output, judgement.dt)
+        else:
+            command = self.command.repeat(state.stamp)
+        if judgement.is_news:
             self.counters.timing.happened(now)
         else:
             self.counters.repeated += 1
-            command = self.command.repeat(state.stamp)
         self._publish(state, served, output)
         self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
         if self.markers.is_on:

@@ -148,6 +148,13 @@ class SafeCommand:
         with self._changed:
             return self._supervisor is not None and self._supervisor.is_commanding
 
+    @property
+    def is_waiting(self) -> bool:
+        """Tell whether efforts may go out, and none has yet."""
+        with self._lock:
+            return self._is_active and self._supervisor is not None and self._supervisor.mode in (
+                Mode.INACTIVE, Mode.WAITING)
+
     def has_listeners(self) -> bool:
         """Tell whether anybody gets the command."""
         return bool(
