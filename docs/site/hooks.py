@@ -47,11 +47,15 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are no files of docs/, links rewritten, and those that they link to."""
     readme = (ROOT / README).read_text(encoding='utf-8')
+    try:
+        reference = reference_pages(readme)
+    except ValueError as error:
+        raise PluginError(f'reference: {error}') from None
     made = {
         **{page: (text, README) for page, text in readme_pages(readme).items()},
         **{page: ((ROOT / name).read_text(encoding='utf-8'), name)
            for name, page in PAGES_OF_FILES.items()},
-        **{page: (text, README) for page, text in reference_pages(readme).items()},
+        **{page: (text, README) for page, text in reference.items()},
     }
     for file in files.documentation_pages():
         made[file.src_uri] = (file.content_string, f'docs/{file.src_uri}')
