@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What MkDocs calls: pages made from the README and from the code, links, formulas, anchors."""
+
+from collections.abc import Mapping
+import posixpath
+
+from api_pages import api_pages
+from mathml import FormulaExtension
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files, InclusionLevel
+from readme_pages import (
+    CODE,
+    code_page,
+    github_slug,
+    links,
+    PAGES_OF_FILES,
+    README,
+    readme_pages,
+    ROOT,
+    target_in_site,
+    with_links_of_site,
+)
+from reference_pages import reference_pages
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Give headings the anchors that they have on GitHub, and show formulas."""
+    config.mdx_configs['toc']['slugify'] = github_slug
+    config.markdown_extensions.append(FormulaExtension())
+    return config
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are no files of docs/, links rewritten, and those that they link to."""
+    readme = (ROOT / README).read_text(encoding='utf-8')
+    try:
+        reference = reference_pages(readme)
+    except ValueError as error:
+        raise PluginError(f'reference: {error}') from None
+    made = {
+        **{page: (text, README) for page, text in readme_pages(readme).items()},
+        **{page: ((ROOT / name).read_text(encoding='utf-8'), name)
+           for name, page in PAGES_OF_FILES.items()},
+        **{page: (text, README) for page, text in reference.items()},
+    }
+    for file in files.documentation_pages():
+        made[file.src_uri] = (file.content_string, f'docs/{file.src_uri}')
+    code = _linked_code(made, readme)
+    for page, (text, source) in made.items():
+        try:
+            text = with_links_of_site(text, source, page, readme)
+        except ValueError as error:
+            raise PluginError(f'{page}: {error}') from None
+        _replace(files, config, page, text)
+    for page, text in {**code, **api_pages()}.items():
+        _replace(files, config, page, text)
+    return files
+
+
+def _linked_code(made: Mapping[str, tuple[str, str]], readme: str) -> dict[str, str]:
+    """Return a page for each file of the repository that a page links to, and is no page."""
+    found = {}
+    for page, (text, source) in made.items():
+        for link in links(text):
+            try:
+                target = target_in_site(link, source, readme).partition('#')[0]
+            except ValueError as error:
+                raise PluginError(f'{page}: {error}') from None
+            if target.startswith(f'{CODE}/'):
+                found[target] = code_page(
+                    posixpath.relpath(target, CODE).removesuffix('.md'))
+    return found
+
+
+def _replace(files: Files, config: MkDocsConfig, page: str, text: str) -> None:
+    before = files.get_file_from_path(page)
+    if before is not None:
+        files.remove(before)
+    level = (InclusionLevel.NOT_IN_NAV if page.startswith((f'{CODE}/', 'reference/python/'))
+             else InclusionLevel.INCLUDED)
+    files.append(File.generated(config, page, content=text, inclusion=level))

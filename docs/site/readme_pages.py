@@ -1,0 +1,143 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The README as pages of the site, and links to what is no page.
+
+README.md is read on its own more often than on the site, so it is written once, there: its
+sections become the first pages here, and the site's reference takes the words of its tables.
+"""
+
+from pathlib import Path
+import posixpath
+import re
+
+ROOT = Path(__file__).resolve().parents[2]
+README = 'README.md'
+HOME, QUICK_START = 'index.md', 'quick_start.md'
+CODE = 'code'
+"""The directory of the site with the files of the repository that a page links to."""
+SECTIONS = {
+    'See it': HOME,
+    'Further reading': HOME,
+    'What was run where': HOME,
+    'Licence': HOME,
+    'Topics': 'reference/topics.md',
+    'Services': 'reference/topics.md',
+    'Parameters': 'reference/parameters.md',
+}
+"""Which page has which section of the README; those that are not named make the quick start."""
+PAGES_OF_FILES = {'CONTRIBUTING.md': 'contributing.md'}
+
+LINK = re.compile(r'(?<=\]\()([^)\s]+)(?=\))')
+FENCE = re.compile(r'^(```|~~~).*?^\1[`~]*$', re.MULTILINE | re.DOTALL)
+
+
+def github_slug(heading: str, separator: str = '-') -> str:
+    """Return the anchor that GitHub gives a heading, so that one link serves both."""
+    return re.sub(r'[^\w\- ]', '', heading.strip().lower()).replace(' ', separator)
+
+
+def sections(text: str) -> dict[str, str]:
+    """Return the text under each `## heading`, and what is before the first under ''."""
+    parts = re.split(r'^## (.+)$', text, flags=re.MULTILINE)
+    return {'': parts[0], **dict(zip(parts[1::2], parts[2::2]))}
+
+
+def readme_pages(text: str) -> dict[str, str]:
+    """Return the home page and the quick start, links as in the README."""
+    home, start = [], ['# Quick start\n']
+    for heading, body in sections(text).items():
+        page = HOME if not heading else SECTIONS.get(heading, QUICK_START)
+        words = f'## {heading}{body}' if heading else body
+        if page == HOME:
+            home.append(words)
+        elif page == QUICK_START:
+            start.append(words)
+    return {HOME: ''.join(home), QUICK_START: '\n'.join(start)}
+
+
+def page_of_section(anchor: str, text: str) -> str:
+    """Return which page of the site has the heading of the README with this anchor."""
+    page = HOME
+    for heading, body in sections(text).items():
+        if heading:
+            page = SECTIONS.get(heading, QUICK_START)
+        inner = re.findall(r'^###+ (.+)$', body, re.MULTILINE)
+        if anchor in map(github_slug, [heading, *inner]):
+            return page
+    raise ValueError(f'README.md has no heading for #{anchor}')
+
+
+def links(text: str) -> list[str]:
+    """Return the targets of all links outside of code between fences."""
+    return LINK.findall(FENCE.sub('', text))
+
+
+def target_in_site(target: str, source: str, readme: str) -> str:
+    """
+    Return a link in a file of the repository as one of the site, relative to its root.
+
+    `source` is that file. Links to the outside, and within another page than the README, stay as
+    they are. Raises ValueError where there is no such file or heading.
+    """
+    path, mark, anchor = target.partition('#')
+    if re.match(r'[a-z]+:', target) or (not path and source != README):
+        return target
+    path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path or README))
+    if path == README:
+        return (page_of_section(anchor, readme) if anchor else HOME) + mark + anchor
+    if path in PAGES_OF_FILES:
+        return PAGES_OF_FILES[path] + mark + anchor
+    if path.startswith('docs/'):
+        return path.removeprefix('docs/') + mark + anchor
+    if path.startswith('..') or not (ROOT / path).exists():
+        raise ValueError(f'{target!r} leads to no file of the repository')
+    return f'{CODE}/{path}.md{mark}{anchor}'
+
+
+def with_links_of_site(text: str, source: str, page: str, readme: str) -> str:
+    """Return the text of the file `source` as that of a page, its links relative to the page."""
+    def replace(found: re.Match[str]) -> str:
+        target = target_in_site(found[0], source, readme)
+        path, mark, anchor = target.partition('#')
+        if not path or re.match(r'[a-z]+:', target):
+            return target
+        if path == page:
+            return mark + anchor
+        return posixpath.relpath(path, posixpath.dirname(page) or '.') + mark + anchor
+
+    done, end = [], 0
+    for fence in FENCE.finditer(text):  # code stays as it is
+        done += [LINK.sub(replace, text[end:fence.start()]), fence[0]]
+        end = fence.end()
+    return ''.join([*done, LINK.sub(replace, text[end:])])
+
+
+def code_page(path: str) -> str:
+    """Return the page that shows a file of the repository, or what is in a directory."""
+    file = ROOT / path
+    if file.is_dir():
+        inside = sorted(
+            child.relative_to(ROOT).as_posix() for child in file.rglob('*')
+            if child.is_file() and '__pycache__' not in child.parts)
+        return '\n\n'.join([
+            f'# {path.rstrip("/")}',
+            *(f'## {name}\n\n{_shown(name)}' for name in inside)])
+    return f'# {path}\n\n{_shown(path)}'
+
+
+def _shown(path: str) -> str:
+    text = (ROOT / path).read_text(encoding='utf-8').rstrip('\n')
+    return f'~~~~\n{text}\n~~~~\n'

@@ -1,0 +1,233 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Pages of the reference, out of the code: what nodes publish and answer, parameters, executables.
+
+Both nodes are made, not run, and asked what they have. What topics and services mean are the words
+of README.md, whose tables a test compares with the running nodes. Options are what --help prints.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from html import escape
+from importlib import import_module
+import io
+import os
+import re
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from readme_pages import ROOT, sections
+from robot_dynamics.ros.dynamics_node import DynamicsNode
+from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.parameters import ParameterSpec
+from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
+from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
+
+INTERFACES = 'robot_dynamics_interfaces'
+NODES = {
+    'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
+    'simulated_arm': (SimulatedArmNode, SIMULATED_ARM_SPECS, ('-p', 'publish_clock:=true')),
+}
+OF_RCLPY = re.compile(
+    r'/(rosout|parameter_events)$|/\w+_parameters?(_types|_atomically)?$|/get_type_description$')
+"""What every node has: topics and services that no reader asks for."""
+WIDTH = '88'
+"""Columns of the text of --help."""
+
+Row = Sequence[str]
+
+
+def reference_pages(readme: str) -> dict[str, str]:
+    """Return the pages by name, links as in the README."""
+    parts = sections(readme)
+    return {
+        'reference/topics.md': _topics_page(parts),
+        'reference/parameters.md': _parameters_page(parts),
+        'reference/messages.md': _messages_page(),
+        'reference/executables.md': _executables_page(),
+    }
+
+
+# ------------------------------------------------------------------ topics and services
+
+@contextmanager
+def _node(name: str) -> Iterator[Node]:
+    make, _, arguments = NODES[name]
+    rclpy.init(args=['--ros-args', '--log-level', 'error', *arguments])
+    try:
+        node = make()
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _topics_page(parts: Mapping[str, str]) -> str:
+    text = ['# Topics and services\n', 'Names are relative to the namespace of the node; `~` '
+            'stands for its name. Quality of service is what each side offers or asks for.\n']
+    for name in NODES:
+        with _node(name) as node:
+            out = node.get_publisher_names_and_types_by_node(name, '/')
+            incoming = node.get_subscriber_names_and_types_by_node(name, '/')
+            services = node.get_service_names_and_types_by_node(name, '/')
+            rows = [
+                *_rows(incoming, name, 'in', node.get_subscriptions_info_by_topic),
+                *_rows(out, name, 'out', node.get_publishers_info_by_topic)]
+            text += [
+                f'## Topics of `{name}`\n',
+                _table(('topic', 'type', 'direction', 'quality of service', 'meaning'),
+                       _with_meaning(rows, parts['Topics'], name)),
+                f'## Services of `{name}`\n',
+                _table(('service', 'type', 'answers'),
+                       _with_meaning(_rows(services, name), parts['Services'], name))]
+    return '\n'.join([*text, _words(parts['Topics']), _words(parts['Services'])])
+
+
+def _rows(
+    found: Sequence[tuple[str, Sequence[str]]], node: str, direction: str = '', info: Any = None,
+) -> list[Row]:
+    rows = []
+    for name, kinds in sorted(found):
+        if OF_RCLPY.search(name):
+            continue
+        shown = [f'`{_relative(name, node)}`', ', '.join(map(_type_link, kinds))]
+        if info is not None:
+            (qos,) = {_qos(end.qos_profile) for end in info(name) if end.node_name == node}
+            shown += [direction, qos]
+        rows.append(shown)
+    return rows
+
+
+def _relative(name: str, node: str) -> str:
+    if name in ('/clock', '/diagnostics'):  # global names in the code too
+        return name
+    own = f'/{node}/'
+    return f'~/{name.removeprefix(own)}' if name.startswith(own) else name.removeprefix('/')
+
+
+def _qos(profile: Any) -> str:
+    words = [profile.reliability.name.lower().replace('_', ' ')]
+    if profile.durability.name == 'TRANSIENT_LOCAL':
+        words.append('transient local')
+    return ', '.join(words)
+
+
+def _type_link(kind: str) -> str:
+    if kind.startswith(f'{INTERFACES}/'):
+        return f'[`{kind}`](docs/reference/messages.md#{kind.rpartition("/")[2].lower()})'
+    return f'`{kind}`'
+
+
+def _with_meaning(rows: Sequence[Row], section: str, node: str) -> list[Row]:
+    """Add the last cell of the README's row; raise ValueError where it has none."""
+    chapter = section.split(f'\n### `{node}`\n')[1].split('\n### ')[0]
+    cells = [line.strip('|').split('|') for line in chapter.splitlines() if line.startswith('|')]
+    meaning = {(row[0].strip()): row[-1].strip() for row in cells[2:]}
+    missing = [row[0] for row in rows if row[0] not in meaning]
+    if missing:
+        raise ValueError(f'README.md does not say what {missing} of {node} mean')
+    return [[*row, meaning[row[0]]] for row in rows]
+
+
+def _words(section: str) -> str:
+    """Return what a section of the README says beside its tables."""
+    return re.sub(r'^(\|.*|### .*)\n', '', section, flags=re.MULTILINE)
+
+
+# ------------------------------------------------------------------ parameters
+
+def _parameters_page(parts: Mapping[str, str]) -> str:
+    text = ['# Parameters\n', _words(parts['Parameters'])]
+    for name, (_, specs, _) in NODES.items():
+        text += [f'## `{name}`\n', _table(
+            ('parameter', 'type', 'default', 'values', 'may change', 'meaning'),
+            [_parameter_row(spec) for spec in specs])]
+    return '\n'.join(text)
+
+
+def _parameter_row(spec: ParameterSpec) -> Row:
+    kind = spec.kind.name.lower().removesuffix('_array')
+    kind = {'integer': 'int'}.get(kind, kind) + (
+        '[]' if spec.kind.name.endswith('_ARRAY') else '')
+    values = ', '.join(f'`{choice}`' for choice in spec.choices)
+    if spec.minimum is not None or spec.maximum is not None:
+        low = '−∞' if spec.minimum is None else f'{spec.minimum:g}'
+        high = '∞' if spec.maximum is None else f'{spec.maximum:g}'
+        values = f'{low} to {high}'
+    default = str(spec.default).lower() if isinstance(spec.default, bool) else repr(spec.default)
+    return (f'`{spec.name}`', kind, f'`{default}`', values, 'no' if spec.read_only else 'yes',
+            escape(spec.description, quote=False).replace('|', '\\|'))
+
+
+# ------------------------------------------------------------------ messages and executables
+
+def _messages_page() -> str:
+    text = ['# Messages\n', f'The definitions of `{INTERFACES}`, as they are compiled.\n']
+    for file in sorted((ROOT / INTERFACES).glob('*/*.*')):
+        if file.suffix in ('.msg', '.srv'):
+            definition = file.read_text(encoding='utf-8').rstrip()
+            text.append(
+                f'## {file.stem}\n\n`{INTERFACES}/{file.parent.name}/{file.stem}`\n\n'
+                f'```text\n{definition}\n```\n')
+    return '\n'.join(text)
+
+
+def _executables_page() -> str:
+    text = ['# Executables\n', 'Each is started as `ros2 run robot_dynamics NAME`.\n']
+    for name, module, function in sorted(_entry_points()):
+        text.append(f'## {name}\n')
+        if module == 'robot_dynamics.ros.start':
+            doc = getattr(import_module(module), function).__doc__.strip()
+            text.append(f'{doc} It has no options but those of ROS: [topics and services]'
+                        '(docs/reference/topics.md), [parameters](docs/reference/parameters.md).'
+                        '\n')
+        else:
+            text.append(f'```text\n{_help(module, function)}\n```\n')
+    return '\n'.join(text)
+
+
+def _entry_points() -> list[tuple[str, str, str]]:
+    """Return name, module and function of the executables, as setup.py has them."""
+    block = re.search(
+        r"'console_scripts': \[(.*?)\]", (ROOT / 'setup.py').read_text(encoding='utf-8'),
+        re.DOTALL)
+    found = re.findall(r"'(\w+) = ([\w.]+):(\w+)'", block[1] if block else '')
+    if not found:
+        raise ValueError('setup.py names no executables')
+    return [(name, module, function) for name, module, function in found]
+
+
+def _help(module: str, function: str) -> str:
+    """Return what an executable prints with --help."""
+    os.environ['COLUMNS'] = WIDTH
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        try:
+            getattr(import_module(module), function)(['--help'])
+        except SystemExit as end:
+            if end.code not in (0, None):
+                raise ValueError(f'{module} --help ends with status {end.code}') from None
+    if not printed.getvalue():
+        raise ValueError(f'{module} --help prints nothing')
+    return printed.getvalue().rstrip()
+
+
+def _table(head: Row, rows: Sequence[Row]) -> str:
+    lines = [head, ['---'] * len(head), *rows]
+    return '\n'.join(f'| {" | ".join(cells)} |' for cells in lines) + '\n'
