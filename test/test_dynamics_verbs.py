@@ -17,8 +17,8 @@
 import ast
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-import io
 import json
+import os
 from pathlib import Path
 import re
 import subprocess
@@ -37,6 +37,12 @@ from robot_dynamics.tools.text_table import text_table
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 
 ROOT = Path(__file__).parents[1]
+COMPLETE = """
+import sys
+import argcomplete
+from robot_dynamics.tools.dynamics_verbs import make_parser
+argcomplete.CompletionFinder()(make_parser(), exit_method=sys.exit, output_stream=sys.stdout)
+"""
 LIFT = """
 <robot name="lift">
   <link name="base"/>
@@ -264,19 +270,18 @@ def test_a_refusal_is_one_line(ask: Ask, words: list[str], said: str) -> None:
     ('dynamics inverse 1 2 --node ', {'/dynamics', '/lift/dynamics'}),
     ('dynamics check --ignore grav', {'gravity_capability'}),
 ])
-def test_completion(monkeypatch: pytest.MonkeyPatch, line: str, offered: set[str]) -> None:
-    argcomplete = pytest.importorskip('argcomplete')
-    for name, value in {
-            '_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', 'COMP_LINE': line,
-            'COMP_POINT': str(len(line)), '_ARGCOMPLETE_SUPPRESS_SPACE': '1'}.items():
-        monkeypatch.setenv(name, value)
+def test_completion(line: str, offered: set[str]) -> None:
+    pytest.importorskip('argcomplete')
+    environment = os.environ | {
+        '_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', 'COMP_LINE': line,
+        'COMP_POINT': str(len(line)), '_ARGCOMPLETE_SUPPRESS_SPACE': '1'}
 
     def found() -> set[str]:
-        output = io.StringIO()
-        with pytest.raises(SystemExit):
-            argcomplete.CompletionFinder()(
-                make_parser(), exit_method=sys.exit, output_stream=output)
-        return {word for word in output.getvalue().split('\n') if not word.startswith('-')}
+        # In a process of its own, as of a shell: argcomplete takes the file descriptor 9.
+        words = subprocess.run(
+            [sys.executable, '-c', COMPLETE], env=environment, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, text=True, timeout=TIMEOUT, check=False).stdout
+        return {word for word in words.split('\n') if not word.startswith('-')}
 
     wait_until(lambda: found() == offered, f'{offered}')  # a busy machine is slow to find nodes
 
