@@ -15,6 +15,7 @@
 """Bytes that are no message, or another one than was meant, on every topic that is listened to."""
 
 from collections.abc import Callable, Iterable, Iterator
+import re
 import struct
 import time
 from typing import Any
@@ -192,10 +193,15 @@ def check_arm(client: RosClient, arm: NodeProcess) -> None:
 def test_topics_of_the_simulated_arm(
     client: RosClient, arm: NodeProcess, raw: RawPublisher, damage: Damage,
 ) -> None:
-    for message, topic in (
-            (EFFORT, 'effort_command'), (WRENCH, 'simulated_arm/external_wrench')):
-        for data in damage(bytes_of(message), type(message)):
-            raw.publish(f'/faults_bytes_arm/{topic}', type(message), data)
-    arm.wait_for_log('Refused an effort')
-    arm.wait_for_log('(Refused an external wrench|Refused a message of ~/external_wrench)')
+    for message, topic, refusal in (
+            (EFFORT, 'effort_command', 'Refused an effort'),
+            (WRENCH, 'simulated_arm/external_wrench',
+             '(Refused an external wrench|Refused a message of ~/external_wrench)')):
+        def is_refused(message: Any = message, topic: str = topic, words: str = refusal) -> bool:
+            for data in damage(bytes_of(message), type(message)):
+                raw.publish(f'/faults_bytes_arm/{topic}', type(message), data)
+            return re.search(words, arm.log) is not None
+
+        # What is published before the arm, too, knows of the publisher is lost.
+        wait_until(is_refused, refusal)
     check_arm(client, arm)
