@@ -35,6 +35,8 @@ from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
+from robot_dynamics.regressor import random_states
+from robot_dynamics.soft_gains import crossover, share_of_gains
 from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
 from robot_dynamics.trajectory import (
     ActiveTrajectory,
@@ -46,6 +48,7 @@ from robot_dynamics.validation import FloatArray, largest
 
 BoolArray = npt.NDArray[np.bool_]
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
+_POSES = 30
 FRICTION_MODES = ('reference', 'measured', 'none')
 
 
@@ -60,7 +63,8 @@ class ControlOutput(NamedTuple):
     `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
     `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
     load. `hold` is the command that holds the arm still, and what a command starts from.
-    `clamped` tells which joints of `command` met their effort limit. All numbers are finite.
+    `clamped` tells which joints of `command` met their effort limit. `share_of_gains` is s where
+    the command has softer gains than `computed_torque` (`soft_gains`). All numbers are finite.
     """
 
     gravity_compensation: FloatArray
@@ -69,6 +73,7 @@ class ControlOutput(NamedTuple):
     command: FloatArray | None
     hold: FloatArray
     clamped: BoolArray
+    share_of_gains: float = 1.0
     sample: Callable[[], Reference] | None = None
     terms: EffortTerms | None = None
 
@@ -88,6 +93,8 @@ class ControllerOptions:
     """The command is clamped to this share of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
     """The velocity at which computed torque compensates friction; see `control`."""
+    effort_rate: float = math.inf
+    """How fast [N·m/s] or [N/s] the command may change on its way out."""
     semantics: EffortSemantics = EffortSemantics()
     """What the robot adds to the command by itself is left out of it."""
 
@@ -104,6 +111,7 @@ class Controller:
         self.arm = arm
         self._lock = threading.Lock()
         self._bare_dynamics = self._dynamics = ArmDynamics(arm)
+        self._inertia = _largest_inertia(self._dynamics)
         self._transition: PayloadTransition | None = None
         continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
                       if kind == 'continuous']
@@ -129,6 +137,8 @@ class Controller:
         with self._lock:
             self._options, self._feedback, self._effort_limit = options, feedback, limit
             self._least_limit = float(limit.min(initial=np.inf))
+            omega = crossover(options.gains)
+            self._prompt_effort = options.effort_rate / omega if omega > 0.0 else math.inf
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """
@@ -174,11 +184,16 @@ class Controller:
         """
         if transition_time == 0.0:
             dynamics = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
+            inertia = _largest_inertia(dynamics)
             with self._lock:
                 self._dynamics, self._transition = dynamics, None
+                self._inertia = inertia
             when_done(payload)
             return
+        inertia = _largest_inertia(
+            ArmDynamics(self.arm.with_payloads([payload] if payload else [])))
         with self._lock:
+            self._inertia = max(self._inertia, inertia)
             self._transition = PayloadTransition(
                 self._dynamics.arm.payloads, payload, transition_time, when_done)
 
@@ -210,6 +225,7 @@ class Controller:
         dynamics, zero = self._dynamics, self._zero
         gravity = dynamics.rigid_body.gravity(q)
         friction, a, computed_torque, sample = zero, zero, None, None
+        wanted, share = None, 1.0
         if v is not None:
             self._state = (stamp_ns, q, v)
             if self._waiting is not None:
@@ -217,11 +233,16 @@ class Controller:
             active = self._follower.active
             if active is not None:
                 sample = partial(active.sample, stamp_ns)
-                a, v_r = self._track(active, stamp_ns, q, v)
-                computed_torque = dynamics.rigid_body.inverse_dynamics(q, v, a)
+                a, v_r, feedback = self._track(active, stamp_ns, q, v)
+                computed_torque = wanted = dynamics.rigid_body.inverse_dynamics(q, v, a)
                 if not dynamics.is_frictionless:
                     friction = self._friction(v_r, v, computed_torque)
-                    computed_torque = computed_torque + friction
+                    computed_torque = wanted = computed_torque + friction
+                if feedback * self._inertia > self._prompt_effort:
+                    a_soft, share = self._softened(active.sample(stamp_ns), q, v, a)
+                    if share < 1.0:
+                        a = a_soft
+                        wanted = dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
         gravity_peak = largest(gravity)
         peak = 0.0 if computed_torque is None else largest(computed_torque)
         if not (gravity_peak < math.inf and peak < math.inf):
@@ -241,13 +262,15 @@ class Controller:
         command: FloatArray | None = hold
         if self._options.command == 'none':
             command, clamped = None, self._no_joint
-        elif follows and computed_torque is not None:
+        elif follows and wanted is not None:
+            peak = largest(wanted) if share < 1.0 else peak
             is_free = own is _NOTHING and peak <= self._least_limit
-            command, clamped = (computed_torque, self._no_joint) if is_free else (
-                self._bounded(own.taken_off(computed_torque), own))
+            command, clamped = (wanted, self._no_joint) if is_free else (
+                self._bounded(own.taken_off(wanted), own))
         self._answered = dynamics, q, v, a, gravity, friction, follows, own
         return ControlOutput(
-            gravity, robot_gravity, computed_torque, command, hold, clamped, sample)
+            gravity, robot_gravity, computed_torque, command, hold, clamped,
+            share if follows else 1.0, sample)
 
     def _terms(self) -> EffortTerms | None:
         if self._answered is None:
@@ -287,13 +310,26 @@ class Controller:
         segment, feedback = active.segment(now_ns), self._feedback
         if segment is None or len(q) > FEW:
             reference = active.sample(now_ns)
+            a = feedback.acceleration(reference, q, v)
             return Tracked(
-                feedback.acceleration(reference, q, v), feedback.reference_velocity(reference, q))
+                a, feedback.reference_velocity(reference, q),
+                float(np.abs(a - reference.acceleration).max(initial=0.0)))
         tracking = self._tracking
         if tracking is None or tracking.segment is not segment or (
                 tracking.feedback is not feedback):
             tracking = self._tracking = SegmentTracking(segment, feedback)
         return tracking.at(now_ns, q, v)
+
+    def _softened(
+        self, reference: Reference, q: FloatArray, v: FloatArray, a: FloatArray,
+    ) -> tuple[FloatArray, float]:
+        """Return the acceleration with gains that the effort can follow, and their share."""
+        gains = self._feedback.gains
+        proportional = gains.kp * self._feedback.position_error(reference.position, q)
+        damping = gains.kd * (reference.velocity - v)
+        M = self._dynamics.rigid_body.mass_matrix(q)
+        s = share_of_gains(M @ proportional, M @ damping, self._prompt_effort)
+        return a - (1.0 - s * s) * proportional - (1.0 - s) * damping, s
 
     def _friction(self, v_r: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
         dynamics, mode = self._dynamics, self._options.friction_compensation
@@ -345,6 +381,13 @@ _NOTHING = _Own(None, None)
 # dynamics, q, v, a, gravity, friction, whether it follows the reference, the robot's own share
 _Answered = tuple[
     ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray, FloatArray, bool, _Own]
+
+
+def _largest_inertia(dynamics: ArmDynamics) -> float:
+    """Return what |M(q) a| is at most for accelerations up to 1, at poses here and there."""
+    poses = random_states(dynamics.arm, _POSES)[0]
+    return max((float(np.abs(dynamics.rigid_body.mass_matrix(q)).sum(axis=1).max(initial=0.0))
+                for q in poses), default=0.0)
 
 
 def _not_finite(

@@ -36,11 +36,13 @@ class Tracked(NamedTuple):
     What tracking asks for, each (n,).
 
     `acceleration` q̈_ref + K_d ė + K_p e [rad/s² or m/s²], and `velocity` q̇_ref + K_p/K_d e
-    [rad/s or m/s], q̇_ref where K_d is 0: that of which friction is compensated.
+    [rad/s or m/s], q̇_ref where K_d is 0: that of which friction is compensated. `feedback` is the
+    largest of |K_d ė + K_p e|.
     """
 
     acceleration: FloatArray
     velocity: FloatArray
+    feedback: float
 
 
 class SegmentTracking:
@@ -58,7 +60,7 @@ class SegmentTracking:
     def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> Tracked:
         """Return what tracking asks for at the state (q, v), each (n,), while it is in force."""
         s = self.segment.share(now_ns)
-        a, v_r = [], []
+        a, v_r, largest = [], [], 0.0
         for (p, d, dd, K_p, K_d, ratio, turns), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):
             p0, p1, p2, p3, p4, p5 = p
@@ -68,6 +70,8 @@ class SegmentTracking:
             if turns and not -pi < e <= pi:
                 e = wrap_angle(e)
             v_ref = d0 + s * (d1 + s * (d2 + s * (d3 + s * d4)))
-            a.append(dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * (v_ref - v_j) + K_p * e)
+            feedback = K_d * (v_ref - v_j) + K_p * e
+            a.append(dd0 + s * (dd1 + s * (dd2 + s * dd3)) + feedback)
             v_r.append(v_ref + ratio * e)
-        return Tracked(np.array(a), np.array(v_r))
+            largest = max(largest, abs(feedback))
+        return Tracked(np.array(a), np.array(v_r), largest)

@@ -64,8 +64,8 @@ LAYERS = {
         'recording_writer', 'sqlite_salvage', 'stored_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
-        'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'tracking',
-        'trajectory_efforts',
+        'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'soft_gains',
+        'tracking', 'trajectory_efforts',
         'excitation', 'excitation_limits', 'excitation_trajectory', 'external_effort',
         'live_residual', 'trajectory_file',
         # pictures

@@ -14,6 +14,8 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
+import math
+
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import (
     DEFAULT_DAMPING_RATIO,
@@ -60,6 +62,10 @@ SPECS = (
         'gains.kd', Type.DOUBLE_ARRAY, [],
         'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
+        'soften_gains', Type.BOOL, False,
+        'Slow the feedback down for large errors, as far as effort_rate_limit can follow; '
+        'without, a reference that steps far can let the arm oscillate ever wider.'),
+    ParameterSpec(
         'friction_compensation', Type.STRING, 'reference',
         'The velocity at which computed torque compensates friction: reference (that of the '
         'reference, corrected by the error: robust), measured (exact linearisation, for strong '
@@ -102,4 +108,5 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
+        values['effort_rate_limit'] if values['soften_gains'] else math.inf,
         semantics_from_parameters(values))

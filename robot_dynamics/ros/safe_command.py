@@ -256,6 +256,9 @@ class SafeCommand:
         supervisor = self._supervisor
         if supervisor is None or supervisor.mode is not Mode.RUNNING:
             return
+        if output.share_of_gains < 1.0:
+            self.counters.limited['effort rate, by softer gains'] += 1
+            self.counters.limited_at = time.monotonic()
         limits = [('effort limit', output.clamped)]
         guarded = supervisor.guarded
         if guarded is not None:

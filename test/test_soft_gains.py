@@ -1,0 +1,127 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Gains are softer for large errors, so that a limited rate of effort lets no arm diverge."""
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions
+from robot_dynamics.effort_guard import EffortGuard, GuardLimits
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.soft_gains import crossover, share_of_gains
+from robot_dynamics.trajectory import make_trajectory
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+PERIOD = 0.002
+SECOND = 1_000_000_000
+RATE = 1000.0
+EFFORTS = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3)
+
+
+@settings(deadline=None, derandomize=True)
+@given(proportional=EFFORTS, damping=EFFORTS, rate=st.floats(1e-3, 1e5))
+def test_it_is_the_largest_share_that_the_rate_lets_through(
+    proportional: list[float], damping: list[float], rate: float,
+) -> None:
+    P, D = np.array(proportional), np.array(damping)
+    s = share_of_gains(P, D, rate)
+
+    def change(share: float) -> float:
+        return float(share * np.abs(share * share * P + share * D).max())
+
+    assert 0.0 <= s <= 1.0
+    assert change(s) <= rate * (1.0 + 1e-9)
+    assert s == 1.0 or change(s + 1e-8) > rate * (1.0 - 1e-3) - 1e-6
+
+
+def test_the_crossover_is_a_bound_of_that_of_each_joint() -> None:
+    for kp, kd in ((400.0, 40.0), (100.0, 3.0), (0.0, 5.0), (25.0, 0.0)):
+        omega = crossover(make_gains(['a'], kp=[kp], kd=[kd]))
+        assert abs(complex(kp, kd * omega)) / omega**2 <= 1.0
+    assert crossover(make_gains(['a'], kp=[0.0], kd=[0.0])) == 0.0
+
+
+def final_error(
+    goal: list[float], duration: float, rate: float = RATE, gains_know_of_it: bool = True,
+    frequency: float = 20.0, seconds: float = 4.0,
+) -> float:
+    """Return how far the arm is from its goal in the end, [rad]; infinite where it flew off."""
+    plant = ArmDynamics(ARM)
+    controller = Controller(ARM, ControllerOptions(
+        make_gains(NAMES, [frequency]), effort_rate=rate if gains_know_of_it else math.inf))
+    free = np.full(2, np.inf)
+    guard = EffortGuard(GuardLimits(-free, free, free, 0.0, rate))
+    q, v, now = np.zeros(2), np.zeros(2), 1000 * SECOND
+    controller.update(now, q, v)
+    controller.follow(make_trajectory(NAMES, (duration,), [goal], (), (), NAMES), 0)
+    acts = controller.update(now, q, v).hold
+    for _ in range(round(seconds / PERIOD)):
+        now += round(1e9 * PERIOD)
+        output = controller.update(now, q, v)
+        assert output.command is not None
+        effort = guard.apply(output.command, output.hold, q, v, PERIOD).effort
+        for _ in range(2):  # what acts is the effort of the state before
+            v = v + 0.5 * PERIOD * plant.forward_dynamics(q, v, acts)
+            q = q + 0.5 * PERIOD * v
+        acts = effort
+        if np.abs(q).max() > 20.0:
+            return math.inf
+    return float(np.abs(q - goal).max())
+
+
+@pytest.mark.parametrize(('goal', 'duration', 'options'), [
+    ([1.0, 0.5], 2.0, {}),
+    ([1.0, 0.5], 0.01, {}),
+    ([3.0, -2.0], 0.01, {}),
+    ([1.0, 0.5], 2.0, {'rate': 300.0}),
+    ([2.0, 1.0], 0.5, {'frequency': 60.0}),
+])
+def test_an_arm_arrives_whatever_its_set_point(
+    goal: list[float], duration: float, options: dict[str, float],
+) -> None:
+    """One point without velocities: the reference is a line, and its velocity a step."""
+    assert final_error(goal, duration, **options) < 1e-3  # type: ignore[arg-type]
+
+
+def test_gains_that_do_not_know_of_the_rate_let_it_diverge() -> None:
+    assert final_error([1.0, 0.5], 0.01, gains_know_of_it=False) > 1.0
+
+
+def test_small_errors_are_fed_back_in_full_and_computed_torque_is_always_the_formula() -> None:
+    gains = make_gains(NAMES)
+    limited = Controller(ARM, ControllerOptions(gains, effort_rate=RATE))
+    free = Controller(ARM, ControllerOptions(gains))
+    for error, softer in ((1e-3, False), (0.5, True)):
+        outputs = []
+        for one in (limited, free):
+            one.forget_reference()
+            one.update(SECOND, np.zeros(2), np.zeros(2))
+            one.follow(make_trajectory(
+                NAMES, (0.001,), [[error, error]], [[0.0, 0.0]], [[0.0, 0.0]], NAMES), 0)
+            outputs.append(one.update(2 * SECOND, np.zeros(2), np.zeros(2)))
+        ours, theirs = outputs
+        assert ours.computed_torque is not None
+        assert theirs.computed_torque is not None
+        assert ours.computed_torque.tolist() == theirs.computed_torque.tolist()
+        assert (ours.share_of_gains < 1.0) == softer
+        assert (ours.command.tolist() != theirs.command.tolist()) == softer  # type: ignore
+        limited, free = (Controller(ARM, ControllerOptions(gains, effort_rate=rate))
+                         for rate in (RATE, math.inf))
