@@ -56,7 +56,7 @@ def consistent_fit(
     n, k, _ = factors.shape
     # the pull on φ itself gives way to the divergence
     A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
-    R = np.linalg.qr(np.column_stack([A, b]), mode='r')
+    R: FloatArray = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode='r'))
     A, b = np.vstack([R[:, :-1], np.zeros((p, len(low)))]), np.append(R[:, -1], np.zeros(p))
     data = len(R)
     root = np.sqrt(2.0 * pull)

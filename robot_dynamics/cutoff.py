@@ -91,7 +91,7 @@ def spectrum(stretches: Sequence[FloatArray], rate_hz: float) -> tuple[FloatArra
         for start in range(0, len(stretch) - size + 1, max(size // 2, 1)):
             piece = stretch[start:start + size]
             total += np.abs(np.fft.rfft(window * piece, axis=0))**2
-    return np.fft.rfftfreq(size, 1.0 / rate_hz), total
+    return np.asarray(np.fft.rfftfreq(size, 1.0 / rate_hz), dtype=np.float64), total
 
 
 def _end_of_motion(frequency: FloatArray, power: FloatArray) -> float:
