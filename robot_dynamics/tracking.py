@@ -73,5 +73,6 @@ class SegmentTracking:
             feedback = K_d * (v_ref - v_j) + K_p * e
             a.append(dd0 + s * (dd1 + s * (dd2 + s * dd3)) + feedback)
             v_r.append(v_ref + ratio * e)
-            largest = max(largest, abs(feedback))
+            if not -largest <= feedback <= largest:
+                largest = feedback if feedback > 0.0 else -feedback
         return Tracked(np.array(a), np.array(v_r), largest)

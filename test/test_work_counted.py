@@ -135,7 +135,7 @@ def node(tmp_path: Any) -> Iterator[Node]:
         rclpy.try_shutdown()
 
 
-@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 115, 3), (True, 160, 4)])
+@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 120, 3), (True, 170, 4)])
 def test_the_calls_of_a_message(
     node: Node, engine: Counter[str], follows: bool, most: int, published: int,
 ) -> None:
