@@ -87,7 +87,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         remarks = [*recording.notes, *series.faults.words()]
     arm = described_arm(urdf, joints, settings.parameters)
     series, wild = _plausible(series, arm, settings.parameters)
-    series, held = _with_motors_on(series)
+    heard, series = len(series.stamps_ns), series.driven()
+    held = heard - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
     if locked:
         remarks.append(f'not recorded, and so locked: {", ".join(locked)}')
@@ -96,7 +97,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     if series.effort is None:
         remarks.append('no effort was recorded: there is nothing to compare the model with')
     if held:
-        remarks.append(f'left out: the first {counted(held, "sample")} without any effort, as '
+        remarks.append(f'left out: {counted(held, "sample")} without any effort, as '
                        'with brakes on')
     if wild:
         remarks.append(f'left out: {counted(wild, "sample")} beyond {IMPLAUSIBLE:g} times a limit '
@@ -151,11 +152,3 @@ def _plausible(
             'expected its own description')
     return (series, 0) if good.all() else (
         series.at(np.flatnonzero(good)), int((~good).sum()))
-
-
-def _with_motors_on(series: JointSeries) -> tuple[JointSeries, int]:
-    """Return the samples from the first with an effort on: before it, brakes hold the arm."""
-    if series.effort is None or not series.effort.any():
-        return series, 0
-    held = int(np.argmax(series.effort.any(axis=1)))
-    return series.after(held), held

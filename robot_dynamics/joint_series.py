@@ -30,6 +30,9 @@ from robot_dynamics.joint_state_bytes import (
 from robot_dynamics.sample_faults import advancing_and_repeated, gaps_between, SampleFaults
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
 
+BRAKES_LAST = 0.06
+"""[s] without any effort between two samples with one that are taken for brakes."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointSeries:
@@ -60,10 +63,23 @@ class JointSeries:
         rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
         return self._chosen(rows, np.arange(len(self.joint_names)))
 
-    def after(self, count: int) -> 'JointSeries':
-        """Return the samples without so many first ones."""
-        rows = np.arange(count, len(self.stamps_ns))
-        return self._chosen(rows, np.arange(len(self.joint_names)))
+    def driven(self) -> 'JointSeries':
+        """
+        Return the samples without those in which brakes hold the arm.
+
+        Brakes are told by an effort of exactly zero at every joint: at the beginning, at the end,
+        or for BRAKES_LAST seconds in between. Where no effort was measured, all are returned.
+        """
+        if self.effort is None or not self.effort.any():
+            return self
+        is_driven = self.effort.any(axis=1)
+        edges = np.flatnonzero(np.diff(is_driven)) + 1
+        runs = np.split(np.arange(len(is_driven)), edges)
+        kept = [
+            rows for rows in runs if is_driven[rows[0]] or (
+                rows[0] > 0 and rows[-1] < len(is_driven) - 1
+                and self.times[rows[-1] + 1] - self.times[rows[0] - 1] <= BRAKES_LAST)]
+        return self.at(np.concatenate(kept))
 
     def at(self, rows: npt.NDArray[np.intp]) -> 'JointSeries':
         """Return the samples at these places."""

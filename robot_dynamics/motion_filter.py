@@ -131,6 +131,14 @@ def filter_motion(
     return _join(series, kept, chosen, rate, order, bad)
 
 
+def filter_motion_below(series: JointSeries, cutoff_hz: float) -> FilteredMotion:
+    """Filter at `cutoff_hz` [Hz], or at the highest that the sampling rate can bear."""
+    if len(series.stamps_ns) < 2:
+        return filter_motion(series)  # which says that these are too few
+    rate = 1.0 / float(np.median(np.diff(series.times)))
+    return filter_motion(series, min(cutoff_hz, HIGHEST_SHARE * rate / 2.0))
+
+
 def _join(
     series: JointSeries, segments: list[IntArray], cutoff: Cutoff, rate: float, order: int,
     bad: BoolArray,

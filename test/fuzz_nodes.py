@@ -68,6 +68,9 @@ class RunningNodes:
         return self
 
     def __exit__(self, *_: object) -> None:
+        # Of the values that were tried, one may be left that makes the end a ramp of a minute.
+        self.dynamics.set_parameters([
+            Parameter('ramp_time', value=0.0), Parameter('effort_rate_limit', value=1e9)])
         for node in (self.dynamics, self.simulated_arm, *(n for n, _ in self._servers.values())):
             node.destroy_node()
         rclpy.shutdown()

@@ -26,6 +26,7 @@ import pytest
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recording import (
     JOINT_STATE,
+    JointSeries,
     Recording,
     RecordingWriter,
     stack,
@@ -200,8 +201,24 @@ def test_the_first_seconds(tmp_path):
         series = opened.joint_series('/joint_states')
     assert series.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert series.first(2.0).position[:, 0].tolist() == [1.0, 2.0, 3.0]
-    assert series.after(3).position[:, 0].tolist() == [4.0, 5.0]
-    assert series.after(3).stamps_ns.tolist() == [4 * 10**9, 5 * 10**9]
+
+
+@pytest.mark.parametrize(('braked', 'left'), [
+    ([], 100), (range(10), 90), (range(90, 100), 90), (range(40, 50), 90), (range(40, 44), 100),
+    (range(100), 100)])
+def test_brakes_are_told_by_an_effort_of_nothing(braked, left):
+    """At an end, or for more than 0.06 s; with no effort at all, none was measured."""
+    effort = np.ones((100, 2))
+    effort[:, 0] = 0.0  # one joint alone says nothing
+    effort[list(braked)] = 0.0
+    stamps = 10**7 * np.arange(100)
+    series = JointSeries(('a', 'b'), stamps, effort.copy(), None, effort, 0)
+    driven = series.driven()
+    assert len(driven.stamps_ns) == left
+    if left < 100:
+        assert driven.effort[:, 1].all()
+    without = JointSeries(('a', 'b'), stamps, effort, None, None, 0)
+    assert without.driven() is without
 
 
 # --- which topic ---------------------------------------------------------------------------------

@@ -29,11 +29,11 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.arm_motion import ArmMotion, LIFT_SHARE, motion_of, simulate_motion
 from robot_dynamics.chain_animation import chain_frames
 from robot_dynamics.exceptions import InvalidInputError, RecordingError, RobotDynamicsError
+from robot_dynamics.motion_filter import filter_motion_below
 from robot_dynamics.moving_picture import check_format, write_moving_picture
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.recording import JointSeries, Recording
-from robot_dynamics.tools.demo_motion import measured_motion
 from robot_dynamics.tools.robot_argument import read_robot
 from robot_dynamics.validation import check_scalar
 
@@ -42,6 +42,8 @@ DEFAULT_DURATION = 5.0
 LONGEST_DURATION = 600.0
 DEFAULT_RATE = 12.0
 SIMULATED_SPEED, RECORDED_SPEED = 0.5, 1.0
+CUTOFF = 5.0
+"""[Hz] of the filter of recorded motions."""
 STILL = 0.1
 """[rad] or [m] that a joint may move in a recording and still be drawn as locked."""
 ROBOT_DESCRIPTION = '/robot_description'
@@ -153,7 +155,7 @@ def _recorded_motion(arguments: argparse.Namespace, duration: float, rate: float
     arm = load_arm(urdf, arguments.joints)
     PlanarView(arm)
     _check_joints(arm, series, arguments.bag)
-    measured = measured_motion(series.of_joints(arm.joint_names))
+    measured = filter_motion_below(series.of_joints(arm.joint_names), CUTOFF)
     last = measured.times[-1]
     start = check_scalar('--from', arguments.start, 0.0, last)
     shown = (measured.times >= start) & (measured.times <= start + duration)

@@ -24,11 +24,12 @@ import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
 from robot_dynamics.plotting import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.recording import JointSeries, Recording
 from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics.ros.playback import Playback, PlaybackResult
-from robot_dynamics.tools.demo_motion import measured_motion, MeasuredMotion, ORDER
+from robot_dynamics.sample_faults import counted
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS
 from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_report import print_table
@@ -43,6 +44,8 @@ from robot_dynamics.tools.demo_session import (
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 
+CUTOFF = 5.0
+"""[Hz]"""
 BATCH = 1000
 """Samples in one request."""
 SERVICE = '/dynamics/inverse_dynamics_batch'
@@ -68,7 +71,7 @@ class Replay:
 
     arm: ArmModel
     played: PlaybackResult
-    motion: MeasuredMotion
+    motion: FilteredMotion
     terms: Mapping[str, FloatArray]
     lost: int
 
@@ -78,7 +81,7 @@ class Comparison:
     """Model and measured efforts, and what the compensation of gravity alone would leave."""
 
     arm: ArmModel
-    motion: MeasuredMotion
+    motion: FilteredMotion
     terms: Mapping[str, FloatArray]
 
     def residual(self, term: str) -> FloatArray | None:
@@ -122,7 +125,11 @@ def play_recording(
     """
     arm = _recorded_arm(urdf, recorded.series)
     series = recorded.series.of_joints(arm.joint_names)
-    motion = measured_motion(_with_motors_on(series))
+    driven = series.driven()
+    held = len(series.stamps_ns) - len(driven.stamps_ns)
+    if held:
+        print(f'  {counted(held, "state")} without any effort (brakes): played, not compared')
+    motion = filter_motion_below(driven, CUTOFF)
     print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
     now = {'ns': int(series.stamps_ns[0])}
     with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
@@ -161,8 +168,8 @@ def print_comparison(comparison: Comparison, recorded: Recorded, replay: Replay)
     print(f'\n{played.played} states played in {played.seconds:.1f} s, all answered '
           f'({played.resent} said again); {replay.lost} messages lost on the way to the recording')
     print(f'Acceleration: derivative of the velocity; velocity and measured effort through a '
-          f'Butterworth filter\nof order {ORDER}, {motion.cut_off:g} Hz, forwards and backwards, '
-          f'at {motion.rate:.1f} Hz\n')
+          f'Butterworth filter\nof order {FILTER_ORDER}, {motion.cutoff_hz:g} Hz, forwards and '
+          f'backwards, at {motion.sample_rate_hz:.1f} Hz\n')
     if motion.effort is None:
         print(f'{recorded.topic} has no measured effort: the efforts are those of the model '
               'alone.\n')
@@ -192,9 +199,13 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
 
 
 def _rows(comparison: Comparison) -> list[tuple[str, ...]]:
-    arm, measured = comparison.arm, comparison.motion.effort
-    model = comparison.terms['effort']
-    residual, without = comparison.residual('effort'), comparison.residual('gravity')
+    def away_from_ends(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else values[comparison.motion.usable]
+
+    arm, model = comparison.arm, comparison.terms['effort']
+    measured = away_from_ends(comparison.motion.effort)
+    residual = away_from_ends(comparison.residual('effort'))
+    without = away_from_ends(comparison.residual('gravity'))
     rows: list[tuple[str, ...]] = [('joint', 'RMS of model', 'largest')]
     if measured is not None:
         rows = [(
@@ -237,7 +248,7 @@ def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
     return load_arm(urdf, joints)
 
 
-def _ask_terms(session: Session, arm: ArmModel, motion: MeasuredMotion) -> dict[str, FloatArray]:
+def _ask_terms(session: Session, arm: ArmModel, motion: FilteredMotion) -> dict[str, FloatArray]:
     """
     Return the effort of the motion and its terms, each (m, n).
 
@@ -253,16 +264,6 @@ def _ask_terms(session: Session, arm: ArmModel, motion: MeasuredMotion) -> dict[
     return {
         'effort': effort, 'inertial': effort - forth, 'coriolis': 0.5 * (forth + back) - gravity,
         'friction': 0.5 * (forth - back), 'gravity': gravity}
-
-
-def _with_motors_on(series: JointSeries) -> JointSeries:
-    """Return the samples from the first one on with an effort: before it, brakes hold the arm."""
-    if series.effort is None or not series.effort.any():
-        return series
-    held = int(np.argmax(series.effort.any(axis=1)))
-    if held:
-        print(f'  the first {held} states have no effort at all (brakes): played, not compared')
-    return series.after(held)
 
 
 class _BatchClient:
