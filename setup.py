@@ -40,6 +40,7 @@ setup(
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
+        'viewer': ['pycollada', 'viser'],  # in a browser
         'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
@@ -62,6 +63,7 @@ setup(
             'identify = robot_dynamics.tools.identify:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
             'torque_map = robot_dynamics.tools.torque_map:main',
+            'viewer = robot_dynamics.tools.viewer:main',
         ],
         # `ros2 dynamics`, where there is ros2cli
         'ros2cli.command': ['dynamics = robot_dynamics.tools.ros2_command:DynamicsCommand'],

@@ -20,12 +20,12 @@ Source: the URDF XML specification, `link` element.
 
 from dataclasses import dataclass
 import itertools
-import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.mesh_bounds import MeshReader
-from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+from robot_dynamics.urdf_values import number, pose, robot_element, vector
+from robot_dynamics.validation import FloatArray
 
 _UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 
@@ -57,35 +57,18 @@ def read_bodies(xml: str, meshes: MeshReader | None = None) -> list[LinkBody]:
     Numbers that are none, or larger than any arm has, are NaN. Meshes are left unread without
     `meshes`.
     """
-    return [_read_body(link, meshes) for link in _robot_element(xml).findall('link')]
+    return [_read_body(link, meshes) for link in robot_element(xml).findall('link')]
 
 
 def read_joint_origins(xml: str) -> dict[str, list[FloatArray]]:
     """Return where the joints of each link to its children are, (3,) [m] in its frame."""
     origins: dict[str, list[FloatArray]] = {}
-    for joint in _robot_element(xml).findall('joint'):
+    for joint in robot_element(xml).findall('joint'):
         parent = joint.find('parent')
         if parent is not None:
             origins.setdefault(parent.get('link') or '', []).append(
-                _vector(joint.find('origin'), 'xyz', '0 0 0'))
+                vector(joint.find('origin'), 'xyz', '0 0 0'))
     return origins
-
-
-def rotation(rpy: FloatArray) -> FloatArray:
-    """Return the rotation matrix (3, 3) of roll, pitch and yaw [rad] about fixed axes."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array([
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr]])
-
-
-def _robot_element(xml: str) -> ElementTree.Element:
-    root = ElementTree.fromstring(xml.strip())
-    namespace = root.tag[:root.tag.find('}') + 1]
-    for element in root.iter():
-        element.tag = element.tag.removeprefix(namespace)
-    return root
 
 
 def _read_body(link: ElementTree.Element, meshes: MeshReader | None) -> LinkBody:
@@ -93,10 +76,10 @@ def _read_body(link: ElementTree.Element, meshes: MeshReader | None) -> LinkBody
     mass: float | None = None
     com, inertia = np.zeros(3), np.zeros((3, 3))
     if inertials:
-        mass = _number(inertials[0].find('mass'), 'value')
-        R, com = _pose(inertials[0])
+        mass = number(inertials[0].find('mass'), 'value')
+        R, com = pose(inertials[0])
         xx, xy, xz, yy, yz, zz = (
-            _number(inertials[0].find('inertia'), entry)
+            number(inertials[0].find('inertia'), entry)
             for entry in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'))
         inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
     collisions, visuals = link.findall('collision'), link.findall('visual')
@@ -116,7 +99,7 @@ def _corners(shapes: list[ElementTree.Element], meshes: MeshReader | None) -> Fl
         return None
     placed = []
     for shape, (center, size) in zip(shapes, known):
-        R, p = _pose(shape)
+        R, p = pose(shape)
         placed.append((center + _UNIT_CORNERS * size) @ R.T + p)
     corners = np.concatenate(placed)
     return corners if np.isfinite(corners).all() else None
@@ -130,11 +113,11 @@ def _shape_box(
     if shape is None:
         return None
     if shape.tag == 'box':
-        return np.zeros(3), _vector(shape, 'size', '')
+        return np.zeros(3), vector(shape, 'size', '')
     if shape.tag == 'sphere':
-        return np.zeros(3), np.full(3, 2.0 * _number(shape, 'radius'))
+        return np.zeros(3), np.full(3, 2.0 * number(shape, 'radius'))
     if shape.tag in ('cylinder', 'capsule'):
-        width, length = 2.0 * _number(shape, 'radius'), _number(shape, 'length')
+        width, length = 2.0 * number(shape, 'radius'), number(shape, 'length')
         caps = width if shape.tag == 'capsule' else 0.0
         return np.zeros(3), np.array([width, width, length + caps])
     bounds = None
@@ -142,28 +125,5 @@ def _shape_box(
         bounds = meshes.bounds(shape.get('filename') or '')
     if bounds is None:
         return None
-    low, high = bounds * _vector(shape, 'scale', '1 1 1')
+    low, high = bounds * vector(shape, 'scale', '1 1 1')
     return (low + high) / 2.0, np.abs(high - low)
-
-
-def _pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:
-    origin = element.find('origin')
-    return rotation(_vector(origin, 'rpy', '0 0 0')), _vector(origin, 'xyz', '0 0 0')
-
-
-def _number(element: ElementTree.Element | None, attribute: str) -> float:
-    try:
-        value = float('' if element is None else element.get(attribute, ''))
-    except ValueError:
-        return math.nan
-    return value if abs(value) <= LARGEST_VALUE else math.nan
-
-
-def _vector(element: ElementTree.Element | None, attribute: str, default: str) -> FloatArray:
-    text = default if element is None else element.get(attribute, default)
-    try:
-        values = np.array([float(word) for word in text.split()])
-    except ValueError:
-        values = np.zeros(0)
-    good = values.shape == (3,) and bool((np.abs(values) <= LARGEST_VALUE).all())
-    return values if good else np.full(3, math.nan)

@@ -18,10 +18,10 @@ The bounding box of a mesh file: STL, binary or text, and OBJ.
 Other formats (Collada has transforms and units of its own) are left to those who draw them.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
+from robot_dynamics.mesh_files import find_mesh
 from robot_dynamics.validation import FloatArray
 
 _STL_HEADER = 84
@@ -29,12 +29,7 @@ _STL_TRIANGLE = np.dtype([('normal', '<f4', 3), ('corners', '<f4', (3, 3)), ('at
 
 
 class MeshReader:
-    """
-    Finds the mesh files that a URDF names, and reads each once.
-
-    `package://NAME/…` is looked for beside the URDF, in the directories above it, and in the
-    environment's AMENT_PREFIX_PATH; a relative name belongs to the URDF's own directory.
-    """
+    """Finds the mesh files that a URDF names (`mesh_files`), and reads each once."""
 
     def __init__(self, directory: Path) -> None:
         """`directory` is that of the URDF."""
@@ -44,24 +39,9 @@ class MeshReader:
     def bounds(self, name: str) -> FloatArray | None:
         """Return the lower and upper corner (2, 3) of a mesh; None where it cannot be read."""
         if name not in self._known:
-            path = self._find(name)
+            path = find_mesh(name, self._directory)
             self._known[name] = None if path is None else mesh_bounds(path)
         return self._known[name]
-
-    def _find(self, name: str) -> Path | None:
-        scheme, separator, rest = name.partition('://')
-        if not separator or scheme == 'file':
-            candidates = [self._directory / (rest if separator else name)]
-        elif scheme == 'package':
-            inside = Path(rest.lstrip('/'))
-            above = [self._directory, *self._directory.parents]
-            prefixes = [
-                Path(prefix, 'share')
-                for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if prefix]
-            candidates = [directory / inside for directory in (*above, *prefixes)]
-        else:
-            return None
-        return next((path for path in candidates if path.is_file()), None)
 
 
 def mesh_bounds(path: Path) -> FloatArray | None:

@@ -205,10 +205,11 @@ def embedded_description() -> str:
 
 def read_description_file(file: str) -> str:
     """Return the URDF in a file, expanding xacro; raise ModelError where that fails."""
-    return read_description(_resolve(file), 'robot_description_file')
+    return read_description(description_path(file), 'robot_description_file')
 
 
-def _resolve(file: str) -> Path:
+def description_path(file: str) -> Path:
+    """Return the path of a path, file:// or package://; raise ModelError for what is none."""
     scheme, separator, rest = file.partition('://')
     if not separator:
         return Path(file).expanduser()

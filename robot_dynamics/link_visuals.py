@@ -1,0 +1,130 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How the links of a URDF look: shapes, their places and colours.
+
+Source: the URDF XML specification, elements `visual` and `material`.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+from robot_dynamics.urdf_values import number, pose, robot_element, vector
+from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each in [0, 1]."""
+
+
+class Box(NamedTuple):
+    """A box about its frame's origin: edges (3,) [m]."""
+
+    size: FloatArray
+
+
+class Cylinder(NamedTuple):
+    """A cylinder about its frame's z axis and origin [m]."""
+
+    radius: float
+    length: float
+
+
+class Sphere(NamedTuple):
+    """A ball about its frame's origin [m]."""
+
+    radius: float
+
+
+class Mesh(NamedTuple):
+    """A file as the URDF names it, and its scale (3,)."""
+
+    name: str
+    scale: FloatArray
+
+
+Shape = Box | Cylinder | Sphere | Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """One shape of a link, at `rotation` (3, 3) and `place` (3,) [m] in the link's frame."""
+
+    link: str
+    rotation: FloatArray
+    place: FloatArray
+    shape: Shape
+    colour: Colour | None
+
+
+def read_visuals(xml: str) -> list[Visual]:
+    """Return what can be drawn of the links of a URDF; well-formed XML is expected."""
+    robot = robot_element(xml)
+    palette = {
+        material.get('name') or '': colour for material in robot.findall('material')
+        if (colour := _colour(material)) is not None}
+    visuals = []
+    for link in robot.findall('link'):
+        for element in link.findall('visual'):
+            R, p = pose(element)
+            shape = _shape(element.find('geometry'))
+            if shape is not None and np.isfinite(R).all() and np.isfinite(p).all():
+                visuals.append(Visual(
+                    link.get('name') or '', R, p, shape,
+                    _colour_of(element.find('material'), palette)))
+    return visuals
+
+
+def _shape(geometry: ElementTree.Element | None) -> Shape | None:
+    """Return a shape, None where it is of no known kind or its sizes are no sizes."""
+    element = None if geometry is None else next(iter(geometry), None)
+    if element is None:
+        return None
+    if element.tag == 'box':
+        size = vector(element, 'size', '')
+        return Box(size) if (size > 0.0).all() else None
+    if element.tag == 'mesh':
+        scale, name = vector(element, 'scale', '1 1 1'), element.get('filename')
+        return Mesh(name, scale) if name and np.isfinite(scale).all() else None
+    radius = number(element, 'radius')
+    if not radius > 0.0:
+        return None
+    if element.tag == 'sphere':
+        return Sphere(radius)
+    length = number(element, 'length')
+    return Cylinder(radius, length) if element.tag == 'cylinder' and length > 0.0 else None
+
+
+def _colour_of(
+    material: ElementTree.Element | None, palette: dict[str, Colour],
+) -> Colour | None:
+    """Return the colour in a material, or that of the robot's material of this name."""
+    if material is None:
+        return None
+    return _colour(material) or palette.get(material.get('name') or '')
+
+
+def _colour(material: ElementTree.Element) -> Colour | None:
+    element = material.find('color')
+    words = '' if element is None else element.get('rgba', '')
+    try:
+        values = [float(word) for word in words.split()]
+    except ValueError:
+        return None
+    if len(values) != 4 or not all(abs(value) <= LARGEST_VALUE for value in values):
+        return None
+    red, green, blue, opacity = (min(max(value, 0.0), 1.0) for value in values)
+    return red, green, blue, opacity

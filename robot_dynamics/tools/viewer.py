@@ -1,0 +1,120 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Watch and move an arm in a browser: `viewer` is a node that serves one page.
+
+Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the arguments.
+"""
+
+import argparse
+from collections.abc import Sequence
+import signal
+import sys
+import threading
+from typing import NoReturn
+
+from robot_dynamics.exceptions import RobotDynamicsError
+
+DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
+DONE, FAILED, MISTAKE = 0, 1, 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        print(f'viewer: {message} (viewer --help lists the options)', file=sys.stderr)
+        raise SystemExit(MISTAKE)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Serve the page until interrupted; return the exit status."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    split = given.index('--ros-args') if '--ros-args' in given else len(given)
+    arguments = _parser().parse_args(given[:split])
+    try:
+        return _run(arguments, given[split:])
+    except RobotDynamicsError as error:
+        print(f'viewer: {error}', file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        return DONE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog='viewer', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Shows an arm in 3-D in a browser with its efforts, external forces, payload '
+                    'and live\nplots; sliders move it, buttons load and push it. Runs beside '
+                    'dynamics_node.',
+        epilog='Names are relative: -r __ns:=/left after --ros-args looks at /left/dynamics.')
+    parser.add_argument(
+        '--host', default=DEFAULT_HOST, metavar='ADDRESS',
+        help='where the page is served (default: %(default)s, this computer alone). Whoever '
+             'reaches it moves the arm')
+    parser.add_argument(
+        '--port', type=_port, default=DEFAULT_PORT, metavar='N',
+        help='(default: %(default)s; 0 for a free one)')
+    parser.add_argument(
+        '--robot', metavar='URDF',
+        help='a path, or package://PACKAGE/PATH; .xacro too (default: that of the dynamics node, '
+             'or of the topic robot_description)')
+    parser.add_argument(
+        '--dynamics', default='dynamics', metavar='NAME',
+        help='the node to look at (default: %(default)s)')
+    parser.add_argument(
+        '--simulated-arm', default='simulated_arm', metavar='NAME',
+        help='the node to push and to load (default: %(default)s)')
+    return parser
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f'{text!r}, expected a number from 0 to 65535')
+    return int(text)
+
+
+def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
+    is_over = threading.Event()
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, lambda *_: is_over.set())
+    from robot_dynamics.tools.viewer_server import (
+        address_of,
+        is_loopback,
+        start_server,
+        stop_server,
+    )
+    server = start_server(arguments.host, arguments.port, 'robot_dynamics')
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+    from robot_dynamics.tools.viewer_app import Viewer
+    from robot_dynamics.tools.viewer_node import ViewerNode
+    rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+    node = ViewerNode(
+        rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm)
+    try:
+        viewer = Viewer(server, node, arguments.robot)
+        print(f'viewer: {address_of(server)} (Ctrl-C ends)', flush=True)
+        if not is_loopback(arguments.host):
+            print('viewer: others can reach this page, and move the arm with it', file=sys.stderr)
+        viewer.run(is_over.is_set)
+        viewer.close()
+    finally:
+        stop_server(server)
+        node.close()
+        rclpy.try_shutdown()
+    return DONE
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,188 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The controls of the viewer for one arm: sliders for a reference, a load, a push, the live plots.
+
+Callbacks of the page come in threads of their own; all they do is to put what was asked into a
+queue, which the viewer's own thread empties.
+"""
+
+from collections.abc import Callable, Mapping
+import math
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.stick_figure import tool_link
+from robot_dynamics.tools.viewer_plots import LivePlot, TERMS
+from robot_dynamics.validation import FloatArray
+
+Ask = Callable[[Callable[[], None]], None]
+"""Has something done in the viewer's own thread."""
+
+DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
+    '+x': (1.0, 0.0, 0.0), '-x': (-1.0, 0.0, 0.0), '+y': (0.0, 1.0, 0.0), '-y': (0.0, -1.0, 0.0),
+    '+z': (0.0, 0.0, 1.0), '-z': (0.0, 0.0, -1.0)}
+SLIDER_STEP = 0.001
+"""[rad] or [m]"""
+UNLIMITED = {'prismatic': 1.0}
+"""Reach of the slider of a joint without limits [m]; of one that turns, half a turn."""
+DEFAULT_SPEED = 30.0
+"""[%]"""
+
+
+class ArmPanel:
+    """The controls for one arm; `close` takes them away."""
+
+    def __init__(self, gui: Any, arm: ArmModel, ask: Ask) -> None:
+        self._gui, self._arm, self._ask = gui, arm, ask
+        self.on_reference: Callable[[], None] = lambda: None
+        self.on_attach: Callable[[], None] = lambda: None
+        self.on_detach: Callable[[], None] = lambda: None
+        self.on_push: Callable[[], None] = lambda: None
+        self._folders = [
+            self._add_reference(), self._add_plots(), self._add_load(), self._add_push()]
+        self._plots: tuple[LivePlot, LivePlot] = self._make_plots()
+
+    def close(self) -> None:
+        """Take all away."""
+        for folder in self._folders:
+            folder.remove()
+
+    def _button(self, label: str, pressed: Callable[[], None]) -> None:
+        self._gui.add_button(label).on_click(lambda _: self._ask(pressed))
+
+    # ------------------------------------------------------------------ the reference
+
+    def _add_reference(self) -> Any:
+        limits = self._arm.limits
+        with self._gui.add_folder('Reference') as folder:
+            self._speed = self._gui.add_slider(
+                'speed [%]', 5.0, 100.0, 5.0, DEFAULT_SPEED,
+                hint='Of the velocity limits of the joints')
+            self._sliders = []
+            for name, kind, low, high in zip(
+                    self._arm.joint_names, self._arm.joint_kinds, limits.lower, limits.upper):
+                reach = UNLIMITED.get(kind, math.pi)
+                low, high = (float(low), float(high)) if high > low and np.isfinite(
+                    high - low) else (-reach, reach)
+                unit = 'm' if kind == 'prismatic' else 'rad'
+                slider = self._gui.add_slider(
+                    f'{name} [{unit}]', low, high, SLIDER_STEP, min(max(0.0, low), high))
+                slider.on_update(self._slid)
+                self._sliders.append(slider)
+        return folder
+
+    def _slid(self, event: Any) -> None:
+        if event.client is not None:  # not by `follow`
+            self._ask(self.on_reference)
+
+    @property
+    def goal(self) -> FloatArray:
+        """What the sliders say, (n,)."""
+        return np.array([slider.value for slider in self._sliders])
+
+    @property
+    def speed(self) -> float:
+        """Share of the velocity limits."""
+        return float(self._speed.value) / 100.0
+
+    def follow(self, q: FloatArray) -> None:
+        """Let the sliders show q (n,)."""
+        for slider, value in zip(self._sliders, q):
+            shown = round(float(np.clip(value, slider.min, slider.max)), 3)
+            if abs(slider.value - shown) >= SLIDER_STEP:
+                slider.value = shown
+
+    # ------------------------------------------------------------------ plots
+
+    def _add_plots(self) -> Any:
+        with self._gui.add_folder('Plots') as folder:
+            self._joint = self._gui.add_dropdown('joint', self._arm.joint_names)
+            self._joint.on_update(lambda _: self._ask(self._change_joint))
+        return folder
+
+    def _make_plots(self) -> tuple[LivePlot, LivePlot]:
+        slides = self._arm.joint_kinds[self.shown_joint] == 'prismatic'
+        name = self._arm.joint_names[self.shown_joint]
+        with self._folders[1]:
+            return (
+                LivePlot(self._gui, f'{name}: effort by term [{"N" if slides else "N m"}]', TERMS),
+                LivePlot(self._gui, f'{name}: tracking error [{"mm" if slides else "mrad"}]',
+                         ('error',)))
+
+    def _change_joint(self) -> None:
+        for plot in self._plots:
+            plot.remove()
+        self._plots = self._make_plots()
+
+    @property
+    def shown_joint(self) -> int:
+        """The joint whose plots are shown, by its place."""
+        return self._arm.joint_names.index(self._joint.value)
+
+    def plot_terms(self, time: float, values: Mapping[str, float]) -> None:
+        """Take the effort of the shown joint by term at a time [s]."""
+        self._plots[0].add(time, [values[name] for name in TERMS])
+
+    def plot_error(self, time: float, error: float) -> None:
+        """Take the tracking error of the shown joint [rad] or [m]."""
+        self._plots[1].add(time, [1e3 * error])
+
+    def show_plots(self, now: float) -> None:
+        """Draw what the plots have taken, up to now [s]."""
+        for plot in self._plots:
+            plot.show(now)
+
+    # ------------------------------------------------------------------ load and push
+
+    def _add_load(self) -> Any:
+        with self._gui.add_folder('Load') as folder:
+            self._mass = self._gui.add_number('mass [kg]', 1.0, min=0.001, max=1000.0, step=0.1)
+            self._load_link = self._gui.add_dropdown(
+                'link', self._arm.link_names, initial_value=tool_link(self._arm))
+            self._is_told = self._gui.add_checkbox(
+                'the controller knows', True, hint='Calls set_payload of dynamics')
+            self._is_carried = self._gui.add_checkbox(
+                'the simulated arm carries it', True, hint='Calls set_payload of simulated_arm')
+            self._button('Attach', lambda: self.on_attach())
+            self._button('Take off', lambda: self.on_detach())
+        return folder
+
+    @property
+    def load(self) -> tuple[float, str]:
+        """Mass [kg] and link of the load."""
+        return float(self._mass.value), str(self._load_link.value)
+
+    @property
+    def load_is_for(self) -> tuple[bool, bool]:
+        """Whether the controller and the simulated arm are told of the load."""
+        return bool(self._is_told.value), bool(self._is_carried.value)
+
+    def _add_push(self) -> Any:
+        with self._gui.add_folder('Push the simulated arm') as folder:
+            self._force = self._gui.add_slider('force [N]', 1.0, 200.0, 1.0, 30.0)
+            self._direction = self._gui.add_dropdown('direction', tuple(DIRECTIONS))
+            self._push_link = self._gui.add_dropdown(
+                'pushed link', self._arm.link_names, initial_value=tool_link(self._arm))
+            self._seconds = self._gui.add_slider('for [s]', 0.1, 5.0, 0.1, 0.5)
+            self._button('Push', lambda: self.on_push())
+        return folder
+
+    @property
+    def push(self) -> tuple[FloatArray, str, float]:
+        """Force (3,) [N] in the base frame, the link, and how long [s]."""
+        force = float(self._force.value) * np.array(DIRECTIONS[self._direction.value])
+        return force, str(self._push_link.value), float(self._seconds.value)

@@ -1,0 +1,70 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The live plots of the viewer: effort by term and tracking error of a joint, in seconds past."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from robot_dynamics.plotting import LINES
+from robot_dynamics.validation import FloatArray
+
+SHOWN = 15.0
+"""[s]"""
+TERMS = ('effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')
+HEIGHT = 190
+"""[px]"""
+
+
+class LivePlot:
+    """One chart: lines over the last SHOWN seconds."""
+
+    def __init__(self, gui: Any, title: str, names: Sequence[str]) -> None:
+        """`title` has the unit of all lines."""
+        self._rows: deque[tuple[float, ...]] = deque()
+        series = [{'label': 't [s]'}]
+        for name in names:
+            style = LINES[name]
+            line = {'label': name, 'stroke': style.colour, 'width': style.width}
+            if style.dash != '-':
+                line['dash'] = [2.0 * length for length in style.dash[1]]
+            series.append(line)
+        self._width = 1 + len(names)
+        self._handle = gui.add_uplot(
+            tuple(np.zeros((self._width, 0))), tuple(series), title=title, height=HEIGHT,
+            scales={'x': {'time': False, 'range': (-SHOWN, 0.0)}},
+            axes=({'label': 'time before now [s]', 'labelSize': 18}, {'size': 56}),
+            legend={'show': len(names) > 1})
+
+    def add(self, time: float, values: Sequence[float]) -> None:
+        """Take the values of all lines at a time [s], which begins anew where it goes back."""
+        if self._rows and time <= self._rows[-1][0]:
+            if time == self._rows[-1][0]:
+                return
+            self._rows.clear()
+        self._rows.append((time, *values))
+
+    def show(self, now: float) -> None:
+        """Draw what is not older than SHOWN at `now` [s]."""
+        while self._rows and self._rows[0][0] < now - SHOWN:
+            self._rows.popleft()
+        rows: FloatArray = np.array(self._rows).reshape(-1, self._width)
+        rows[:, 0] -= now
+        self._handle.data = tuple(np.ascontiguousarray(column) for column in rows.T)
+
+    def remove(self) -> None:
+        """Take the chart away."""
+        self._handle.remove()

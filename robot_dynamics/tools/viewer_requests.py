@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the controls of the viewer ask of the nodes, as messages."""
+
+import math
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.payload import make_payload
+from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
+from robot_dynamics.validation import FloatArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+DENSITY = 2000.0
+"""[kg/m^3] of the ball that stands for a load."""
+SHORTEST_MOTION = 0.3
+"""[s]"""
+RISE_TIME = 0.25
+"""[s] in which a joint may come to its speed."""
+UNLIMITED_SPEED = {'prismatic': 0.25}
+"""Velocity of a joint without a limit [m/s]; of one that turns, 1 rad/s."""
+HELD = 3600.0
+"""[s] to the second point of a reference, at which it stays."""
+
+# Of a quintic from rest to rest over D in T: the largest velocity is 15/8 D/T, the largest
+# acceleration 10/sqrt(3) D/T^2.
+_PEAK_VELOCITY, _PEAK_ACCELERATION = 15.0 / 8.0, 10.0 / math.sqrt(3.0)
+
+
+def motion_time(arm: ArmModel, q: FloatArray, goal: FloatArray, speed: float) -> float:
+    """
+    Return how long a motion from q to a goal, both (n,), takes [s].
+
+    No joint is faster than `speed`, a share of its velocity limit.
+    """
+    default = np.array([UNLIMITED_SPEED.get(kind, 1.0) for kind in arm.joint_kinds])
+    limit = arm.limits.velocity
+    fastest = speed * np.where(np.isfinite(limit) & (limit > 0.0), limit, default)
+    way = np.abs(goal - q)
+    return float(max(
+        SHORTEST_MOTION, (_PEAK_VELOCITY * way / fastest).max(),
+        np.sqrt(_PEAK_ACCELERATION * way * RISE_TIME / fastest).max()))
+
+
+def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -> JointTrajectory:
+    """
+    Return the reference that arrives at a goal (n,) in a time, and stays there.
+
+    With velocity and acceleration it is a quintic from the reference in force. Of two points,
+    the last one is held; one alone would be a sample of a stream. `sender` is in `frame_id`.
+    """
+    rest = floats_to_ros(np.zeros(arm.joint_count))
+    message = JointTrajectory(joint_names=list(arm.joint_names), points=[
+        JointTrajectoryPoint(
+            positions=floats_to_ros(goal), velocities=rest, accelerations=rest,
+            time_from_start=_duration(time)) for time in (seconds, seconds + HELD)])
+    message.header.frame_id = sender
+    return message
+
+
+def ball(link: str, mass: float) -> InertiaStamped:
+    """Return the load of a ball [kg] about the origin of a link; of mass 0, none."""
+    radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
+    message = payload_to_ros(make_payload(
+        link, mass, (0.0, 0.0, 0.0), 0.4 * mass * radius**2 * np.eye(3)))
+    message.header.frame_id = link
+    return message
+
+
+def force_on(link: str, force: FloatArray, R: FloatArray) -> WrenchStamped:
+    """Return a force (3,) [N] of the base frame on a link, which R (3, 3) turns into it."""
+    message = WrenchStamped()
+    message.header.frame_id = link
+    f = message.wrench.force
+    f.x, f.y, f.z = (R.T @ force).tolist()
+    return message
+
+
+def _duration(seconds: float) -> Duration:
+    nanoseconds = round(1e9 * seconds)
+    return Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)

@@ -1,0 +1,239 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The 3-D view of the viewer: the links of an arm, and what `~/markers` says acts on it.
+
+A link is drawn by the visuals of the URDF, with the meshes that are found; one that has nothing to
+draw is a bone from joint to joint, so that every arm is seen.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from robot_dynamics.arm_marks import ArmMarks
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.link_bodies import read_joint_origins
+from robot_dynamics.link_visuals import Box, Cylinder, Mesh, read_visuals, Sphere, Visual
+from robot_dynamics.mesh_files import find_mesh
+from robot_dynamics.validation import FloatArray
+import trimesh
+from visualization_msgs.msg import Marker
+
+LINK_COLOUR = (0.72, 0.74, 0.78, 1.0)
+COLOURED = ('.dae', '.glb', '.gltf', '.obj')
+"""Mesh files that have colours of their own."""
+_BONE = 0.35
+"""Radius of a bone, as a share of that of the arcs of effort."""
+_STILL = 1e-6
+"""[m] and of a quaternion; what moves less is not sent."""
+
+
+class _Part(NamedTuple):
+    """A link that is drawn: its frame in the engine, and the handle of the node that has it."""
+
+    frame: int
+    handle: Any
+
+
+class ArmScene:
+    """One arm in the scene of a server of viser; `close` takes it away."""
+
+    def __init__(self, server: Any, arm: ArmModel, xml: str, directory: Path) -> None:
+        """`directory` is that of the URDF, whose meshes are looked for there."""
+        self._server, self._scene = server, server.scene
+        self._arm, self._data = arm, arm.engine.createData()
+        self._marks: dict[tuple[str, int], Any] = {}
+        self.size = ArmMarks(arm).size
+        """Radius of the arcs of effort [m]."""
+        self.reach = ArmMarks(arm).reach
+        """[m]"""
+        self.missing: list[str] = []
+        """Meshes that are not drawn, each with the reason."""
+        self._grid = self._scene.add_grid(
+            '/ground', width=4.0 * self.reach, height=4.0 * self.reach,
+            cell_size=0.1 * self.reach, section_size=0.5 * self.reach)
+        self._parts = self._draw_links(xml, directory.resolve())
+
+    def close(self) -> None:
+        """Take all away."""
+        for handle in (self._grid, *(part.handle for part in self._parts), *self._marks.values()):
+            handle.remove()
+        self._parts, self._marks = [], {}
+
+    # ------------------------------------------------------------------ the arm
+
+    def move(self, q: FloatArray) -> None:
+        """Show the arm at q (n,)."""
+        engine, data = self._arm.engine, self._data
+        pin.framesForwardKinematics(engine, data, self._arm.coordinates.position(q))
+        with self._server.atomic():
+            for frame, handle in self._parts:
+                place = data.oMf[frame]
+                x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+                _set(handle, 'wxyz', np.array([w, x, y, z]))
+                _set(handle, 'position', np.array(place.translation))
+
+    def rotation(self, link: str) -> FloatArray:
+        """Return the rotation (3, 3) of a link in the base frame, where it was shown last."""
+        frame = self._arm.engine.getFrameId(link, pin.FrameType.BODY)
+        return np.array(self._data.oMf[frame].rotation)
+
+    def _draw_links(self, xml: str, directory: Path) -> list[_Part]:
+        visuals, bones, parts = read_visuals(xml), read_joint_origins(xml), []
+        for i, link in enumerate(self._arm.link_names):
+            node = f'/arm/{i}'
+            handle = self._scene.add_frame(node, show_axes=False)
+            own = [visual for visual in visuals if visual.link == link]
+            drawn = [self._draw_visual(f'{node}/{k}', visual, directory)
+                     for k, visual in enumerate(own)]
+            if not any(drawn):
+                self._draw_bones(node, bones.get(link, []))
+            parts.append(_Part(self._arm.engine.getFrameId(link, pin.FrameType.BODY), handle))
+        return parts
+
+    def _draw_visual(self, node: str, visual: Visual, directory: Path) -> bool:
+        """Draw one shape; return whether that could be done."""
+        x, y, z, w = pin.Quaternion(visual.rotation).coeffs().tolist()
+        pose = {'wxyz': (w, x, y, z), 'position': tuple(visual.place.tolist())}
+        colour, shape = visual.colour or LINK_COLOUR, visual.shape
+        if isinstance(shape, Mesh):
+            return self._draw_mesh(node, shape, visual, directory, pose)
+        looks = {'color': colour[:3], 'opacity': None if colour[3] == 1.0 else colour[3]}
+        if isinstance(shape, Box):
+            self._scene.add_box(node, dimensions=tuple(shape.size.tolist()), **looks, **pose)
+        elif isinstance(shape, Sphere):
+            self._scene.add_icosphere(node, radius=shape.radius, **looks, **pose)
+        elif isinstance(shape, Cylinder):
+            body = trimesh.creation.cylinder(radius=shape.radius, height=shape.length)
+            self._scene.add_mesh_simple(
+                node, body.vertices, body.faces, flat_shading=False, **looks, **pose)
+        return True
+
+    def _draw_mesh(
+        self, node: str, mesh: Mesh, visual: Visual, directory: Path, pose: dict[str, Any],
+    ) -> bool:
+        path = find_mesh(mesh.name, directory)
+        if path is None:
+            self.missing.append(f'{mesh.name}: not found')
+            return False
+        scale = tuple(mesh.scale.tolist())
+        try:
+            if path.suffix.lower() in COLOURED:
+                self._scene.add_mesh_trimesh(node, trimesh.load_scene(path), scale=scale, **pose)
+                return True
+            body = trimesh.load_mesh(path)
+            colour = visual.colour or LINK_COLOUR
+            self._scene.add_mesh_simple(
+                node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
+        except Exception as error:  # whatever a reader of meshes raises
+            self.missing.append(f'{mesh.name}: {error}')
+            return False
+        return True
+
+    def _draw_bones(self, node: str, ends: Sequence[FloatArray]) -> None:
+        for k, end in enumerate(ends):
+            if np.isfinite(end).all() and float(np.linalg.norm(end)) > self.size * _BONE:
+                bone = trimesh.creation.cylinder(
+                    radius=_BONE * self.size, segment=[np.zeros(3), end])
+                self._scene.add_mesh_simple(
+                    f'{node}/bone{k}', bone.vertices, bone.faces, color=LINK_COLOUR[:3])
+
+    # ------------------------------------------------------------------ what acts on it
+
+    def mark(self, markers: Sequence[Marker]) -> None:
+        """Show these marks, and no other."""
+        named = {(marker.ns, marker.id): marker for marker in markers}
+        with self._server.atomic():
+            for key in [key for key in self._marks if key not in named]:
+                self._marks.pop(key).remove()
+            for key, marker in named.items():
+                if key in self._marks:
+                    _UPDATES[marker.type](self._marks[key], marker)
+                elif marker.type in _UPDATES:
+                    self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
+
+    def _add_mark(self, node: str, marker: Marker) -> Any:
+        colour = _rgb(marker)
+        if marker.type == Marker.LINE_STRIP:
+            return self._scene.add_line_segments(
+                node, _segments(marker), colour, thickness=marker.scale.x)
+        if marker.type == Marker.ARROW:
+            return self._scene.add_arrows(
+                node, _points(marker)[None], colour, shaft_radius=0.5 * marker.scale.x,
+                head_radius=0.5 * marker.scale.y, head_length=marker.scale.z)
+        if marker.type == Marker.SPHERE:
+            return self._scene.add_icosphere(
+                node, radius=0.5 * marker.scale.x, color=colour, opacity=marker.color.a,
+                position=_position(marker))
+        return self._scene.add_label(node, marker.text, position=_position(marker))
+
+
+def _set(handle: Any, name: str, value: FloatArray) -> None:
+    if np.abs(getattr(handle, name) - value).max() > _STILL:
+        setattr(handle, name, value)
+
+
+def _points(marker: Marker) -> FloatArray:
+    return np.array([(point.x, point.y, point.z) for point in marker.points])
+
+
+def _segments(marker: Marker) -> FloatArray:
+    points = _points(marker)
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _position(marker: Marker) -> FloatArray:
+    place = marker.pose.position
+    return np.array([place.x, place.y, place.z])
+
+
+def _rgb(marker: Marker) -> FloatArray:
+    return np.array([marker.color.r, marker.color.g, marker.color.b])
+
+
+def _bytes_of(colour: FloatArray) -> Any:
+    return np.round(255.0 * colour).astype(np.uint8)
+
+
+def _update_line(handle: Any, marker: Marker) -> None:
+    handle.points = _segments(marker).astype(np.float32)
+    colour = _bytes_of(_rgb(marker))
+    if not np.array_equal(handle.colors, colour):
+        handle.colors = colour
+
+
+def _update_arrow(handle: Any, marker: Marker) -> None:
+    handle.points = _points(marker)[None].astype(np.float32)
+
+
+def _update_ball(handle: Any, marker: Marker) -> None:
+    _set(handle, 'position', _position(marker))
+    if handle.radius != 0.5 * marker.scale.x:
+        handle.radius = 0.5 * marker.scale.x
+
+
+def _update_text(handle: Any, marker: Marker) -> None:
+    _set(handle, 'position', _position(marker))
+    if handle.text != marker.text:
+        handle.text = marker.text
+
+
+_UPDATES = {
+    Marker.LINE_STRIP: _update_line, Marker.ARROW: _update_arrow, Marker.SPHERE: _update_ball,
+    Marker.TEXT_VIEW_FACING: _update_text,
+}

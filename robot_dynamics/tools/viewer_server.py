@@ -1,0 +1,115 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The web server of the viewer: on this computer alone, and for its own page alone.
+
+Who reaches the page moves the arm. A browser lets any page of any site open a connection to this
+computer, and says only afterwards from where it came: connections of other pages are refused.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+import functools
+import io
+import ipaddress
+import re
+import socket
+from typing import Any
+
+from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+
+OWN_PAGES = re.compile(r'https?://(localhost|127(\.\d{1,3}){3}|\[::1\])(:\d+)?')
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether only this computer reaches an address."""
+    if host == 'localhost':
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def start_server(host: str, port: int, title: str) -> Any:
+    """
+    Return a running server of viser.
+
+    Raises MissingDependencyError without viser, InvalidInputError where the port cannot be had.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise MissingDependencyError(
+            'the viewer needs the library viser (pip install viser pycollada; '
+            'in this repository: scripts/setup viewer)') from None
+    _check_port(host, port)
+    with redirect_stdout(io.StringIO()):  # it greets
+        with _own_pages_alone(is_loopback(host)):
+            server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    server.gui.configure_theme(show_share_button=False, show_logo=False)
+    server.gui.main_panel.dock_right()
+    _never_share(server)
+    return server
+
+
+def stop_server(server: Any) -> None:
+    """Stop a server, which would say so."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+def address_of(server: Any) -> str:
+    """Return the address of the page."""
+    host = server.get_host()
+    return f'http://{f"[{host}]" if ":" in host else host}:{server.get_port()}'
+
+
+def _check_port(host: str, port: int) -> None:
+    """Raise InvalidInputError where nobody can listen, as viser tries other ports for ever."""
+    try:
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        raise InvalidInputError(
+            f'--port is {port} at --host {host!r}, where the page cannot be served '
+            f'({error.strerror or error}); expected a free port (0 finds one) of this '
+            "computer's address") from None
+
+
+@contextmanager
+def _own_pages_alone(is_wanted: bool) -> Iterator[None]:
+    """
+    Refuse connections of the pages of other sites, for servers that start in the statement.
+
+    viser gives its server of WebSockets no `origins`, so that these are added to its call.
+    """
+    from websockets.asyncio import server as sockets
+    serve = sockets.serve
+    if is_wanted:
+        sockets.serve = functools.partial(  # type: ignore[misc, assignment]
+            serve, origins=[OWN_PAGES, None])  # programs have none
+    try:
+        yield
+    finally:
+        sockets.serve = serve  # type: ignore[misc]
+
+
+def _never_share(server: Any) -> None:
+    """Let no page ask for a public address of this server, which viser would give it."""
+    import viser._messages as messages
+    server._websock_server.unregister_handler(messages.ShareUrlRequest)

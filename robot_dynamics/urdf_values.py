@@ -1,0 +1,69 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Values of a URDF as they are written; those that are no numbers, or beyond any arm, are NaN.
+
+`urdf.parse_urdf` refuses what cannot be used; here is what looks at a URDF beside that.
+"""
+
+import math
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+
+
+def rotation(rpy: FloatArray) -> FloatArray:
+    """Return the rotation matrix (3, 3) of roll, pitch and yaw [rad] about fixed axes."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr]])
+
+
+def robot_element(xml: str) -> ElementTree.Element:
+    """Return the root element of well-formed XML, without namespaces."""
+    root = ElementTree.fromstring(xml.strip())
+    namespace = root.tag[:root.tag.find('}') + 1]
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(namespace)
+    return root
+
+
+def pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:
+    """Return rotation (3, 3) and place (3,) [m] of the <origin> in an element."""
+    origin = element.find('origin')
+    return rotation(vector(origin, 'rpy', '0 0 0')), vector(origin, 'xyz', '0 0 0')
+
+
+def number(element: ElementTree.Element | None, attribute: str) -> float:
+    """Return the number in an attribute."""
+    try:
+        value = float('' if element is None else element.get(attribute, ''))
+    except ValueError:
+        return math.nan
+    return value if abs(value) <= LARGEST_VALUE else math.nan
+
+
+def vector(element: ElementTree.Element | None, attribute: str, default: str) -> FloatArray:
+    """Return the three numbers (3,) in an attribute."""
+    text = default if element is None else element.get(attribute, default)
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        values = np.zeros(0)
+    good = values.shape == (3,) and bool((np.abs(values) <= LARGEST_VALUE).all())
+    return values if good else np.full(3, math.nan)
