@@ -32,13 +32,16 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 CONFIG = Path(__file__).parents[1] / 'config'
 PLOTJUGGLER = ElementTree.parse(CONFIG / 'plotjuggler.xml').getroot()
 FOXGLOVE = json.loads((CONFIG / 'foxglove.json').read_text(encoding='utf-8'))
+SNIPPETS = {snippet.attrib['name']: snippet for snippet in PLOTJUGGLER.iter('snippet')}
+"""What PlotJuggler computes of the curves that are published."""
 COLOURS = {BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION}
 """Those of the pictures; black would not be seen on the dark ground of both programs."""
 TYPES: dict[str, type] = {
     '/joint_states': JointState, '/effort_command': JointState,
     '/dynamics/gravity_compensation': JointState, '/dynamics/computed_torque': JointState,
-    '/dynamics/terms': DynamicsTerms, '/dynamics/external_effort': JointState,
-    '/dynamics/residual': JointState, '/diagnostics': DiagnosticArray,
+    '/dynamics/terms': DynamicsTerms, '/dynamics/reference': JointState,
+    '/dynamics/external_effort': JointState, '/dynamics/residual': JointState,
+    '/diagnostics': DiagnosticArray,
 }
 PATH = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\$?\w+\])?)+)$')
 """A topic and the fields below it, in Foxglove's grammar of message paths."""
@@ -97,9 +100,28 @@ def test_every_curve_of_plotjuggler_is_published(messages: dict[str, Any]) -> No
     published: set[str] = set()
     for topic, message in messages.items():
         published |= series(topic, message)
-    wanted = [curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')]
+    wanted = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
     assert len(wanted) > 30
-    assert not set(wanted) - published
+    assert wanted - published == set(SNIPPETS)
+
+
+def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(
+    messages: dict[str, Any],
+) -> None:
+    """Of curves that are drawn, too: PlotJuggler waits for no others when it starts."""
+    drawn = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
+    joints = messages['/dynamics/reference'].name
+    assert set(SNIPPETS) == {f'tracking error/{joint}' for joint in joints}
+    for joint in joints:
+        snippet = SNIPPETS[f'tracking error/{joint}']
+        sources = [snippet.findtext(tag) for tag in (
+            'function', 'linked_source', 'additional_sources/v1')]
+        assert sources == ['return value - v1', *(
+            f'{topic}/{joint}/position' for topic in ('/dynamics/reference', '/joint_states'))]
+        assert drawn.issuperset(sources[1:])
+    stamps = PLOTJUGGLER.find(".//plugin[@ID='ROS2 Topic Subscriber']/use_header_stamp")
+    assert stamps is not None
+    assert stamps.attrib['value'] == 'true'
 
 
 def test_plotjuggler_subscribes_to_what_it_draws() -> None:
@@ -107,7 +129,8 @@ def test_plotjuggler_subscribes_to_what_it_draws() -> None:
     topics = chosen[0].attrib['value'].split(';')
     assert set(topics) == set(TYPES)
     for curve in PLOTJUGGLER.iter('curve'):
-        assert any(curve.attrib['name'].startswith(f'{topic}/') for topic in topics)
+        name = curve.attrib['name']
+        assert name in SNIPPETS or any(name.startswith(f'{topic}/') for topic in topics)
 
 
 def test_the_parts_of_plotjuggler_fit_together() -> None:

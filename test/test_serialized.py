@@ -26,6 +26,7 @@ from robot_dynamics.ros.serialized import (
     effort_template,
     JointStateDecoder,
     SensedState,
+    state_template,
 )
 from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
@@ -133,3 +134,14 @@ def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
         strict.deserialize_cdr(bare.filled(bytes(8), efforts), 'std_msgs/msg/Float64MultiArray')
         array = deserialize_message(bare.filled(bytes(8), efforts), Float64MultiArray)
         assert list(array.data) == efforts.tolist()
+
+
+@pytest.mark.parametrize('n', [1, 2, 7, 60])
+def test_motion_without_effort_is_written_as_rclpy_reads_it(n: int) -> None:
+    names = ['joint' + 'x' * i for i in range(n)]  # padded by any number of bytes
+    q, v = np.arange(2.0 * n).reshape(2, n) - 0.5
+    data = state_template(names, has_effort=False).filled(bytes(8), q, v)
+    message = deserialize_message(data, JointState)
+    assert message == state('', names, q.tolist(), v.tolist(), [], 0, 0)
+    strict = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, 'sensor_msgs/msg/JointState')
+    assert list(strict.velocity) == v.tolist()

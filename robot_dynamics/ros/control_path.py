@@ -40,6 +40,7 @@ from robot_dynamics.ros.serialized import (
     effort_template,
     MessageTemplate,
     SensedState,
+    state_template,
 )
 from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
@@ -74,6 +75,7 @@ class _Served:
     reader: JointStateReader
     names: list[str]
     template: MessageTemplate
+    reference_template: MessageTemplate
     watch: StateWatch
     check: EffortCheck
 
@@ -97,6 +99,7 @@ class ControlPath:
         self._gravity = publisher(JointState, '~/gravity_compensation')
         self._computed_torque = publisher(JointState, '~/computed_torque')
         self._terms = publisher(DynamicsTerms, '~/terms')
+        self._reference = publisher(JointState, '~/reference')
         self.estimates = LiveEstimates(node)
         self.markers = LiveMarkers(node)
         self.estimates.is_external_wanted = lambda: self.markers.is_on
@@ -111,8 +114,8 @@ class ControlPath:
         watch.max_age, watch.has_age = self._state_max_age, self._has_age
         with self._answering:  # no state is answered by one model and commanded by another
             self._served = _Served(
-                controller, JointStateReader(names), list(names), effort_template(names), watch,
-                check)
+                controller, JointStateReader(names), list(names), effort_template(names),
+                state_template(names, has_effort=False), watch, check)
             self.estimates.use(estimates)
             self.command.use(controller.arm, limits, options)
 
@@ -234,3 +237,7 @@ class ControlPath:
             if terms is not None:
                 self._terms.publish(
                     terms_to_ros(terms, served.names, stamp_to_ros(state.stamp_ns)))
+        if output.sample is not None and self._reference.get_subscription_count():
+            position, velocity, _ = output.sample()
+            self._reference.publish(
+                served.reference_template.filled(state.stamp, position, velocity))

@@ -1,0 +1,159 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`~/reference` of a real node: what is followed at each state, and nothing where nothing is."""
+
+from collections.abc import Iterator
+import time
+from typing import Any
+
+from fault_bench import fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q, stamp_of
+from fault_stimuli import SetPoints
+import numpy as np
+import pytest
+from robot_dynamics.ros.conversions import trajectory_to_ros
+from robot_dynamics.trajectory import ActiveTrajectory, quintic_via_points, Reference
+from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, wait_until
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+GOAL = [Q[0] + 0.01, Q[1]]
+START = 12_000_000_789
+"""When the trajectory begins [ns], by the stamps of the joint states."""
+
+
+# --- a trajectory --------------------------------------------------------------------------------
+
+def state(nanoseconds: int, **fields: Any) -> JointState:
+    """Return a joint state; the arm stays where it is, whatever is asked of it."""
+    message = JointState(**{'name': NAMES, 'position': Q, 'velocity': [0.0, 0.0], **fields})
+    message.header.stamp = stamp_of(nanoseconds)
+    return message
+
+
+@pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation'])
+def test_it_is_the_trajectory_at_the_stamp_of_the_state(
+    client: RosClient, command: str,
+) -> None:
+    """In the node's order of joints, whatever order the trajectory has."""
+    trajectory = quintic_via_points(
+        NAMES, [0.0, 1.0, 2.5], [Q, [Q[0] + 0.7, Q[1] - 0.4], [Q[0] - 0.3, Q[1] + 0.2]])
+    rest = Reference(np.array(Q), np.zeros(2), np.zeros(2))
+    expected = ActiveTrajectory(trajectory, START, START, rest)
+    namespace = f'/reference_{command}'
+    with NodeProcess(DYNAMICS, {'joints': NAMES[::-1], 'command': command}, namespace=namespace), \
+            client.collect(JointState, f'{namespace}/dynamics/reference') as references:
+        references.wait_matched()
+        states = client.publisher(JointState, f'{namespace}/joint_states', 1)
+        trajectories = client.publisher(
+            JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+        with client.collect(
+                JointState, f'{namespace}/dynamics/gravity_compensation') as gravity:
+            gravity.wait_matched()
+            client.answer_to(states, state(START - 1_000_000_000), gravity)
+            message = trajectory_to_ros(trajectory)
+            message.header.stamp = stamp_of(START)
+            trajectories.publish(message)
+            # asked until it is followed, from the arrival on
+            client.answer_to(states, state(START - 500_000_000), references)
+            for ns in range(START, START + 3_000_000_000, 70_000_123):
+                found = client.answer_to(states, state(ns), references)
+                position, velocity, _ = expected.sample(ns)
+                assert list(found.name) == NAMES[::-1]
+                assert found.position == pytest.approx(position[::-1], abs=1e-12)
+                assert found.velocity == pytest.approx(velocity[::-1], abs=1e-12)
+                assert list(found.effort) == []
+            assert list(found.velocity) == [0.0, 0.0]  # the end is held
+            # without a velocity nothing is followed
+            client.answer_to(states, state(ns + 1_000_000, velocity=[]), gravity)
+            client.answer_to(states, state(ns + 2_000_000), references)
+    stamps = [nanoseconds_of(message.header.stamp) for message in references.messages]
+    assert START - 1_000_000_000 not in stamps
+    assert ns + 1_000_000 not in stamps
+
+
+# --- no reference --------------------------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node with real safety, without a reference, as tests leave it."""
+    parameters = {'state_timeout': 2.0, 'reference_timeout': 0.5}
+    with fault_bench(client, '/referred', parameters) as one:
+        yield one
+
+
+@pytest.fixture
+def references(bench: FaultBench) -> Iterator[Collector]:
+    with bench.client.collect(JointState, bench.name('reference')) as collector:
+        collector.wait_matched()
+        yield collector
+
+
+def is_gravity(message: JointState) -> bool:
+    """Tell whether an effort holds the arm and nothing else."""
+    return bool(np.allclose(message.effort, G, atol=1e-6))
+
+
+def after(references: Collector, moment: int) -> list[JointState]:
+    """Return the references at states of this time [ns] and later."""
+    return [message for message in references.messages
+            if nanoseconds_of(message.header.stamp) >= moment]
+
+
+def check_silent(bench: FaultBench, references: Collector) -> None:
+    """Check that from the next effort on that just holds the arm there is no reference."""
+    bench.efforts.clear()
+    moment = nanoseconds_of(bench.efforts.wait_for(is_gravity).header.stamp)
+    bench.efforts.clear()
+    assert all(map(is_gravity, bench.efforts.wait_count(100)))
+    assert after(references, moment) == []
+
+
+def check_followed(references: Collector, moment: int) -> None:
+    """Check that references from this time [ns] on are `GOAL`, and that there are some."""
+    wait_until(lambda: bool(after(references, moment)), 'a reference')
+    for message in after(references, moment):
+        assert list(message.name) == NAMES
+        assert list(message.position) == GOAL
+        assert list(message.velocity) == [0.0, 0.0]
+
+
+def check_stream(bench: FaultBench, references: Collector) -> None:
+    """Check that a stream is followed, and no longer after it has paused."""
+    moment = time.time_ns()
+    with SetPoints(bench, lambda: GOAL) as stream:
+        check_followed(references, moment)
+        wait_until(lambda: stream.sent >= 10, 'ten set-points')
+    check_silent(bench, references)
+    check_followed(references, moment)
+
+
+def test_without_a_stream_of_set_points_there_is_none(
+    bench: FaultBench, references: Collector,
+) -> None:
+    check_silent(bench, references)
+    assert references.messages == []
+    check_stream(bench, references)
+
+
+def test_a_fault_forgets_it(bench: FaultBench, references: Collector) -> None:
+    moment = time.time_ns()
+    bench.set_point(GOAL)  # one alone is held until something happens
+    check_followed(references, moment)
+    bench.driver.be_quiet()
+    bench.wait_fault('state_timeout')
+    bench.driver.go_on()
+    bench.wait_running()
+    check_silent(bench, references)
+    check_stream(bench, references)
