@@ -35,7 +35,7 @@ _ARC_STEP = 0.15
 """[rad] between two points of an arc."""
 _HEAD = 0.3
 """Length of an arrowhead, as a share of the radius of an arc."""
-_MARK_SIZE, _LEAST_SIZE, _LARGEST_SIZE = 0.08, 0.02, 0.25
+_MARK_SIZE, _LEAST_SIZE, _LARGEST_SIZE = 0.12, 0.02, 0.3
 """Radius of an arc: as a share of the reach; least and largest [m]."""
 _PAYLOAD_DENSITY = 2000.0
 """[kg/m^3] of the ball that stands for a payload."""

@@ -50,7 +50,8 @@ def drawn(
         colour = _colour_of(abs(share), bool(np.isfinite(limit[i])))
         markers.append(_line('effort', i, effort_line(place, share, marks.size), marks, colour))
         markers.append(_text(
-            i, place.origin + 1.5 * marks.size * place.axis, f'{effort[i]:.1f} {unit}', marks))
+            i, place.origin + 1.2 * marks.size * place.axis,
+            f'{round(effort[i], 1) + 0.0:.1f} {unit}', marks))
     if external is not None:
         for i, (place, share) in enumerate(zip(places, (external / full).tolist())):
             line = effort_line(place, share, 1.3 * marks.size)

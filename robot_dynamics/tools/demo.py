@@ -30,6 +30,7 @@ import sys
 from typing import NoReturn, TYPE_CHECKING
 
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.viewer import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
     from robot_dynamics.arm_model import ArmModel
@@ -102,6 +103,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--out', type=Path, metavar='DIR',
         help='where picture, recording and logs go (default: out/demo-<time>)')
+    parser.add_argument(
+        '--viewer', type=port_number, nargs='?', const=DEFAULT_PORT, metavar='PORT',
+        help='show the arm in a browser, where sliders move it; runs until Ctrl-C (default port: '
+             f'{DEFAULT_PORT})')
     parser.add_argument('--no-plot', action='store_true', help='make no picture')
     return parser
 
@@ -124,7 +129,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and arguments.replay is None:
         return _mistake('--topic is given without --replay, whose recording has the topic')
     for option, other in (('trajectory', 'replay'), ('trajectory', 'duration'),
-                          ('parameters', 'replay')):
+                          ('parameters', 'replay'), ('viewer', 'replay')):
         if None not in (getattr(arguments, option), getattr(arguments, other)):
             return _mistake(f'--{option} is given with --{other}, expected one of the two')
     try:
@@ -140,7 +145,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
-    from robot_dynamics.tools.demo_loop import run_closed_loop
+    from robot_dynamics.tools.demo_loop import Page, run_closed_loop
     from robot_dynamics.tools.demo_nodes import DemoError
     from robot_dynamics.tools.demo_report import loop_report, print_report, save_picture
     from robot_dynamics.tools.demo_session import PICTURE, RECORDING
@@ -149,7 +154,8 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
         arm = _arm(urdf, arguments.parameters)
         run = run_closed_loop(
             arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
-            arguments.parameters)
+            arguments.parameters,
+            None if arguments.viewer is None else Page(arguments.viewer, arguments.robot))
     except DemoError as error:
         return _failure(str(error))
     except RobotDynamicsError as error:

@@ -16,14 +16,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+import re
 import time
+from typing import NamedTuple
 
 from rclpy.qos import QoSProfile
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.reference_motion import ReferenceMotion
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.simulation import ArmSimulation
-from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, SIMULATED_ARM
+from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, NodeProcess, SIMULATED_ARM, VIEWER
 from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_session import (
     CLOCK,
@@ -38,6 +40,7 @@ from robot_dynamics.tools.demo_session import (
     TOPICS,
     TRAJECTORY,
 )
+from robot_dynamics.tools.viewer import AT, PAGE_OPEN
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 LEAD_TIME = 0.3
@@ -46,6 +49,13 @@ STATE_TIMEOUT = 1.0
 """[s] without a state that is a fault: a simulated arm falls on nobody, and machines are busy."""
 HOLD_TIME = 0.3
 """[s] that is recorded after the motion."""
+
+
+class Page(NamedTuple):
+    """The viewer beside the loop: its port, and the file of the URDF, whose meshes it finds."""
+
+    port: int
+    robot: str | None
 
 
 @dataclass
@@ -65,14 +75,15 @@ class LoopRun:
 
 def run_closed_loop(
     arm: ArmModel, urdf: str, motion: ReferenceMotion, rate: float, directory: Path,
-    parameters: Path | None = None,
+    parameters: Path | None = None, page: Page | None = None,
 ) -> LoopRun:
     """
     Let the arm follow a motion at `rate` [Hz], and record it in `directory`.
 
     Both nodes read the file `parameters` too, where there is one. An interrupt ends it early,
-    with what there is. Raises DemoError where the loop does not close, ModelError where the arm
-    cannot be simulated.
+    with what there is. With a `page` the motion waits until that is open, and after it the loop
+    goes on until an interrupt. Raises DemoError where the loop does not close, ModelError where
+    the arm cannot be simulated.
     """
     ArmSimulation(arm).check_inertia()  # before any process is started
     run = LoopRun(motion, rate)
@@ -90,13 +101,44 @@ def run_closed_loop(
                 'robot_description_file': description, 'rate': rate, 'publish_clock': True,
                 'initial_position': run.motion.start.tolist()}, parameters)
             try:
+                if page is not None:
+                    _open_page(session, page)
                 _close_the_loop(session, run)
                 _follow(session, run)
+                if page is not None:
+                    _go_on(session)
             finally:
                 run.lost = sum(count.lost for count in session.recorder.counts.values())
     except KeyboardInterrupt:
         run.interrupted = True
     return run
+
+
+def _open_page(session: Session, page: Page) -> None:
+    """Start the viewer, tell its address, and record until a browser has the page."""
+    viewer = session.nodes.start('viewer', VIEWER, {}, arguments=(
+        '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))
+    session.wait_for(lambda: _address(viewer) is not None, 'the page of the viewer')
+    print(f'\n  Open {_address(viewer)} in a browser: the motion begins when the page is there.\n',
+          flush=True)
+    while PAGE_OPEN not in viewer.text():
+        session.record(DRAIN_PERIOD)
+
+
+def _address(viewer: NodeProcess) -> str | None:
+    found = re.search(rf'^{AT} (\S+)', viewer.text(), re.MULTILINE)
+    return None if found is None else found[1]
+
+
+def _go_on(session: Session) -> None:
+    """Record until an interrupt, which ends this alone."""
+    print('\n  The arm is yours: sliders, loads and pushes are on the page. Ctrl-C ends.\n',
+          flush=True)
+    try:
+        while True:
+            session.record(DRAIN_PERIOD)
+    except KeyboardInterrupt:
+        print(flush=True)
 
 
 def _close_the_loop(session: Session, run: LoopRun) -> None:

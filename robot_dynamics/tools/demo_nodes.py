@@ -14,7 +14,7 @@
 
 """The nodes of the demo as processes of their own, in a domain where nobody else speaks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import json
 import os
 from pathlib import Path
@@ -30,6 +30,7 @@ from robot_dynamics.exceptions import RobotDynamicsError
 
 DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
+VIEWER = 'robot_dynamics.tools.viewer'
 
 STOP_TIMEOUT = 5.0
 """[s] that a node has to leave in order."""
@@ -73,7 +74,7 @@ class NodeProcess:
 
     def __init__(
         self, name: str, module: str, parameters: Mapping[str, Any], directory: Path,
-        others: Path | None = None,
+        others: Path | None = None, arguments: Sequence[str] = (),
     ) -> None:
         """Start it; `directory` gets `<name>.yaml`, which outdoes `others`, and `<name>.log`."""
         self.name = name
@@ -84,7 +85,7 @@ class NodeProcess:
             json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
             encoding='utf-8')
         files = [file] if others is None else [others, file]
-        command = [sys.executable, '-m', module, '--ros-args']
+        command = [sys.executable, '-m', module, *arguments, '--ros-args']
         for each in files:
             command += ['--params-file', str(each.resolve())]
         with self.log.open('wb') as log:
@@ -100,9 +101,13 @@ class NodeProcess:
             raise DemoError(
                 f'{self.name} ended with status {status}. Its log ends with:\n{self.last_lines()}')
 
+    def text(self) -> str:
+        """Return the log."""
+        return self.log.read_text(encoding='utf-8', errors='replace')
+
     def last_lines(self) -> str:
         """Return the end of the log."""
-        lines = self.log.read_text(encoding='utf-8', errors='replace').splitlines()
+        lines = self.text().splitlines()
         return '\n'.join(f'  {line}' for line in lines[-LOG_LINES:]) or '  (nothing)'
 
     def interrupt(self) -> None:
@@ -128,9 +133,10 @@ class Nodes:
 
     def start(
         self, name: str, module: str, parameters: Mapping[str, Any], others: Path | None = None,
+        arguments: Sequence[str] = (),
     ) -> NodeProcess:
         """Start a node with these parameters, and with those of the file `others` beside."""
-        process = NodeProcess(name, module, parameters, self._directory, others)
+        process = NodeProcess(name, module, parameters, self._directory, others, arguments)
         self._processes.append(process)
         return process
 

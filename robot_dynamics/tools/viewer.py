@@ -29,6 +29,8 @@ from robot_dynamics.exceptions import RobotDynamicsError
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
 DONE, FAILED, MISTAKE = 0, 1, 2
+AT = 'viewer: open'
+PAGE_OPEN = 'viewer: a page is open'
 
 
 class _Parser(argparse.ArgumentParser):
@@ -63,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         help='where the page is served (default: %(default)s, this computer alone). Whoever '
              'reaches it moves the arm')
     parser.add_argument(
-        '--port', type=_port, default=DEFAULT_PORT, metavar='N',
+        '--port', type=port_number, default=DEFAULT_PORT, metavar='N',
         help='(default: %(default)s; 0 for a free one)')
     parser.add_argument(
         '--robot', metavar='URDF',
@@ -78,7 +80,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _port(text: str) -> int:
+def port_number(text: str) -> int:
+    """Return the port that an argument says."""
     if not text.isdecimal() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f'{text!r}, expected a number from 0 to 65535')
     return int(text)
@@ -104,7 +107,8 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm)
     try:
         viewer = Viewer(server, node, arguments.robot)
-        print(f'viewer: {address_of(server)} (Ctrl-C ends)', flush=True)
+        server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
+        print(f'{AT} {address_of(server)} (Ctrl-C ends)', flush=True)
         if not is_loopback(arguments.host):
             print('viewer: others can reach this page, and move the arm with it', file=sys.stderr)
         viewer.run(is_over.is_set)

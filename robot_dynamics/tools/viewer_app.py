@@ -43,6 +43,10 @@ from robot_dynamics.tools.viewer_scene import ArmScene
 from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 
+CAMERA = (1.1, -1.7, 0.8)
+"""Where the page looks from, in reaches of the arm."""
+FIELD_OF_VIEW = 0.8
+"""[rad]"""
 PERIOD = 0.05
 """[s] between two pictures."""
 PLOT_PERIOD = 0.2
@@ -69,7 +73,6 @@ class _Shown(NamedTuple):
     """An arm on the page."""
 
     xml: str
-    joints: tuple[str, ...]
     arm: ArmModel
     scene: ArmScene
     panel: ArmPanel
@@ -97,7 +100,7 @@ class Viewer:
         self._warnings: list[str] = []
         self._sender = f'viewer-{id(self):x}'
         if robot is not None:
-            self._use(read_description_file(robot), description_path(robot).parent, ())
+            self._use_file(robot, ())
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Keep the page up to date until it is over."""
@@ -124,11 +127,9 @@ class Viewer:
     def _find_arm(self) -> None:
         """Ask for the arm where it is not known yet, and again when `dynamics` was away."""
         now = time.monotonic()
-        if self._robot is not None:
-            return
         if not self._node.has_dynamics:
             self._described = None
-            if self._topic_xml:
+            if self._topic_xml and self._robot is None:
                 self._use(self._topic_xml, Path(), ())
         elif self._described is None and now - self._asked_time >= ASK_PERIOD:
             self._asked_time = now
@@ -136,28 +137,31 @@ class Viewer:
 
     def _take_description(self, described: Described) -> None:
         self._described = described
-        directory, xml = Path(), described.xml or self._topic_xml or embedded_description()
-        if described.file:
+        file = self._robot or described.file
+        if file:
             try:
-                xml = read_description_file(described.file)
-                directory = description_path(described.file).parent
+                self._use_file(file, described.joints)
+                return
             except RobotDynamicsError as error:  # a file of another computer
-                xml = self._topic_xml
                 self._problem = f'{error}; expected it here too, or on the topic robot_description'
-                if not xml:
+                if not self._topic_xml:
                     return
-        self._use(xml, directory, described.joints)
+        xml = described.xml or self._topic_xml or embedded_description()
+        self._use(xml, Path(), described.joints)
+
+    def _use_file(self, file: str, joints: tuple[str, ...]) -> None:
+        self._use(read_description_file(file), description_path(file).parent, joints)
 
     def _use(self, xml: str, directory: Path, joints: tuple[str, ...]) -> None:
         """Show this arm; where it cannot be, keep the one before and say so."""
-        if self._shown is not None and (xml, joints) == (self._shown.xml, self._shown.joints):
-            return
         try:
             arm = load_arm(xml, joints)
         except RobotDynamicsError as error:
             self._problem = str(error)
             return
         if self._shown is not None:
+            if (xml, arm.joint_names) == (self._shown.xml, self._shown.arm.joint_names):
+                return
             self._shown.scene.close()
             self._shown.panel.close()
         self._words.content = f'Drawing {arm.name} …'
@@ -165,10 +169,13 @@ class Viewer:
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
         panel.on_reference, panel.on_push = self._wish_reference, self._begin_push
         panel.on_attach, panel.on_detach = self._attach, self._detach
-        self._shown, self._q, self._problem = _Shown(xml, joints, arm, scene, panel), None, ''
+        panel.on_reset = self._reset
+        self._shown, self._q, self._problem = _Shown(xml, arm, scene, panel), None, ''
         reach = scene.reach
-        self._server.initial_camera.position = (1.3 * reach, -1.7 * reach, 0.9 * reach)
-        self._server.initial_camera.look_at = (0.0, 0.0, 0.3 * reach)
+        camera = self._server.initial_camera
+        camera.fov = FIELD_OF_VIEW
+        camera.position = tuple(reach * np.array(CAMERA))
+        camera.look_at = (0.0, 0.0, 0.3 * reach)
         scene.move(np.clip(np.zeros(arm.joint_count), arm.limits.lower, arm.limits.upper))
 
     # ------------------------------------------------------------------ what is heard
@@ -329,11 +336,16 @@ class Viewer:
         if self._shown is None:
             return
         is_told, is_carried = self._shown.panel.load_is_for
-        for name, is_meant, seconds in (
-                (self._node.dynamics, is_told, LOAD_TIME),
-                (self._node.simulated_arm, is_carried, 0.0)):
-            if is_meant:
-                self._node.set_payload(name, load, seconds, self._take_answer)
+        if is_told:  # both at once, where a simulated arm is to carry it, which does so at once
+            self._node.set_payload(
+                self._node.dynamics, load, 0.0 if is_carried else LOAD_TIME, self._take_answer)
+        if is_carried:
+            self._node.set_payload(self._node.simulated_arm, load, 0.0, self._take_answer)
+
+    def _reset(self) -> None:
+        self._end_push()
+        self._is_following = self._is_to_send = False
+        self._node.reset_simulated_arm(self._take_answer)
 
     def _take_answer(self, words: str) -> None:
         self._answer = words

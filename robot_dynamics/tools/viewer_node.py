@@ -34,6 +34,7 @@ from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_interfaces.srv import SetPayload
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -95,6 +96,7 @@ class ViewerNode:
         self._payloads = {
             name: node.create_client(SetPayload, f'{name}/set_payload')
             for name in (dynamics, simulated_arm)}
+        self._reset = node.create_client(Trigger, f'{simulated_arm}/reset')
         self.dynamics, self.simulated_arm = dynamics, simulated_arm
 
     def _keep(self, field: str) -> Callable[[Any], None]:
@@ -135,7 +137,7 @@ class ViewerNode:
     @property
     def has_simulated_arm(self) -> bool:
         """Tell whether a `simulated_arm` listens, which can be pushed."""
-        return self._wrench.get_subscription_count() > 0
+        return bool(self._wrench.get_subscription_count())
 
     @property
     def has_states(self) -> bool:
@@ -169,6 +171,15 @@ class ViewerNode:
             SetPayload.Request(payload=payload, transition_time=seconds))
         future.add_done_callback(lambda done: self._hand_on(
             done, lambda response: tell(f'{name}: {response.message or "done"}')))
+
+    def reset_simulated_arm(self, tell: Callable[[str], None]) -> None:
+        """Put the simulated arm back to where it began; `tell` what it says."""
+        if not self._reset.service_is_ready():
+            tell(f'{self.simulated_arm} is not there')
+            return
+        self._reset.call_async(Trigger.Request()).add_done_callback(
+            lambda done: self._hand_on(done, lambda response: tell(
+                f'{self.simulated_arm}: {response.message or "done"}')))
 
     def _hand_on(self, future: Any, answered: Callable[[Any], None]) -> None:
         self._turned = True

@@ -41,6 +41,10 @@ UNLIMITED = {'prismatic': 1.0}
 """Reach of the slider of a joint without limits [m]; of one that turns, half a turn."""
 DEFAULT_SPEED = 30.0
 """[%]"""
+LEAST_ERROR = 0.1
+"""[mrad] or [mm]: height of the picture of errors that are smaller."""
+PLOT_WIDTH = 360
+"""[px]"""
 
 
 class ArmPanel:
@@ -52,14 +56,21 @@ class ArmPanel:
         self.on_attach: Callable[[], None] = lambda: None
         self.on_detach: Callable[[], None] = lambda: None
         self.on_push: Callable[[], None] = lambda: None
-        self._folders = [
-            self._add_reference(), self._add_plots(), self._add_load(), self._add_push()]
-        self._plots: tuple[LivePlot, LivePlot] = self._make_plots()
+        self.on_reset: Callable[[], None] = lambda: None
+        self._folders = [self._add_reference(), self._add_load(), self._add_push()]
+        self._plot_panel = gui.add_panel()
+        self._plot_panel.dock_left()
+        self._plot_panel.set_width(PLOT_WIDTH)
+        self._plot_tab = self._plot_panel.add_tab('Plots')
+        with self._plot_tab:
+            self._joint = gui.add_dropdown('joint', arm.joint_names)
+        self._joint.on_update(lambda _: self._ask(self._change_joint))
+        self._plots = self._make_plots()
 
     def close(self) -> None:
         """Take all away."""
-        for folder in self._folders:
-            folder.remove()
+        for part in (*self._folders, self._plot_panel):
+            part.remove()
 
     def _button(self, label: str, pressed: Callable[[], None]) -> None:
         self._gui.add_button(label).on_click(lambda _: self._ask(pressed))
@@ -76,11 +87,14 @@ class ArmPanel:
             for name, kind, low, high in zip(
                     self._arm.joint_names, self._arm.joint_kinds, limits.lower, limits.upper):
                 reach = UNLIMITED.get(kind, math.pi)
-                low, high = (float(low), float(high)) if high > low and np.isfinite(
-                    high - low) else (-reach, reach)
+                if not (np.isfinite(high - low) and high - low > SLIDER_STEP):
+                    low, high = -reach, reach
+                low = math.ceil(low / SLIDER_STEP) * SLIDER_STEP
+                high = math.floor(high / SLIDER_STEP) * SLIDER_STEP
                 unit = 'm' if kind == 'prismatic' else 'rad'
                 slider = self._gui.add_slider(
-                    f'{name} [{unit}]', low, high, SLIDER_STEP, min(max(0.0, low), high))
+                    f'{name} [{unit}]', round(low, 3), round(high, 3), SLIDER_STEP,
+                    min(max(0.0, round(low, 3)), round(high, 3)))
                 slider.on_update(self._slid)
                 self._sliders.append(slider)
         return folder
@@ -108,20 +122,14 @@ class ArmPanel:
 
     # ------------------------------------------------------------------ plots
 
-    def _add_plots(self) -> Any:
-        with self._gui.add_folder('Plots') as folder:
-            self._joint = self._gui.add_dropdown('joint', self._arm.joint_names)
-            self._joint.on_update(lambda _: self._ask(self._change_joint))
-        return folder
-
     def _make_plots(self) -> tuple[LivePlot, LivePlot]:
         slides = self._arm.joint_kinds[self.shown_joint] == 'prismatic'
         name = self._arm.joint_names[self.shown_joint]
-        with self._folders[1]:
+        with self._plot_tab:
             return (
                 LivePlot(self._gui, f'{name}: effort by term [{"N" if slides else "N m"}]', TERMS),
                 LivePlot(self._gui, f'{name}: tracking error [{"mm" if slides else "mrad"}]',
-                         ('error',)))
+                         ('error',), LEAST_ERROR))
 
     def _change_joint(self) -> None:
         for plot in self._plots:
@@ -152,7 +160,7 @@ class ArmPanel:
         with self._gui.add_folder('Load') as folder:
             self._mass = self._gui.add_number('mass [kg]', 1.0, min=0.001, max=1000.0, step=0.1)
             self._load_link = self._gui.add_dropdown(
-                'link', self._arm.link_names, initial_value=tool_link(self._arm))
+                'link', self._arm.link_names, initial_value=hand_of(self._arm))
             self._is_told = self._gui.add_checkbox(
                 'the controller knows', True, hint='Calls set_payload of dynamics')
             self._is_carried = self._gui.add_checkbox(
@@ -172,13 +180,14 @@ class ArmPanel:
         return bool(self._is_told.value), bool(self._is_carried.value)
 
     def _add_push(self) -> Any:
-        with self._gui.add_folder('Push the simulated arm') as folder:
+        with self._gui.add_folder('Simulated arm') as folder:
             self._force = self._gui.add_slider('force [N]', 1.0, 200.0, 1.0, 30.0)
             self._direction = self._gui.add_dropdown('direction', tuple(DIRECTIONS))
             self._push_link = self._gui.add_dropdown(
-                'pushed link', self._arm.link_names, initial_value=tool_link(self._arm))
+                'pushed link', self._arm.link_names, initial_value=hand_of(self._arm))
             self._seconds = self._gui.add_slider('for [s]', 0.1, 5.0, 0.1, 0.5)
             self._button('Push', lambda: self.on_push())
+            self._button('Reset', lambda: self.on_reset())
         return folder
 
     @property
@@ -186,3 +195,18 @@ class ArmPanel:
         """Force (3,) [N] in the base frame, the link, and how long [s]."""
         force = float(self._force.value) * np.array(DIRECTIONS[self._direction.value])
         return force, str(self._push_link.value), float(self._seconds.value)
+
+
+def hand_of(arm: ArmModel) -> str:
+    """Return the link at the end of an arm; of a gripper, the hand that has the fingers."""
+    link = tool_link(arm)
+    grips = {name for mimic in arm.mimic_joints for name in (mimic.name, mimic.leader)}
+    fingers = {
+        arm.engine.getJointId(name) for name in grips if arm.engine.existJointName(name)
+        and arm.engine.joints[arm.engine.getJointId(name)].shortname().startswith('JointModelP')}
+    joint = arm.link_frame(link).parentJoint
+    while joint in fingers:
+        joint = arm.engine.parents[joint]
+    if joint == arm.link_frame(link).parentJoint:
+        return link
+    return [name for name in arm.link_names if arm.link_frame(name).parentJoint == joint][-1]

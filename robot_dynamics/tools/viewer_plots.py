@@ -25,27 +25,34 @@ from robot_dynamics.validation import FloatArray
 SHOWN = 15.0
 """[s]"""
 TERMS = ('effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')
-HEIGHT = 190
+HEIGHT = 230
 """[px]"""
+MARGIN = 0.1
+"""Of the span of the values, above and below."""
+X_SCALE = {'x': {'time': False, 'range': (-SHOWN, 0.0)}}
 
 
 class LivePlot:
     """One chart: lines over the last SHOWN seconds."""
 
-    def __init__(self, gui: Any, title: str, names: Sequence[str]) -> None:
-        """`title` has the unit of all lines."""
+    def __init__(
+        self, gui: Any, title: str, names: Sequence[str], least_span: float = 1.0,
+    ) -> None:
+        """`title` has the unit of all lines; the picture is no less than `least_span` high."""
+        self._least_span = least_span
         self._rows: deque[tuple[float, ...]] = deque()
-        series = [{'label': 't [s]'}]
+        series: list[dict[str, Any]] = [{'label': 't [s]'}]
         for name in names:
             style = LINES[name]
-            line = {'label': name, 'stroke': style.colour, 'width': style.width}
-            if style.dash != '-':
+            line: dict[str, Any] = {
+                'label': name, 'stroke': style.colour, 'width': style.width}
+            if not isinstance(style.dash, str):
                 line['dash'] = [2.0 * length for length in style.dash[1]]
             series.append(line)
         self._width = 1 + len(names)
         self._handle = gui.add_uplot(
             tuple(np.zeros((self._width, 0))), tuple(series), title=title, height=HEIGHT,
-            scales={'x': {'time': False, 'range': (-SHOWN, 0.0)}},
+            scales=X_SCALE,
             axes=({'label': 'time before now [s]', 'labelSize': 18}, {'size': 56}),
             legend={'show': len(names) > 1})
 
@@ -64,6 +71,14 @@ class LivePlot:
         rows: FloatArray = np.array(self._rows).reshape(-1, self._width)
         rows[:, 0] -= now
         self._handle.data = tuple(np.ascontiguousarray(column) for column in rows.T)
+        if len(rows):
+            self._handle.scales = {**X_SCALE, 'y': {'range': self._range(rows[:, 1:])}}
+
+    def _range(self, values: FloatArray) -> tuple[float, float]:
+        low, high = float(values.min()), float(values.max())
+        span = max(high - low, self._least_span)
+        middle, half = 0.5 * (low + high), (0.5 + MARGIN) * span
+        return middle - half, middle + half
 
     def remove(self) -> None:
         """Take the chart away."""

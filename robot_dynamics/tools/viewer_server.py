@@ -101,12 +101,12 @@ def _own_pages_alone(is_wanted: bool) -> Iterator[None]:
     from websockets.asyncio import server as sockets
     serve = sockets.serve
     if is_wanted:
-        sockets.serve = functools.partial(  # type: ignore[misc, assignment]
+        sockets.serve = functools.partial(
             serve, origins=[OWN_PAGES, None])  # programs have none
     try:
         yield
     finally:
-        sockets.serve = serve  # type: ignore[misc]
+        sockets.serve = serve
 
 
 def _never_share(server: Any) -> None:
