@@ -292,10 +292,10 @@ class Viewer:
 
     def _send_reference(self, shown: _Shown, now: float) -> None:
         self._is_to_send = False
+        goal = shown.panel.take_goal()
         if self._q is None:
             self._answer = 'There are no joint states to start from.'
             return
-        goal = shown.panel.goal
         seconds = motion_time(shown.arm, self._q, goal, shown.panel.speed)
         self._node.send_trajectory(reference_to(shown.arm, goal, seconds, self._sender))
         self._sent_time, self._is_following = now, True

@@ -97,16 +97,17 @@ class ArmPanel:
                     min(max(0.0, round(low, 3)), round(high, 3)))
                 slider.on_update(self._slid)
                 self._sliders.append(slider)
+        self._known = [slider.value for slider in self._sliders]
         return folder
 
     def _slid(self, event: Any) -> None:
         if event.client is not None:  # not by `follow`
             self._ask(self.on_reference)
 
-    @property
-    def goal(self) -> FloatArray:
-        """What the sliders say, (n,)."""
-        return np.array([slider.value for slider in self._sliders])
+    def take_goal(self) -> FloatArray:
+        """Return what the sliders say, (n,); until one is moved again, `follow` may move them."""
+        self._known = [slider.value for slider in self._sliders]
+        return np.array(self._known)
 
     @property
     def speed(self) -> float:
@@ -114,11 +115,13 @@ class ArmPanel:
         return float(self._speed.value) / 100.0
 
     def follow(self, q: FloatArray) -> None:
-        """Let the sliders show q (n,)."""
-        for slider, value in zip(self._sliders, q):
+        """Let the sliders show q (n,), unless somebody moves one just now."""
+        if self._known != [slider.value for slider in self._sliders]:
+            return  # which will be told soon
+        for i, (slider, value) in enumerate(zip(self._sliders, q)):
             shown = round(float(np.clip(value, slider.min, slider.max)), 3)
             if abs(slider.value - shown) >= SLIDER_STEP:
-                slider.value = shown
+                self._known[i] = slider.value = shown
 
     # ------------------------------------------------------------------ plots
 

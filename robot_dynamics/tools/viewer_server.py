@@ -61,6 +61,8 @@ def start_server(host: str, port: int, title: str) -> Any:
             server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     server.gui.main_panel.dock_right()
+    # Shadows take most of the time where a browser has no graphics card to draw with.
+    server.scene.configure_default_lights(cast_shadow=False)
     _never_share(server)
     return server
 

@@ -1,0 +1,143 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A real browser for the tests of the viewer: Chromium without a window, driven by Playwright.
+
+Without either of them the tests are skipped, with the reason in words; where CI is set they fail.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import io
+import os
+from pathlib import Path
+import shutil
+from typing import Any
+
+from matplotlib.image import imread
+import numpy as np
+from numpy.typing import NDArray
+from robots import missing
+from ros_harness import TIMEOUT
+
+PROGRAMS = ('chromium', 'chromium-browser', 'google-chrome')
+# Software draws here; it is to leave the machine to the nodes.
+OPTIONS = (
+    '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+    '--disable-dev-shm-usage')
+SIZE = {'width': 1000, 'height': 600}
+PATIENCE = 3000.0 * TIMEOUT
+"""[ms]"""
+MOST_PICTURES = 50
+
+
+@contextmanager
+def chromium(directory: Path) -> Iterator[Any]:
+    """Run the browser of the machine, with whatever time the others leave it."""
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if program is None:
+        missing('no Chromium on the PATH (Debian: apt install chromium)')
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing('no Playwright (pip install playwright)')
+    polite = directory / 'chromium'
+    # The part that draws would otherwise give itself priority over everything else.
+    drop = 'setpriv --bounding-set=-sys_nice ' if shutil.which('setpriv') and (
+        os.getuid() == 0) else ''
+    polite.write_text(f'#!/bin/sh\nexec {drop}nice -n 19 {program} "$@"\n')
+    polite.chmod(0o755)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=str(polite), args=list(OPTIONS), timeout=PATIENCE)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+class Page:
+    """The page of a viewer; `close` it, or use it in a `with` statement."""
+
+    def __init__(self, browser: Any, address: str) -> None:
+        """Open it, and wait until it has the controls of an arm and a picture."""
+        self.tab = browser.new_page(viewport=SIZE)
+        self.tab.set_default_timeout(PATIENCE)
+        self.errors: list[str] = []
+        self.elsewhere: list[str] = []
+        self.tab.on('pageerror', lambda error: self.errors.append(str(error)))
+        self.tab.on('console', lambda message: message.type == 'error' and self.errors.append(
+            message.text))
+        own = (address, address.replace('http', 'ws'), 'data:', 'blob:')
+        self.tab.on('request', lambda request: request.url.startswith(own) or (
+            self.elsewhere.append(request.url)))
+        self.tab.goto(address)
+        self.tab.wait_for_selector('canvas')
+        self.tab.get_by_text('Reference', exact=True).first.wait_for()
+
+    def __enter__(self) -> 'Page':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.tab.close()
+
+    def press(self, button: str) -> None:
+        """Press a button by its words."""
+        self.tab.get_by_role('button', name=button, exact=True).click()
+
+    def wait_for_words(self, words: str) -> None:
+        """Wait until the page says these words."""
+        self.tab.get_by_text(words).first.wait_for()
+
+    def words(self) -> str:
+        """Return all words of the page."""
+        return str(self.tab.inner_text('body'))
+
+    def drag(self, slider: int, share: float) -> None:
+        """Drag the n-th slider, the speed being number 0, to a share of its way."""
+        thumb = self.tab.get_by_role('slider').nth(slider)
+        thumb.scroll_into_view_if_needed()
+        track = thumb.locator('xpath=..').bounding_box()
+        start = thumb.bounding_box()
+        y = start['y'] + 0.5 * start['height']
+        self.tab.mouse.move(start['x'] + 0.5 * start['width'], y)
+        self.tab.mouse.down()
+        self.tab.mouse.move(track['x'] + share * track['width'], y, steps=5)
+        self.tab.mouse.up()
+
+    def value(self, slider: int) -> float:
+        """Return what the n-th slider says."""
+        return float(self.tab.get_by_role('slider').nth(slider).get_attribute('aria-valuenow'))
+
+    def picture(self) -> NDArray[np.float64]:
+        """Return the middle of the page, where the arm is, as (height, width, 3) in [0, 1]."""
+        clip = {'x': 370, 'y': 190, 'width': 300, 'height': 400}
+        picture = self.tab.screenshot(clip=clip)
+        if 'ROBOT_DYNAMICS_SCREENSHOTS' in os.environ:  # for those who want to look
+            self.tab.screenshot(path=os.environ['ROBOT_DYNAMICS_SCREENSHOTS'])
+        return np.asarray(imread(io.BytesIO(picture), format='png')[..., :3], dtype=np.float64)
+
+    def press_key(self, slider: int, key: str) -> None:
+        """Press a key at the n-th slider, as Home for the least value."""
+        self.tab.get_by_role('slider').nth(slider).press(key)
+
+    def differs_from(self, before: NDArray[np.float64], share: float) -> bool:
+        """Tell whether so large a share of the picture changes, soon: it comes with some delay."""
+        return any(difference(before, self.picture()) > share for _ in range(MOST_PICTURES))
+
+
+def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return the share of the pixels that differ clearly between two pictures."""
+    return float((np.abs(one - other).max(axis=2) > 0.15).mean())
