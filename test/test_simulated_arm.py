@@ -15,6 +15,7 @@
 """The node `simulated_arm`: efforts in, joint states out."""
 
 from collections.abc import Iterator
+import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -102,6 +103,18 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
         assert list(state.position) == twin.q.tolist()
         assert list(state.velocity) == twin.v.tolist()
         assert list(state.effort) == effort
+
+
+def test_lock_step_is_no_faster_than_it_is_told(client: RosClient) -> None:
+    parameters = {'lock_step': True, 'rate': 100.0, 'real_time_factor': 0.5}
+    with NodeProcess(
+            SIMULATED_ARM, parameters, namespace='/paced',
+            remaps={'/clock': '/paced/clock'}) as node:
+        paced = LockStepped(client, node, '/paced')
+        began = time.monotonic()
+        for _ in range(11):  # the first state goes out after this moment, ten follow it
+            paced.step([0.0, 0.0])
+        assert time.monotonic() - began >= 10 * 0.01 / 0.5
 
 
 def test_efforts_are_matched_by_name(stepped: LockStepped) -> None:

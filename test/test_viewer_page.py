@@ -50,7 +50,7 @@ def viewed(browser, namespace, parameters=None, start=(), arguments=()):
     nodes = (
         NodeProcess(DYNAMICS, parameters, namespace=namespace),
         NodeProcess(SIMULATED_ARM, {
-            **parameters, 'rate': 100.0, 'command_timeout': 0.0,
+            **parameters, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0,
             **({'initial_position': list(start)} if len(start) else {})}, namespace=namespace))
     viewer = NodeProcess(
         VIEWER, namespace=namespace, arguments=('--port', '0', *arguments),

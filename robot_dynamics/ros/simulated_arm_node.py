@@ -55,6 +55,10 @@ SPECS = (
         'Each state waits for the effort that carries its stamp, as fast as the machine can, '
         'in the time of /clock.', read_only=True),
     ParameterSpec(
+        'real_time_factor', Type.DOUBLE, 0.0,
+        'How many times as fast as a clock lock_step may be; 0: as fast as it can.',
+        read_only=True, minimum=0.0, maximum=1e6),
+    ParameterSpec(
         'publish_clock', Type.BOOL, False,
         'Count time from 0 and publish it on /clock; lock_step does so always.', read_only=True),
     ParameterSpec(
@@ -132,6 +136,8 @@ class SimulatedArmNode(GuardedCallbacks):
         topics = ArmTopics(self, self._arm.joint_names, self._own_time)
         loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
         self._loop = loop_type(self, self._plant, topics, self._lock, 1.0 / values['rate'])
+        if isinstance(self._loop, LockStepLoop) and values['real_time_factor'] > 0.0:
+            self._loop.real_time_factor = values['real_time_factor']
         self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetPayload, '~/set_payload', self._set_payload)

@@ -103,7 +103,7 @@ class _Loop:
         self._node, self._plant, self._topics, self._lock = node, plant, topics, lock
         self._period = period
         self._period_ns = round(period * NANOSECONDS_PER_SECOND)
-        self._stop = False
+        self._stopping = threading.Event()
         self._wake = GuardCondition(lambda: None, None, context=node.context)
         self._wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, node.context.handle)
         self._thread = threading.Thread(target=self._guarded_run, name='simulation', daemon=True)
@@ -113,7 +113,7 @@ class _Loop:
 
     def stop(self) -> None:
         """End the thread, before the node is destroyed."""
-        self._stop = True
+        self._stopping.set()
         if self._thread.is_alive():
             self._wake.trigger()
             self._thread.join()
@@ -130,7 +130,7 @@ class _Loop:
         raise NotImplementedError
 
     def _running(self) -> bool:
-        return not self._stop and self._node.context.ok()
+        return not self._stopping.is_set() and self._node.context.ok()
 
     def _wait_for_effort(self, seconds: float) -> bool:
         """Return whether an effort can be taken; wait for it at most so long."""
@@ -224,20 +224,29 @@ class WallTimeLoop(_Loop):
 
 
 class LockStepLoop(_Loop):
-    """A state, then the effort that carries its stamp, then the next state, in simulated time."""
+    """
+    A state, then the effort that carries its stamp, then the next state, in simulated time.
+
+    That time is at most `real_time_factor` times as fast as a clock; infinite for no limit.
+    """
+
+    real_time_factor = math.inf
 
     def _run(self) -> None:
         tick = 1  # a stamp of 0 would read as "no stamp"
+        least, due = self._period / self.real_time_factor, -math.inf
         with self._lock:
             measured = self._plant.measure()
         while self._running():
             stamp_ns = tick * self._period_ns
+            due = max(due + least, time.monotonic())  # what is lost is not caught up with
             effort = self._ask(stamp_ns, measured)
             if effort is None:
                 return
             with self._lock:
                 self._plant.take_effort(effort)
             tick += 1
+            self._stopping.wait(due + least - time.monotonic())
             measured = self._advance()
 
     def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:

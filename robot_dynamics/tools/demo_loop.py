@@ -47,6 +47,8 @@ LEAD_TIME = 0.3
 """[s] from the newest state to the start of the motion."""
 STATE_TIMEOUT = 1.0
 """[s] without a state that is a fault: a simulated arm falls on nobody, and machines are busy."""
+STEP_BY_STEP = {'lock_step': True, 'real_time_factor': 1.0}
+"""How the arm moves beside a browser, which may draw in software: then it moves slowly."""
 HOLD_TIME = 0.3
 """[s] that is recorded after the motion."""
 
@@ -98,7 +100,8 @@ def run_closed_loop(
                 parameters)
             # In time of its own, a pause of the machine delays the motion and does not cut it.
             session.nodes.start('simulated_arm', SIMULATED_ARM, {
-                'robot_description_file': description, 'rate': rate, 'publish_clock': True,
+                'robot_description_file': description, 'rate': rate,
+                **({'publish_clock': True} if page is None else STEP_BY_STEP),
                 'initial_position': run.motion.start.tolist()}, parameters)
             try:
                 if page is not None:

@@ -91,6 +91,7 @@ class Viewer:
         self._topic_xml = ''
         self._problem = self._answer = ''
         self._q: FloatArray | None = None
+        self._v: FloatArray | None = None
         self._state_time = self._reference_time = self._marks_time = -SILENCE
         self._asked_time = self._sent_time = self._plot_time = -ASK_PERIOD
         self._newest_stamp = 0.0
@@ -214,6 +215,7 @@ class Viewer:
             self._problem = f'joint_states lack {missing}, expected every joint of the arm'
             return
         self._q, self._problem, self._state_time = q, '', time.monotonic()
+        self._v = values_of(shown.arm, state, 'velocity')
         shown.scene.move(q)
 
     def _plot(self, shown: _Shown, heard: Heard) -> None:
@@ -296,7 +298,7 @@ class Viewer:
         if self._q is None:
             self._answer = 'There are no joint states to start from.'
             return
-        seconds = motion_time(shown.arm, self._q, goal, shown.panel.speed)
+        seconds = motion_time(shown.arm, self._q, goal, shown.panel.speed, self._v)
         self._node.send_trajectory(reference_to(shown.arm, goal, seconds, self._sender))
         self._sent_time, self._is_following = now, True
         self._answer = f'Reference sent: {seconds:.1f} s'

@@ -27,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 DENSITY = 2000.0
 """[kg/m^3] of the ball that stands for a load."""
-SHORTEST_MOTION = 0.3
+SHORTEST_MOTION = 0.5
 """[s]"""
 RISE_TIME = 0.25
 """[s] in which a joint may come to its speed."""
@@ -37,15 +37,18 @@ HELD = 3600.0
 """[s] to the second point of a reference, at which it stays."""
 
 # Of a quintic from rest to rest over D in T: the largest velocity is 15/8 D/T, the largest
-# acceleration 10/sqrt(3) D/T^2.
-_PEAK_VELOCITY, _PEAK_ACCELERATION = 15.0 / 8.0, 10.0 / math.sqrt(3.0)
+# acceleration 10/sqrt(3) D/T^2; from a velocity v to rest where it is, about 6 v/T.
+_PEAK_VELOCITY, _PEAK_ACCELERATION, _STOPPING = 15.0 / 8.0, 10.0 / math.sqrt(3.0), 6.0
 
 
-def motion_time(arm: ArmModel, q: FloatArray, goal: FloatArray, speed: float) -> float:
+def motion_time(
+    arm: ArmModel, q: FloatArray, goal: FloatArray, speed: float, v: FloatArray | None = None,
+) -> float:
     """
     Return how long a motion from q to a goal, both (n,), takes [s].
 
-    No joint is faster than `speed`, a share of its velocity limit.
+    From rest, no joint is faster than `speed`, a share of its velocity limit. From a velocity v
+    (n,) there is time to lose it, so that a goal that is dragged along is followed smoothly.
     """
     default = np.array([UNLIMITED_SPEED.get(kind, 1.0) for kind in arm.joint_kinds])
     limit = arm.limits.velocity
@@ -53,7 +56,8 @@ def motion_time(arm: ArmModel, q: FloatArray, goal: FloatArray, speed: float) ->
     way = np.abs(goal - q)
     return float(max(
         SHORTEST_MOTION, (_PEAK_VELOCITY * way / fastest).max(),
-        np.sqrt(_PEAK_ACCELERATION * way * RISE_TIME / fastest).max()))
+        np.sqrt(_PEAK_ACCELERATION * way * RISE_TIME / fastest).max(),
+        0.0 if v is None else (_STOPPING * np.abs(v) * RISE_TIME / fastest).max()))
 
 
 def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -> JointTrajectory:

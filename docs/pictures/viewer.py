@@ -1,0 +1,88 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Draw docs/images/viewer.png: the page of the viewer, with a UR10 that moves a load of 5 kg.
+
+It needs Chromium; where there is none, the picture stays as it is.
+"""
+
+import os
+from pathlib import Path
+import re
+import sys
+import tempfile
+import time
+
+from robot_dynamics.tools.demo_loop import STEP_BY_STEP
+from robot_dynamics.tools.demo_nodes import choose_domain, DYNAMICS, Nodes, SIMULATED_ARM, VIEWER
+
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+import browser  # noqa: E402
+from robots import robot_path  # noqa: E402
+
+JOINTS = ['shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
+          'wrist_2_joint', 'wrist_3_joint']
+POSE = [0.3, -1.0, 1.6, -0.6, -1.4, 0.0]
+LIFT, ELBOW, FORCE, SECONDS = 2, 3, 7, 8
+"""Sliders, the speed being number 0."""
+SIZE = {'width': 1400, 'height': 800}
+PATIENT = {'state_timeout': 5.0}
+"""The browser draws in software, and takes much of the time."""
+
+
+def main(directory: Path) -> int:
+    """Write the picture into a directory."""
+    if not any(map(browser.shutil.which, browser.PROGRAMS)):
+        print('viewer.png is left as it is: no Chromium on the PATH', file=sys.stderr)
+        return 0
+    os.environ.update(choose_domain(os.environ))
+    browser.SIZE.update(SIZE)
+    robot = {'robot_description_file': str(robot_path('ur10')), 'joints': JOINTS}
+    with tempfile.TemporaryDirectory() as work, Nodes(Path(work)) as nodes:
+        nodes.start('dynamics', DYNAMICS, {**robot, **PATIENT})
+        nodes.start('simulated_arm', SIMULATED_ARM, {
+            **robot, **STEP_BY_STEP, 'initial_position': POSE})
+        viewer = nodes.start('viewer', VIEWER, {}, arguments=('--port', '0'))
+        while (address := re.search(r'http://\S+', viewer.text())) is None:
+            nodes.check()
+            time.sleep(0.1)
+        with browser.chromium(Path(work)) as program, browser.Page(program, address[0]) as page:
+            photograph(page, directory / 'viewer.png')
+    return 0
+
+
+def photograph(page: browser.Page, path: Path) -> None:
+    """Attach a load, push, move two joints, and take the picture in the middle of it."""
+    page.wait_for_words('gravity compensation')
+    page.tab.locator('.mantine-Notification-closeButton').first.click()  # it draws without a GPU
+    page.tab.get_by_label('mass [kg]').fill('5')
+    page.press('Attach')
+    page.wait_for_words('the controller knows of 5 kg')
+    page.tab.get_by_label('joint', exact=True).first.click()
+    page.tab.get_by_role('option', name='shoulder_lift_joint').click()
+    page.drag(FORCE, 0.3)
+    page.drag(SECONDS, 0.6)
+    page.drag(LIFT, 0.39)
+    page.wait_for_words('follows a reference')
+    time.sleep(5.0)  # for the plots to show it
+    page.drag(ELBOW, 0.72)
+    time.sleep(2.0)
+    page.press('Push')
+    time.sleep(1.5)
+    page.tab.screenshot(path=path)
+
+
+if __name__ == '__main__':
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,0 +1,236 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What can be drawn of a URDF: shapes, places, colours, and the files of meshes."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pinocchio as pin
+import pytest
+from robot_dynamics.link_visuals import Box, Cylinder, Mesh, read_visuals, Sphere
+from robot_dynamics.mesh_files import find_mesh
+from robots import ARMS, robot_path, robot_urdf
+
+BALL = '<sphere radius="0.1"/>'
+ANGLES = st.floats(-3.2, 3.2)
+LENGTHS = st.floats(-10.0, 10.0)
+
+
+def visuals_of(inside, outside=''):
+    return read_visuals(f'<robot name="r">{outside}<link name="a">{inside}</link></robot>')
+
+
+def one(geometry, more='', outside=''):
+    """Return the only visual of a link that has this one."""
+    (visual,) = visuals_of(
+        f'<visual>{more}<geometry>{geometry}</geometry></visual>', outside)
+    return visual
+
+
+# --- shapes --------------------------------------------------------------------------------------
+
+def test_a_box_has_its_edges():
+    shape = one('<box size="0.1 2 3e-1"/>').shape
+    assert isinstance(shape, Box)
+    npt.assert_array_equal(shape.size, [0.1, 2.0, 0.3])
+
+
+def test_a_cylinder_and_a_ball_have_their_sizes():
+    assert one('<cylinder radius="0.2" length="1.5"/>').shape == Cylinder(0.2, 1.5)
+    assert one('<sphere radius="0.2"/>').shape == Sphere(0.2)
+
+
+@pytest.mark.parametrize(('written', 'scale'), [
+    ('', [1, 1, 1]), ('scale="0.001 0.002 0.003"', [0.001, 0.002, 0.003]),
+    ('scale="1 -1 1"', [1, -1, 1])])  # the mirror image of the other side
+def test_a_mesh_has_its_name_and_scale(written, scale):
+    shape = one(f'<mesh filename="package://p/arm.stl" {written}/>').shape
+    assert isinstance(shape, Mesh)
+    assert shape.name == 'package://p/arm.stl'
+    npt.assert_array_equal(shape.scale, scale)
+
+
+@pytest.mark.parametrize('geometry', [
+    '', '<capsule radius="1" length="1"/>', '<box/>', '<box size="1 1"/>', '<box size="1 1 1 1"/>',
+    '<box size="1 one 1"/>', '<box size="1 0 1"/>', '<box size="1 -1 1"/>',
+    '<box size="1 nan 1"/>', '<box size="1 inf 1"/>', '<box size="1 1e300 1"/>',
+    '<sphere/>', '<sphere radius=""/>', '<sphere radius="big"/>', '<sphere radius="0"/>',
+    '<sphere radius="-1"/>', '<sphere radius="nan"/>', '<sphere radius="inf"/>',
+    '<cylinder radius="1"/>', '<cylinder length="1"/>', '<cylinder radius="0" length="1"/>',
+    '<cylinder radius="1" length="0"/>', '<cylinder radius="1" length="-1"/>',
+    '<cylinder radius="1" length="nan"/>', '<mesh/>', '<mesh filename=""/>',
+    '<mesh filename="a.stl" scale="1 1"/>', '<mesh filename="a.stl" scale="1 nan 1"/>'])
+def test_what_is_no_shape_is_left_out_and_what_is_one_stays(geometry):
+    visuals = visuals_of(
+        f'<visual><geometry>{geometry}</geometry></visual>'
+        f'<visual><geometry>{BALL}</geometry></visual>')
+    assert [visual.shape for visual in visuals] == [Sphere(0.1)]
+
+
+def test_a_visual_without_geometry_and_a_link_without_visuals_are_left_out():
+    assert visuals_of('<visual><origin xyz="0 0 1"/></visual>') == []
+    assert visuals_of('') == []
+    assert visuals_of(f'<collision><geometry>{BALL}</geometry></collision>') == []
+
+
+def test_several_visuals_of_several_links_keep_their_order():
+    visuals = read_visuals('<robot name="r">' + ''.join(
+        f'<link name="{link}">' + ''.join(
+            f'<visual><geometry><sphere radius="{radius}"/></geometry></visual>'
+            for radius in radii) + '</link>'
+        for link, radii in (('b', (1, 2)), ('none', ()), ('a', (3,)))) + '</robot>')
+    assert [(visual.link, visual.shape.radius) for visual in visuals] == [
+        ('b', 1.0), ('b', 2.0), ('a', 3.0)]
+
+
+def test_a_namespace_changes_nothing():
+    (visual,) = read_visuals(
+        '\n<?xml version="1.0"?><robot name="r" xmlns="http://www.ros.org">'
+        '<material name="red"><color rgba="1 0 0 1"/></material>'
+        f'<link name="a"><visual><geometry>{BALL}</geometry><material name="red"/></visual></link>'
+        '</robot>')
+    assert (visual.link, visual.shape, visual.colour) == ('a', Sphere(0.1), (1.0, 0.0, 0.0, 1.0))
+
+
+# --- places --------------------------------------------------------------------------------------
+
+@settings(deadline=None, derandomize=True)
+@given(st.tuples(LENGTHS, LENGTHS, LENGTHS), st.tuples(ANGLES, ANGLES, ANGLES))
+def test_the_origin_is_the_place_in_the_frame_of_the_link(xyz, rpy):
+    def in_words(values):
+        return ' '.join(map(repr, values))
+
+    visual = one(BALL, f'<origin xyz="{in_words(xyz)}" rpy="{in_words(rpy)}"/>')
+    npt.assert_array_equal(visual.place, xyz)
+    npt.assert_allclose(visual.rotation, pin.rpy.rpyToMatrix(np.array(rpy)), atol=1e-12)
+
+
+@pytest.mark.parametrize('origin', ['', '<origin/>', '<origin xyz="0 0 0"/>'])
+def test_without_an_origin_a_shape_is_at_its_link(origin):
+    visual = one(BALL, origin)
+    npt.assert_array_equal(visual.place, np.zeros(3))
+    npt.assert_array_equal(visual.rotation, np.eye(3))
+
+
+@pytest.mark.parametrize('origin', [
+    'xyz="0 0"', 'xyz="0 0 up"', 'xyz="0 0 nan"', 'rpy="0 inf 0"', 'rpy=""'])
+def test_a_shape_that_is_nowhere_is_left_out(origin):
+    assert visuals_of(f'<visual><origin {origin}/><geometry>{BALL}</geometry></visual>') == []
+
+
+# --- colours -------------------------------------------------------------------------------------
+
+PALETTE = (
+    '<material name="red"><color rgba="1 0 0 0.5"/></material>'
+    '<material name="bad"><color rgba="1 0 0"/></material>'
+    '<material name="texture"><texture filename="a.png"/></material>')
+
+
+@pytest.mark.parametrize(('material', 'colour'), [
+    ('', None),
+    ('<material name="red"/>', (1.0, 0.0, 0.0, 0.5)),
+    ('<material name="red"><color rgba="0 1 0 1"/></material>', (0.0, 1.0, 0.0, 1.0)),
+    ('<material><color rgba="0 0.25 1 1"/></material>', (0.0, 0.25, 1.0, 1.0)),
+    ('<material name="red"><color rgba="0 1"/></material>', (1.0, 0.0, 0.0, 0.5)),
+    ('<material><color rgba="2 -1 0.5 1.5"/></material>', (1.0, 0.0, 0.5, 1.0)),
+    ('<material><color rgba="0 0 nan 1"/></material>', None),
+    ('<material><color rgba="blue"/></material>', None),
+    ('<material><color/></material>', None),
+    ('<material name="unknown"/>', None),
+    ('<material name="bad"/>', None),
+    ('<material name="texture"/>', None),
+    ('<material/>', None)])
+def test_the_colour_is_its_own_or_that_of_the_name(material, colour):
+    assert one(BALL, material, PALETTE).colour == colour
+
+
+# --- real robots ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('robot', ARMS)
+def test_every_real_arm_has_something_to_draw(robot):
+    visuals = read_visuals(robot_urdf(robot))
+    assert visuals
+    for visual in visuals:
+        npt.assert_allclose(visual.rotation @ visual.rotation.T, np.eye(3), atol=1e-9)
+
+
+@pytest.mark.parametrize('robot', ['ur10', 'panda'])
+def test_the_meshes_of_a_real_arm_are_found_beside_its_urdf(robot, monkeypatch):
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '')
+    path = robot_path(robot)
+    names = [visual.shape.name for visual in read_visuals(path.read_text(encoding='utf-8'))
+             if isinstance(visual.shape, Mesh)]
+    assert len(names) >= 7
+    assert [name for name in names if find_mesh(name, path.parent) is None] == []
+
+
+# --- mesh files ----------------------------------------------------------------------------------
+
+@pytest.fixture
+def mesh(tmp_path, monkeypatch):
+    """Return a mesh in the package `arm`, which has its URDF in `arm/urdf`."""
+    monkeypatch.setenv('AMENT_PREFIX_PATH', '')
+    file = tmp_path / 'arm' / 'meshes' / 'link.stl'
+    file.parent.mkdir(parents=True)
+    (tmp_path / 'arm' / 'urdf').mkdir()
+    file.touch()
+    return file
+
+
+def test_names_of_all_kinds_lead_to_the_file(mesh):
+    package = mesh.parent.parent
+    urdf = package / 'urdf'
+    assert find_mesh('package://arm/meshes/link.stl', urdf) == mesh
+    assert find_mesh('package://arm/meshes/link.stl', package) == mesh
+    assert find_mesh('package://arm/meshes/link.stl', package.parent) == mesh
+    assert find_mesh(f'file://{mesh}', urdf) == mesh
+    assert find_mesh(str(mesh), urdf) == mesh
+    assert find_mesh('../meshes/link.stl', urdf).samefile(mesh)
+    assert find_mesh('meshes/link.stl', package) == mesh
+
+
+def test_what_is_no_file_is_not_found(mesh):
+    package = mesh.parent.parent
+    for name in (
+            'package://arm/meshes/gone.stl', 'package://other/meshes/link.stl',
+            'package://arm/meshes', 'package://', 'meshes', 'meshes/gone.stl',
+            'file:///gone.stl', f'http://{mesh}', f'https://{mesh}',
+            'http://example.com/link.stl', 'model://arm/meshes/link.stl'):
+        assert find_mesh(name, package) is None, name
+
+
+def test_a_relative_name_belongs_to_the_directory_of_the_urdf_alone(mesh):
+    assert find_mesh('meshes/link.stl', mesh.parent.parent / 'urdf') is None
+
+
+def test_packages_of_the_environment_are_found_after_those_beside_the_urdf(
+        mesh, tmp_path, monkeypatch):
+    urdf = mesh.parent.parent / 'urdf'
+    others = []
+    for prefix in ('one', 'two'):
+        other = tmp_path / prefix / 'share' / 'arm' / 'meshes' / 'link.stl'
+        other.parent.mkdir(parents=True)
+        other.touch()
+        others.append(other)
+    name = 'package://arm/meshes/link.stl'
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path / "one"}:{tmp_path / "two"}')
+    assert find_mesh(name, urdf) == mesh
+    mesh.unlink()
+    assert find_mesh(name, urdf) == others[0]
+    others[0].unlink()
+    assert find_mesh(name, urdf) == others[1]
+    monkeypatch.delenv('AMENT_PREFIX_PATH')
+    assert find_mesh(name, urdf) is None
