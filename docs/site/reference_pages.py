@@ -199,6 +199,11 @@ def _executables_page() -> str:
                         '\n')
         else:
             text.append(f'```text\n{_help(module, function)}\n```\n')
+        if name == 'dynamics':
+            text.append('The same as `ros2 dynamics VERB`, [where there is ros2cli]'
+                        '(docs/ros2_dynamics.md).\n')
+            text += [f'### dynamics {verb}\n\n```text\n{_help(module, function, verb)}\n```\n'
+                     for verb in _verbs()]
     return '\n'.join(text)
 
 
@@ -213,13 +218,20 @@ def _entry_points() -> list[tuple[str, str, str]]:
     return [(name, module, function) for name, module, function in found]
 
 
-def _help(module: str, function: str) -> str:
-    """Return what an executable prints with --help."""
+def _verbs() -> list[str]:
+    """Return the verbs of `ros2 dynamics`, as setup.py has them."""
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    block = re.search(r"'robot_dynamics.verb': \[(.*?)\]", setup, re.DOTALL)
+    return re.findall(r"'(\w+) = ", block[1] if block else '')
+
+
+def _help(module: str, function: str, *verb: str) -> str:
+    """Return what an executable, or a verb of it, prints with --help."""
     os.environ['COLUMNS'] = WIDTH
     printed = io.StringIO()
     with redirect_stdout(printed):
         try:
-            getattr(import_module(module), function)(['--help'])
+            getattr(import_module(module), function)([*verb, '--help'])
         except SystemExit as end:
             if end.code not in (0, None):
                 raise ValueError(f'{module} --help ends with status {end.code}') from None
