@@ -42,6 +42,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
+from robot_dynamics.tools.viewer_node import ViewerNode
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -50,6 +51,8 @@ RATE = 500.0
 ROUNDS = 8
 MESSAGES = 500
 TIMEOUT = 10.0
+PERIOD = 0.05
+"""[s] from one look of the viewer to the next."""
 NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
 STAMP = slice(4, 12)
 """Where a serialized message has its stamp."""
@@ -162,6 +165,15 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
     follow_on(node)
     print('computed torque along a trajectory, and gravity compensation:')
     _side_by_side(askers, ids)
+    with running({'watcher': module('benchmarks.control_path', 'watcher')}):
+        deadline = time.monotonic() + TIMEOUT
+        while not node.count_subscribers('dynamics/markers'):
+            if time.monotonic() > deadline:
+                raise TimeoutError(f'nobody watches after {TIMEOUT:g} s')
+            time.sleep(0.01)
+        print('the same, while somebody hears ~/markers, ~/terms and ~/reference, as the viewer '
+              'does:')
+        _side_by_side(askers, ids)
 
 
 def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
@@ -202,7 +214,15 @@ def floor(node: Node) -> None:
             out.publish(data)
 
 
-NODES: dict[str, Callable[[Node], None]] = {'echo': echo, 'floor': floor}
+def watcher(node: Node) -> None:
+    """Hear what the viewer hears, as often."""
+    viewer = ViewerNode(node, 'dynamics', 'simulated_arm')
+    while node.context.ok():
+        viewer.hear()
+        time.sleep(PERIOD)
+
+
+NODES: dict[str, Callable[[Node], None]] = {'echo': echo, 'floor': floor, 'watcher': watcher}
 
 
 def run(name: str) -> None:

@@ -40,6 +40,9 @@ OPTIONS = (
 SIZE = {'width': 1000, 'height': 600}
 PATIENCE = 3000.0 * TIMEOUT
 """[ms]"""
+CLOSE = 0.08
+"""Of each colour's part, between a line as it is meant and as it is drawn."""
+FEWEST_PIXELS = 30
 MOST_PICTURES = 50
 
 
@@ -132,6 +135,15 @@ class Page:
     def press_key(self, slider: int, key: str) -> None:
         """Press a key at the n-th slider, as Home for the least value."""
         self.tab.get_by_role('slider').nth(slider).press(key)
+
+    def shows(self, colour: str) -> bool:
+        """Tell whether the picture has a line of this colour, soon."""
+        return any(self.has(self.picture(), colour) for _ in range(MOST_PICTURES))
+
+    def has(self, picture: NDArray[np.float64], colour: str) -> bool:
+        """Tell whether there is a line of this colour."""
+        rgb = np.array([int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5)])
+        return int((np.abs(picture - rgb).max(axis=2) < CLOSE).sum()) > FEWEST_PIXELS
 
     def differs_from(self, before: NDArray[np.float64], share: float) -> bool:
         """Tell whether so large a share of the picture changes, soon: it comes with some delay."""

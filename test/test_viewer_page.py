@@ -26,6 +26,7 @@ from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
 from robot_dynamics.arm_model import load_arm
+from robot_dynamics.plotting import BLUE, VERMILION
 from robots import must_have_everything, robot_path, robot_urdf
 from ros_harness import DYNAMICS, KEEP_MANY, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
@@ -207,3 +208,15 @@ def test_a_reset_puts_the_simulated_arm_back(default_arm, client):
     with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
         page.press('Reset')
         wait_for_position(states, 'joint1', 0.785)
+
+
+def test_the_arcs_have_the_colour_of_their_share_of_the_limit(default_arm):
+    """At the start joints take 33 and 19 % of their limits; with 6 kg at the tool, 91 and 95 %."""
+    page, _ = default_arm
+    assert page.shows(BLUE)
+    assert not page.has(page.picture(), VERMILION)
+    page.tab.get_by_label('mass [kg]').fill('6')
+    page.press('Attach')
+    page.wait_for_words('the controller knows of 6 kg on tool0')
+    assert page.shows(VERMILION)
+    page.press('Take off')

@@ -1,0 +1,145 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the controls of the viewer ask of the nodes: references, pushes, loads, a reset."""
+
+import time
+from typing import NamedTuple
+
+from geometry_msgs.msg import InertiaStamped
+import numpy as np
+from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.tools.viewer_node import ViewerNode
+from robot_dynamics.tools.viewer_panel import ArmPanel
+from robot_dynamics.tools.viewer_requests import ball, force_on, motion_time, reference_to
+from robot_dynamics.tools.viewer_scene import ArmScene
+from robot_dynamics.validation import FloatArray
+from trajectory_msgs.msg import JointTrajectory
+
+SEND_PERIOD = 0.1
+"""[s] between two references while a slider is moved."""
+LOAD_TIME = 0.5
+"""[s] over which the controller takes a load, so that its effort does not step."""
+
+
+class Shown(NamedTuple):
+    """An arm on the page."""
+
+    xml: str
+    arm: ArmModel
+    scene: ArmScene
+    panel: ArmPanel
+
+
+class _Push(NamedTuple):
+    force: FloatArray
+    link: str
+    until: float
+
+
+class PageActions:
+    """Does what the panel of one arm asks for, a turn at a time; `close` ends what goes on."""
+
+    def __init__(self, node: ViewerNode, shown: Shown) -> None:
+        self._node, self._shown = node, shown
+        self._sender = f'viewer-{id(self):x}'
+        self._push: _Push | None = None
+        self.is_wished = False
+        """Whether a slider was moved, and no reference has gone out yet."""
+        self.is_own = False
+        """Whether the newest reference is of this page."""
+        self.sent_time = -np.inf
+        """When a reference went out last [s], on the monotonic clock."""
+        self.answer = ''
+        """What came of the newest action, in words."""
+        panel = shown.panel
+        panel.on_reference = self._wish
+        panel.on_push, panel.on_reset = self._begin_push, self._reset
+        panel.on_attach, panel.on_detach = self._attach, self._detach
+
+    def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
+        """Go on with what was begun; the arm is at q, v (n,), if that is known."""
+        now = time.monotonic()
+        if self.is_wished and now - self.sent_time >= SEND_PERIOD:
+            self._send_reference(q, v)
+        if self._push is not None:
+            self._go_on_pushing(self._push, now)
+
+    def close(self) -> None:
+        """Leave nothing behind that acts on the arm."""
+        if self._push is not None:
+            self._node.push(force_on(self._push.link, np.zeros(3), np.eye(3)))
+            self._push = None
+
+    # ------------------------------------------------------------------ references
+
+    def hear(self, trajectory: JointTrajectory) -> None:
+        """Take a reference that went out, of this page or of others."""
+        self.is_own = trajectory.header.frame_id == self._sender
+
+    def _wish(self) -> None:
+        self.is_wished = True
+
+    def _send_reference(self, q: FloatArray | None, v: FloatArray | None) -> None:
+        self.is_wished = False
+        arm, panel = self._shown.arm, self._shown.panel
+        goal = panel.take_goal()
+        if q is None:
+            self.answer = 'there are no joint states to start from'
+            return
+        seconds = motion_time(arm, q, goal, panel.speed, v)
+        self._node.send_trajectory(reference_to(arm, goal, seconds, self._sender))
+        self.sent_time, self.is_own = time.monotonic(), True
+        self.answer = f'reference sent: {seconds:.1f} s'
+
+    # ------------------------------------------------------------------ the simulated arm
+
+    def _begin_push(self) -> None:
+        if not self._node.has_simulated_arm:
+            self.answer = f'{self._node.simulated_arm} is not there; a real arm is pushed by hand'
+            return
+        force, link, seconds = self._shown.panel.push
+        self.close()
+        self._push = _Push(force, link, time.monotonic() + seconds)
+
+    def _go_on_pushing(self, push: _Push, now: float) -> None:
+        if now >= push.until:
+            self.close()
+            return
+        self._node.push(force_on(push.link, push.force, self._shown.scene.rotation(push.link)))
+
+    def _reset(self) -> None:
+        self.close()
+        self.is_own = self.is_wished = False
+        self._node.reset_simulated_arm(self._take_answer)
+
+    # ------------------------------------------------------------------ loads
+
+    def _attach(self) -> None:
+        mass, link = self._shown.panel.load
+        self._set_load(ball(link, mass))
+
+    def _detach(self) -> None:
+        self._set_load(ball(self._shown.panel.load[1], 0.0))
+
+    def _set_load(self, load: InertiaStamped) -> None:
+        is_told, is_carried = self._shown.panel.load_is_for
+        if is_told:  # both at once, where a simulated arm is to carry it, which does so at once
+            self._node.set_payload(
+                self._node.dynamics, load, 0.0 if is_carried else LOAD_TIME, self._take_answer)
+        if is_carried:
+            self._node.set_payload(self._node.simulated_arm, load, 0.0, self._take_answer)
+
+    def _take_answer(self, words: str) -> None:
+        self.answer = words

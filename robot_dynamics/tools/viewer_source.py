@@ -1,0 +1,92 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which arm the viewer shows: that of a file, of `dynamics`, or of the topic robot_description."""
+
+from pathlib import Path
+import time
+from typing import NamedTuple
+
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.ros.robot_description import (
+    description_path,
+    embedded_description,
+    read_description_file,
+)
+from robot_dynamics.tools.viewer_node import Described, ViewerNode
+
+ASK_PERIOD = 1.0
+"""[s] between two questions for the arm."""
+
+
+class Description(NamedTuple):
+    """A URDF, the directory where its meshes are looked for, and the joints that are actuated."""
+
+    xml: str
+    directory: Path
+    joints: tuple[str, ...]
+
+
+class ArmSource:
+    """Finds the arm, and notices when it is another one."""
+
+    def __init__(self, node: ViewerNode, robot: str | None) -> None:
+        """`robot` is the file of a URDF, or None; raise ModelError where it cannot be read."""
+        self._node, self._robot = node, robot
+        self._described: Described | None = None
+        self._topic_xml = ''
+        self._asked_time = -ASK_PERIOD
+        self._last: Description | None = None
+        self._found = None if robot is None else _of_file(robot, ())
+        self.problem = ''
+        """Why the arm of `dynamics` cannot be shown."""
+
+    def hear_topic(self, xml: str) -> None:
+        """Take what the topic robot_description says."""
+        self._topic_xml = xml
+        if self._described is not None:
+            self._take(self._described)
+
+    def news(self) -> Description | None:
+        """Return the arm to show where it is another than the one before; ask for it meanwhile."""
+        if not self._node.has_dynamics:
+            self._described = None  # it may come back with another arm
+            if self._topic_xml and self._robot is None:
+                self._found = Description(self._topic_xml, Path(), ())
+        elif self._described is None and time.monotonic() - self._asked_time >= ASK_PERIOD:
+            self._asked_time = time.monotonic()
+            self._node.ask_description(self._take)
+        if self._found == self._last:
+            return None
+        self._last = self._found
+        return self._found
+
+    def _take(self, described: Described) -> None:
+        """Take what `dynamics` says of its arm."""
+        self._described, self.problem = described, ''
+        file = self._robot or described.file
+        if file:
+            try:
+                self._found = _of_file(file, described.joints)
+                return
+            except RobotDynamicsError as error:  # a file of another computer
+                self.problem = f'{error}; expected it here too, or on the topic robot_description'
+                if not self._topic_xml:
+                    return
+        xml = described.xml or self._topic_xml or embedded_description()
+        self._found = Description(xml, Path(), described.joints)
+
+
+def _of_file(file: str, joints: tuple[str, ...]) -> Description:
+    return Description(read_description_file(file), description_path(file).parent, joints)
