@@ -37,4 +37,11 @@ def find_mesh(name: str, directory: Path) -> Path | None:
         candidates = [place / inside for place in (*above, *prefixes)]
     else:
         return None
-    return next((path for path in candidates if path.is_file()), None)
+    return next(filter(_is_file, candidates), None)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is none, as it is too long
+        return False

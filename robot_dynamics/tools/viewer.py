@@ -25,7 +25,7 @@ import sys
 import threading
 from typing import NoReturn
 
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
 DONE, FAILED, MISTAKE = 0, 1, 2
@@ -99,12 +99,19 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     )
     server = start_server(arguments.host, arguments.port, 'robot_dynamics')
     import rclpy
+    from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
+    from robot_dynamics.ros.running import MiddlewareError
     from robot_dynamics.tools.viewer_app import Viewer
     from robot_dynamics.tools.viewer_node import ViewerNode
-    rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
-    node = ViewerNode(
-        rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm)
+    try:
+        rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+        node = ViewerNode(
+            rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm)
+    except (NameValidationException, *MiddlewareError) as error:
+        stop_server(server)
+        rclpy.try_shutdown()
+        raise InvalidInputError(' '.join(str(error).split())) from None
     try:
         viewer = Viewer(server, node, arguments.robot)
         server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))

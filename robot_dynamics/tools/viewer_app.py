@@ -29,6 +29,7 @@ import numpy as np
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.sample_faults import counted
 from robot_dynamics.tools.viewer_actions import PageActions, Shown
 from robot_dynamics.tools.viewer_node import Heard, ViewerNode, worst_words
 from robot_dynamics.tools.viewer_panel import ArmPanel
@@ -61,7 +62,7 @@ class Viewer:
         self._words = server.gui.add_markdown('Waiting for an arm …')
         self._shown: Shown | None = None
         self._actions: PageActions | None = None
-        self._problem = ''
+        self._arm_problem = self._state_problem = ''
         self._q: FloatArray | None = None
         self._v: FloatArray | None = None
         self._state_time = self._reference_time = self._marks_time = -SILENCE
@@ -85,7 +86,7 @@ class Viewer:
                 try:
                     asked()
                 except RobotDynamicsError as error:
-                    self._problem = str(error)
+                    self._arm_problem = str(error)
 
     def close(self) -> None:
         """Leave nothing behind that acts on the arm."""
@@ -100,8 +101,9 @@ class Viewer:
         try:
             arm = load_arm(xml, joints)
         except RobotDynamicsError as error:
-            self._problem = str(error)
+            self._arm_problem = str(error)
             return
+        self._arm_problem = ''
         if self._shown is not None:
             if (xml, arm.joint_names) == (self._shown.xml, self._shown.arm.joint_names):
                 return
@@ -111,7 +113,7 @@ class Viewer:
         self._words.content = f'Drawing {arm.name} …'
         scene = ArmScene(self._server, arm, xml, directory)
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
-        self._shown, self._q, self._problem = Shown(xml, arm, scene, panel), None, ''
+        self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
         self._actions = PageActions(self._node, self._shown)
         reach = scene.reach
         camera = self._server.initial_camera
@@ -150,10 +152,9 @@ class Viewer:
     def _take_state(self, shown: Shown, state: JointState) -> None:
         q = values_of(shown.arm, state)
         if q is None:
-            missing = [name for name in shown.arm.joint_names if name not in state.name]
-            self._problem = f'joint_states lack {missing}, expected every joint of the arm'
+            self._state_problem = lacking(shown.arm, state)
             return
-        self._q, self._problem, self._state_time = q, '', time.monotonic()
+        self._q, self._state_problem, self._state_time = q, '', time.monotonic()
         self._v = values_of(shown.arm, state, 'velocity')
         shown.scene.move(q)
 
@@ -200,7 +201,8 @@ class Viewer:
         lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
         if self._q is not None and not (actions.is_own and lasts) and not actions.is_wished:
             shown.panel.follow(self._q)
-        self._say([f'**{shown.arm.name}**, {shown.arm.joint_count} joints'], actions.answer)
+        joints = counted(shown.arm.joint_count, 'joint')
+        self._say([f'**{shown.arm.name}**, {joints}'], actions.answer)
 
     def _say(self, lines: list[str], answer: str = '') -> None:
         now, node = time.monotonic(), self._node
@@ -219,7 +221,8 @@ class Viewer:
             missing = self._shown.scene.missing
             lines.append(f'{len(missing)} meshes are not drawn; the first: {missing[0]}')
         lines += [f'⚠ {words}' for words in (
-            *self._warnings, self._problem, self._source.problem) if words]
+            *self._warnings, self._source.problem, self._arm_problem, self._state_problem)
+            if words]
         if answer:
             lines.append(answer)
         words = '\n'.join(f'- {_plain(line)}' for line in lines)
@@ -234,6 +237,16 @@ def values_of(arm: ArmModel, message: JointState, field: str = 'position') -> Fl
         return None
     found = np.array([values[name] for name in arm.joint_names])
     return found if np.isfinite(found).all() else None
+
+
+def lacking(arm: ArmModel, state: JointState) -> str:
+    """Return which joints of an arm have no position in joint states, in words."""
+    given = dict(zip(state.name, state.position))
+    missing = [name for name in arm.joint_names if name not in given]
+    if missing:
+        return f'joint_states lack {missing}, expected a position of every joint of the arm'
+    wrong = [name for name in arm.joint_names if not math.isfinite(given[name])]
+    return f'joint_states have no finite position of {wrong}'
 
 
 def _plain(line: str) -> str:

@@ -87,17 +87,16 @@ class ArmPanel:
             for name, kind, low, high in zip(
                     self._arm.joint_names, self._arm.joint_kinds, limits.lower, limits.upper):
                 reach = UNLIMITED.get(kind, math.pi)
-                if not (np.isfinite(high - low) and high - low > SLIDER_STEP):
+                if not np.isfinite(high - low) or low == high == 0.0:  # as where none is given
                     low, high = -reach, reach
-                low = math.ceil(low / SLIDER_STEP) * SLIDER_STEP
-                high = math.floor(high / SLIDER_STEP) * SLIDER_STEP
+                low, high, step = slider_range(float(low), float(high))
                 unit = 'm' if kind == 'prismatic' else 'rad'
                 slider = self._gui.add_slider(
-                    f'{name} [{unit}]', round(low, 3), round(high, 3), SLIDER_STEP,
-                    min(max(0.0, round(low, 3)), round(high, 3)))
+                    f'{name} [{unit}]', low, high, step, min(max(0.0, low), high))
                 slider.on_update(self._slid)
                 self._sliders.append(slider)
         self._known = [slider.value for slider in self._sliders]
+        self._goal = np.array(self._known)
         return folder
 
     def _slid(self, event: Any) -> None:
@@ -105,9 +104,15 @@ class ArmPanel:
             self._ask(self.on_reference)
 
     def take_goal(self) -> FloatArray:
-        """Return what the sliders say, (n,); until one is moved again, `follow` may move them."""
-        self._known = [slider.value for slider in self._sliders]
-        return np.array(self._known)
+        """
+        Return where the sliders want the arm, (n,); `follow` may move them until one is moved.
+
+        Where a slider was not moved, that is where `follow` or the last goal had the joint.
+        """
+        values = [slider.value for slider in self._sliders]
+        self._goal = np.where(np.not_equal(values, self._known), values, self._goal)
+        self._known = values
+        return self._goal.copy()
 
     @property
     def speed(self) -> float:
@@ -118,8 +123,11 @@ class ArmPanel:
         """Let the sliders show q (n,), unless somebody moves one just now."""
         if self._known != [slider.value for slider in self._sliders]:
             return  # which will be told soon
-        for i, (slider, value) in enumerate(zip(self._sliders, q)):
-            shown = round(float(np.clip(value, slider.min, slider.max)), 3)
+        self._goal = q.copy()
+        for i, (slider, kind, value) in enumerate(zip(self._sliders, self._arm.joint_kinds, q)):
+            if kind == 'continuous':
+                value = math.remainder(value, 2.0 * math.pi)
+            shown = float(np.clip(round(float(value), 3), slider.min, slider.max))
             if abs(slider.value - shown) >= SLIDER_STEP:
                 self._known[i] = slider.value = shown
 
@@ -198,6 +206,15 @@ class ArmPanel:
         """Force (3,) [N] in the base frame, the link, and how long [s]."""
         force = float(self._force.value) * np.array(DIRECTIONS[self._direction.value])
         return force, str(self._push_link.value), float(self._seconds.value)
+
+
+def slider_range(low: float, high: float) -> tuple[float, float, float]:
+    """Return limits of a slider within those of a joint, and its step: 1 mm or mrad, or less."""
+    first = math.ceil(low / SLIDER_STEP) * SLIDER_STEP
+    last = math.floor(high / SLIDER_STEP) * SLIDER_STEP
+    if last - first > SLIDER_STEP:
+        return round(first, 3), round(last, 3), SLIDER_STEP
+    return low, high, max(high - low, SLIDER_STEP) / 10.0
 
 
 def hand_of(arm: ArmModel) -> str:

@@ -20,6 +20,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.payload import make_payload
 from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics.validation import FloatArray
@@ -37,8 +38,8 @@ HELD = 3600.0
 """[s] to the second point of a reference, at which it stays."""
 
 # Of a quintic from rest to rest over D in T: the largest velocity is 15/8 D/T, the largest
-# acceleration 10/sqrt(3) D/T^2; from a velocity v to rest where it is, about 6 v/T.
-_PEAK_VELOCITY, _PEAK_ACCELERATION, _STOPPING = 15.0 / 8.0, 10.0 / math.sqrt(3.0), 6.0
+# acceleration 10/sqrt(3) D/T^2; from a velocity v to rest where it is, about 4 v/T.
+_PEAK_VELOCITY, _PEAK_ACCELERATION, _STOPPING = 15.0 / 8.0, 10.0 / math.sqrt(3.0), 4.0
 
 
 def motion_time(
@@ -53,7 +54,8 @@ def motion_time(
     default = np.array([UNLIMITED_SPEED.get(kind, 1.0) for kind in arm.joint_kinds])
     limit = arm.limits.velocity
     fastest = speed * np.where(np.isfinite(limit) & (limit > 0.0), limit, default)
-    way = np.abs(goal - q)
+    way = np.abs(np.where(
+        np.array(arm.joint_kinds) == 'continuous', wrap_to_pi(goal - q), goal - q))
     return float(max(
         SHORTEST_MOTION, (_PEAK_VELOCITY * way / fastest).max(),
         np.sqrt(_PEAK_ACCELERATION * way * RISE_TIME / fastest).max(),

@@ -57,7 +57,7 @@ class ArmScene:
         """`directory` is that of the URDF, whose meshes are looked for there."""
         self._server, self._scene = server, server.scene
         self._arm, self._data = arm, arm.engine.createData()
-        self._marks: dict[tuple[str, int], Any] = {}
+        self._marks: dict[tuple[str, int, int], Any] = {}
         self.size = ArmMarks(arm).size
         """Radius of the arcs of effort [m]."""
         self.reach = ArmMarks(arm).reach
@@ -133,10 +133,13 @@ class ArmScene:
             return False
         scale = tuple(mesh.scale.tolist())
         try:
+            scene = trimesh.load_scene(path)
+            if scene.is_empty or not scene.triangles.size:
+                raise ValueError('it has no triangles')
             if path.suffix.lower() in COLOURED:
-                self._scene.add_mesh_trimesh(node, trimesh.load_scene(path), scale=scale, **pose)
+                self._scene.add_mesh_trimesh(node, scene, scale=scale, **pose)
                 return True
-            body = trimesh.load_mesh(path)
+            body = scene.to_mesh()
             colour = visual.colour or LINK_COLOUR
             self._scene.add_mesh_simple(
                 node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
@@ -157,14 +160,16 @@ class ArmScene:
 
     def mark(self, markers: Sequence[Marker]) -> None:
         """Show these marks, and no other."""
-        named = {(marker.ns, marker.id): marker for marker in markers}
+        named = {
+            (marker.ns, marker.id, marker.type): marker for marker in markers
+            if _can_be_drawn(marker)}
         with self._server.atomic():
             for key in [key for key in self._marks if key not in named]:
                 self._marks.pop(key).remove()
             for key, marker in named.items():
                 if key in self._marks:
                     _UPDATES[marker.type](self._marks[key], marker)
-                elif marker.type in _UPDATES:
+                else:
                     self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
 
     def _add_mark(self, node: str, marker: Marker) -> Any:
@@ -174,13 +179,18 @@ class ArmScene:
                 node, _segments(marker), colour, thickness=marker.scale.x)
         if marker.type == Marker.ARROW:
             return self._scene.add_arrows(
-                node, _points(marker)[None], colour, shaft_radius=0.5 * marker.scale.x,
+                node, _points(marker)[None, :2], colour, shaft_radius=0.5 * marker.scale.x,
                 head_radius=0.5 * marker.scale.y, head_length=marker.scale.z)
         if marker.type == Marker.SPHERE:
             return self._scene.add_icosphere(
                 node, radius=0.5 * marker.scale.x, color=colour, opacity=marker.color.a,
                 position=_position(marker))
         return self._scene.add_label(node, marker.text, position=_position(marker))
+
+
+def _can_be_drawn(marker: Marker) -> bool:
+    points = {Marker.LINE_STRIP: 2, Marker.ARROW: 2}.get(marker.type, 0)
+    return marker.action == Marker.ADD and marker.type in _UPDATES and len(marker.points) >= points
 
 
 def _set(handle: Any, name: str, value: FloatArray) -> None:
@@ -218,7 +228,7 @@ def _update_line(handle: Any, marker: Marker) -> None:
 
 
 def _update_arrow(handle: Any, marker: Marker) -> None:
-    handle.points = _points(marker)[None].astype(np.float32)
+    handle.points = _points(marker)[None, :2].astype(np.float32)
 
 
 def _update_ball(handle: Any, marker: Marker) -> None:

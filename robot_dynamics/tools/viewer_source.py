@@ -18,11 +18,11 @@ from pathlib import Path
 import time
 from typing import NamedTuple
 
+from robot_dynamics.description_file import read_description
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.robot_description import (
     description_path,
     embedded_description,
-    read_description_file,
 )
 from robot_dynamics.tools.viewer_node import Described, ViewerNode
 
@@ -48,7 +48,7 @@ class ArmSource:
         self._topic_xml = ''
         self._asked_time = -ASK_PERIOD
         self._last: Description | None = None
-        self._found = None if robot is None else _of_file(robot, ())
+        self._found = None if robot is None else _of_file(robot, '--robot')
         self.problem = ''
         """Why the arm of `dynamics` cannot be shown."""
 
@@ -61,7 +61,7 @@ class ArmSource:
     def news(self) -> Description | None:
         """Return the arm to show where it is another than the one before; ask for it meanwhile."""
         if not self._node.has_dynamics:
-            self._described = None  # it may come back with another arm
+            self._described, self.problem = None, ''  # it may come back with another arm
             if self._topic_xml and self._robot is None:
                 self._found = Description(self._topic_xml, Path(), ())
         elif self._described is None and time.monotonic() - self._asked_time >= ASK_PERIOD:
@@ -75,18 +75,22 @@ class ArmSource:
     def _take(self, described: Described) -> None:
         """Take what `dynamics` says of its arm."""
         self._described, self.problem = described, ''
-        file = self._robot or described.file
-        if file:
+        if self._found is not None and self._robot is not None:
+            self._found = self._found._replace(joints=described.joints)
+            return
+        if described.file:
             try:
-                self._found = _of_file(file, described.joints)
+                self._found = _of_file(described.file, 'robot_description_file', described.joints)
                 return
             except RobotDynamicsError as error:  # a file of another computer
-                self.problem = f'{error}; expected it here too, or on the topic robot_description'
                 if not self._topic_xml:
+                    self.problem = (
+                        f'{error}; expected it here too, or on the topic robot_description')
                     return
         xml = described.xml or self._topic_xml or embedded_description()
         self._found = Description(xml, Path(), described.joints)
 
 
-def _of_file(file: str, joints: tuple[str, ...]) -> Description:
-    return Description(read_description_file(file), description_path(file).parent, joints)
+def _of_file(file: str, field: str, joints: tuple[str, ...] = ()) -> Description:
+    path = description_path(file)
+    return Description(read_description(path, field), path.parent, joints)
