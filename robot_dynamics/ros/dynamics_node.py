@@ -33,7 +33,11 @@ from robot_dynamics.ros.dynamics_parameters import options_from, SPECS
 from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
-from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
+from robot_dynamics.ros.guarded_callbacks import (
+    destroyed_unless_made,
+    GuardedCallbacks,
+    reason_of,
+)
 from robot_dynamics.ros.live_estimates import Estimates
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
@@ -65,6 +69,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def __init__(self) -> None:
         """Raise RobotDynamicsError where the parameters or the URDF cannot be used."""
         super().__init__('dynamics')
+        with destroyed_unless_made(self):
+            self._set_up()
+
+    def _set_up(self) -> None:
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None

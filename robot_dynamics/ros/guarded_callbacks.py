@@ -20,7 +20,8 @@ parameter of a type that it does not know. Here an error is logged instead, and 
 with what failed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import functools
 import math
 import time
@@ -43,6 +44,21 @@ from robot_dynamics.ros.message_loop import LOG_PERIOD
 
 LONGEST_REASON = LONGEST_MESSAGE
 """Characters; a reason that quotes more of what arrived leaves out its middle."""
+
+
+@contextmanager
+def destroyed_unless_made(node: Node) -> Iterator[None]:
+    """
+    Destroy a node that cannot be set up, in the statement, before its error goes on.
+
+    Left to the end of the process, the middleware's threads may meet what is gone by then, and
+    the process ends by a signal instead of with its status.
+    """
+    try:
+        yield
+    except BaseException:
+        node.destroy_node()
+        raise
 
 
 def reason_of(error: Exception) -> str:

@@ -25,7 +25,11 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.plant import Plant
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
-from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
+from robot_dynamics.ros.guarded_callbacks import (
+    destroyed_unless_made,
+    GuardedCallbacks,
+    reason_of,
+)
 from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
@@ -117,6 +121,10 @@ class SimulatedArmNode(GuardedCallbacks):
     def __init__(self) -> None:
         """Raise RobotDynamicsError where the parameters or the URDF cannot be used."""
         super().__init__('simulated_arm')
+        with destroyed_unless_made(self):
+            self._set_up()
+
+    def _set_up(self) -> None:
         parameters = DeclaredParameters(self, SPECS, _check, self._apply)
         values = parameters.values
         xml = description_from_parameters(values) or embedded_description()
