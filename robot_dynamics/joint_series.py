@@ -72,7 +72,7 @@ class JointSeries:
         """
         if self.effort is None or not self.effort.any():
             return self
-        is_driven = self.effort.any(axis=1)
+        is_driven = np.asarray(self.effort.any(axis=1))
         edges = np.flatnonzero(np.diff(is_driven)) + 1
         runs = np.split(np.arange(len(is_driven)), edges)
         kept = [
