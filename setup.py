@@ -40,7 +40,7 @@ setup(
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
-        'viewer': ['pycollada', 'viser'],  # in a browser
+        'viewer': ['pycollada', 'viser~=1.1'],  # in a browser
         'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
