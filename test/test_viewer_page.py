@@ -30,11 +30,13 @@ from robot_dynamics.plotting import BLUE, VERMILION
 from robots import must_have_everything, robot_path, robot_urdf
 from ros_harness import DYNAMICS, KEEP_MANY, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
 
 VIEWER = 'robot_dynamics.tools.viewer'
+TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
 PANDA_POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02]
 
 
@@ -147,6 +149,15 @@ def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(default_arm,
         assert expected in words
     assert page.elsewhere == []
     assert [error for error in page.errors if 'favicon' not in error] == []
+
+
+def test_the_arm_is_held_where_it_is(default_arm, client):
+    page, _ = default_arm
+    with client.collect(JointTrajectory, TRAJECTORIES, KEEP_MANY) as trajectories:
+        page.press('Hold here')
+        page.wait_for_words('follows a reference')
+        held = trajectories.wait_for()
+    np.testing.assert_allclose(held.points[-1].positions, [0.785, 0.524], atol=0.01)
 
 
 def test_a_slider_moves_the_arm_and_its_picture(default_arm, client):

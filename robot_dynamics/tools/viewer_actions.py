@@ -55,6 +55,7 @@ class PageActions:
         self._node, self._shown = node, shown
         self._sender = f'viewer-{id(self):x}'
         self._push: _Push | None = None
+        self._q: FloatArray | None = None
         self.is_wished = False
         """Whether a slider was moved, and no reference has gone out yet."""
         self.is_own = False
@@ -64,13 +65,13 @@ class PageActions:
         self.answer = ''
         """What came of the newest action, in words."""
         panel = shown.panel
-        panel.on_reference = self._wish
+        panel.on_reference, panel.on_hold = self._wish, self._hold
         panel.on_push, panel.on_reset = self._begin_push, self._reset
         panel.on_attach, panel.on_detach = self._attach, self._detach
 
     def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
         """Go on with what was begun; the arm is at q, v (n,), if that is known."""
-        now = time.monotonic()
+        now, self._q = time.monotonic(), q
         if self.is_wished and now - self.sent_time >= SEND_PERIOD:
             self._send_reference(q, v)
         if self._push is not None:
@@ -90,6 +91,11 @@ class PageActions:
 
     def _wish(self) -> None:
         self.is_wished = True
+
+    def _hold(self) -> None:
+        if self._q is not None:
+            self._shown.panel.follow(self._q)
+        self._wish()
 
     def _send_reference(self, q: FloatArray | None, v: FloatArray | None) -> None:
         self.is_wished = False

@@ -53,6 +53,7 @@ class ArmPanel:
     def __init__(self, gui: Any, arm: ArmModel, ask: Ask) -> None:
         self._gui, self._arm, self._ask = gui, arm, ask
         self.on_reference: Callable[[], None] = lambda: None
+        self.on_hold: Callable[[], None] = lambda: None
         self.on_attach: Callable[[], None] = lambda: None
         self.on_detach: Callable[[], None] = lambda: None
         self.on_push: Callable[[], None] = lambda: None
@@ -95,6 +96,7 @@ class ArmPanel:
                     f'{name} [{unit}]', low, high, step, min(max(0.0, low), high))
                 slider.on_update(self._slid)
                 self._sliders.append(slider)
+            self._button('Hold here', lambda: self.on_hold())
         self._known = [slider.value for slider in self._sliders]
         self._goal = np.array(self._known)
         return folder
