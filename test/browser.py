@@ -38,8 +38,8 @@ OPTIONS = (
     '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
     '--disable-dev-shm-usage')
 SIZE = {'width': 1000, 'height': 600}
-PATIENCE = 3000.0 * TIMEOUT
-"""[ms]"""
+PATIENCE = 6000.0 * TIMEOUT
+"""[ms], as a picture of many triangles, drawn with what time is left, takes seconds."""
 CLOSE = 0.08
 """Of each colour's part, between a line as it is meant and as it is drawn."""
 FEWEST_PIXELS = 30
@@ -60,7 +60,7 @@ def chromium(directory: Path) -> Iterator[Any]:
     # The part that draws would otherwise give itself priority over everything else.
     drop = 'setpriv --bounding-set=-sys_nice ' if shutil.which('setpriv') and (
         os.getuid() == 0) else ''
-    polite.write_text(f'#!/bin/sh\nexec {drop}nice -n 19 {program} "$@"\n')
+    polite.write_text(f'#!/bin/sh\nexec {drop}nice -n 5 {program} "$@"\n')
     polite.chmod(0o755)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(

@@ -69,7 +69,7 @@ def address_of(viewer):
 def wait_for_position(states, joint, value, tolerance=0.01):
     """Wait until a joint is where it is expected."""
     return states.wait_for(lambda state: abs(
-        dict(zip(state.name, state.position))[joint] - value) < tolerance)
+        dict(zip(state.name, state.position))[joint] - value) < tolerance, 6 * TIMEOUT)
 
 
 # --- real arms -----------------------------------------------------------------------------------
@@ -86,6 +86,7 @@ def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
         page.wait_for_words('gravity compensation')
         before = page.picture()
         page.press_key(slider, 'Home')
+        page.wait_for_words('follows a reference')
         wait_for_position(states, joint, page.value(slider), 0.02)
         assert page.differs_from(before, 0.01), 'the picture of the arm has not moved'
 

@@ -130,7 +130,7 @@ class ArmPanel:
             if kind == 'continuous':
                 value = math.remainder(value, 2.0 * math.pi)
             shown = float(np.clip(round(float(value), 3), slider.min, slider.max))
-            if abs(slider.value - shown) >= SLIDER_STEP:
+            if slider.value == self._known[i] and abs(slider.value - shown) >= SLIDER_STEP:
                 self._known[i] = slider.value = shown
 
     # ------------------------------------------------------------------ plots
