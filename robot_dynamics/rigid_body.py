@@ -78,6 +78,10 @@ class RigidBody:
         self._zero = np.zeros(self._model.nv)
         self._weightless = self._model.copy()
         self._weightless.gravity.linear = np.zeros(3)
+        # Pinocchio's kinetic energy lacks rotors, and its potential energy lacks mass that is
+        # fixed to the base (docs/pinocchio_notes.md).
+        base = self._model.inertias[0]
+        self._base_energy = float(-base.mass * self._model.gravity.linear @ base.lever)
         self._pool: Any = None
 
     # ------------------------------------------------------------------ efforts
@@ -124,13 +128,15 @@ class RigidBody:
     ) -> RigidBodyTerms:
         """Return the efforts of inverse_dynamics, split; they add up to it. One pass for all."""
         x, data = self._x, self._data
-        pin.computeAllTerms(self._model, data, x.position(q), x.rate(v))
+        v_tree = x.rate(v)
+        pin.computeAllTerms(self._model, data, x.position(q), v_tree)
         inertial, gravity = data.M @ x.rate(a), data.g.copy()
         # The engine rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
         coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
         return RigidBodyTerms(
             x.effort(inertial), x.effort(coriolis), x.effort(gravity),
-            self.external(q, wrenches), data.kinetic_energy, data.potential_energy)
+            self.external(q, wrenches), 0.5 * float(v_tree @ data.M @ v_tree),
+            data.potential_energy + self._base_energy)
 
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
@@ -244,18 +250,22 @@ class RigidBody:
             return np.full_like(rest, np.nan)
 
     def kinetic_energy(self, q: FloatArray, v: FloatArray) -> float:
-        """Return ½ vᵀ M(q) v [J]."""
-        return float(pin.computeKineticEnergy(
-            self._model, self._data, self._x.position(q), self._x.rate(v)))
+        """Return ½ vᵀ M(q) v [J]: links and rotors."""
+        v_tree = self._x.rate(v)
+        momentum = pin.rnea(
+            self._weightless, self._data, self._x.position(q), self._zero, v_tree)
+        return 0.5 * float(v_tree @ momentum)
 
     def potential_energy(self, q: FloatArray) -> float:
-        """Return −Σ m gᵀ c [J], from the origin of the base frame."""
-        return float(pin.computePotentialEnergy(self._model, self._data, self._x.position(q)))
+        """Return −Σ m gᵀ c [J] of all mass, from the origin of the base frame."""
+        return self._base_energy + float(
+            pin.computePotentialEnergy(self._model, self._data, self._x.position(q)))
 
     def potential_energy_batch(self, q: FloatArray) -> FloatArray:
         """Return the potential energy (samples,) [J] of many positions (samples, n)."""
         model, data, compute = self._model, self._data, pin.computePotentialEnergy
-        return np.array([compute(model, data, row) for row in self._x.position(q)])
+        moving = np.array([compute(model, data, row) for row in self._x.position(q)])
+        return np.asarray(moving + self._base_energy)
 
     def _joint_forces(self, wrenches: Sequence[ExternalWrench]) -> pin.StdVec_Force:
         """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""

@@ -36,7 +36,7 @@ from robots import robot_urdf
 
 TOLERANCE = 1e-9
 DOWN = (0.0, 0.0, -9.81)
-ARMS = {'default': 2, 'ur10': 6, 'xarm7': 7}
+ARMS = {'default': 2, 'ur10': 6, 'xarm7': 7, 'skew': 3}
 """Number of joints by name."""
 on_arms = pytest.mark.parametrize('name', ARMS)
 
@@ -54,8 +54,17 @@ def pair(urdf: str, gravity: Sequence[float] = DOWN, **friction: Sequence[float]
     return Pair(arm.with_friction(make_friction(arm.joint_names, **friction)), mujoco)
 
 
+def skew_urdf() -> str:
+    """Return an arm of three links with an axis that points backwards and one that is oblique."""
+    urdf = planar_arm_urdf([3.0, 2.0, 1.0], [0.5, 0.4, 0.3], [0.2, 0.2, 0.1], [0.05, 0.03, 0.01])
+    for axis in ('0 -1 0', '0.6 0.8 0'):
+        urdf = urdf.replace('<axis xyz="0 1 0"', f'<axis xyz="{axis}"', 1)
+    return urdf
+
+
 def urdf_of(name: str) -> str:
-    return default_arm_urdf() if name == 'default' else robot_urdf(name)
+    made = {'default': default_arm_urdf, 'skew': skew_urdf}
+    return made[name]() if name in made else robot_urdf(name)
 
 
 def states(n: int, count: int = 20) -> Array:
@@ -67,11 +76,13 @@ def states(n: int, count: int = 20) -> Array:
 
 
 def check_dynamics(arm: ArmModel, mujoco: MujocoEngine) -> None:
-    """Compare M, inverse and forward dynamics at random states, relative to the largest entry."""
+    """Compare M, energy, inverse and forward dynamics, relative to the largest entry."""
     dynamics = ArmDynamics(arm)
     for q, v, a in states(arm.joint_count):
         M = mujoco.mass_matrix(q)
         assert np.abs(dynamics.rigid_body.mass_matrix(q) - M).max() <= TOLERANCE * np.abs(M).max()
+        assert dynamics.rigid_body.kinetic_energy(q, v) == pytest.approx(
+            mujoco.kinetic_energy(q, v), rel=TOLERANCE)
         tau = mujoco.inverse_dynamics(q, v, a)
         difference = dynamics.inverse_dynamics(q, v, a) - tau
         assert np.abs(difference).max() <= TOLERANCE * np.abs(tau).max()

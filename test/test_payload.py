@@ -84,7 +84,7 @@ def everything(arm, seed):
     tau = body.inverse_dynamics(q, v, a)
     return (
         tau, body.gravity(q), body.mass_matrix(q).ravel(), body.forward_dynamics(q, v, 0 * tau),
-        [body.kinetic_energy(q, v)])
+        [body.kinetic_energy(q, v)], [body.potential_energy(q)])
 
 
 def assert_same(ours, expected):
@@ -174,8 +174,11 @@ def test_new_loads_take_the_place_of_old_ones(seed):
 def test_a_payload_at_the_base_is_not_felt():
     arm = load_arm(GRIPPER_ARM)
     loaded = arm.with_payloads([make_payload('base', 50.0, (1, 2, 3))])
-    for value, wanted in zip(everything(loaded, 0), everything(arm, 0)):
+    *ours, potential = everything(loaded, 0)
+    *expected, without = everything(arm, 0)
+    for value, wanted in zip(ours, expected):
         npt.assert_array_equal(value, wanted)
+    npt.assert_allclose(potential[0] - without[0], 50.0 * 9.81 * 3.0, rtol=1e-12)
 
 
 def test_a_point_mass_pulls_with_its_weight():

@@ -28,8 +28,10 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
+from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.effort_residual import model_terms
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
@@ -323,11 +325,28 @@ def mass_matrix_is_of_the_kinetic_energy(case):
 
 
 def potential_energy_is_of_the_masses(case):
-    # The base does not move: what its own mass adds is a constant that nobody sees.
-    mechanics, rest = case.mechanics(), np.zeros(case.arm.joint_count)
-    ours = case.body.potential_energy(case.q) - case.body.potential_energy(rest)
-    expected = mechanics.potential_energy(case.q) - mechanics.potential_energy(rest)
-    assert ours == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    """All masses count, including those fixed to the base."""
+    expected = case.mechanics().potential_energy(case.q)
+    ours = (
+        case.body.potential_energy(case.q), case.body.potential_energy_batch(case.q[None])[0],
+        case.body.terms(case.q, case.v, case.a).potential_energy)
+    assert ours == pytest.approx(np.full(3, expected), rel=1e-9, abs=1e-9)
+
+
+def rotors_have_their_share_of_the_kinetic_energy(case):
+    """Kinetic energy: that of the links and ½ N² J_r v² per joint of any type and axis."""
+    arm, n = case.arm, case.arm.joint_count
+    geared = ArmDynamics(arm.with_actuators(make_actuators(
+        arm.joint_names, [0.1], case.rng.uniform(-120, 120, n),
+        rotor_inertia=case.rng.uniform(1e-6, 1e-4, n))))
+    inertia = geared.arm.actuators.reflected_inertia
+    for v in directions(case):
+        expected = case.mechanics().kinetic_energy(case.q, v) + 0.5 * inertia @ v**2
+        along = model_terms(geared, *np.array([[case.q], [v], [case.a]]))
+        ours = (
+            geared.rigid_body.kinetic_energy(case.q, v),
+            geared.rigid_body.terms(case.q, v, case.a).kinetic_energy, along.kinetic_energy[0])
+        assert ours == pytest.approx(np.full(3, expected), rel=1e-7)
 
 
 def gravity_is_the_slope_of_the_potential_energy(case):
@@ -418,7 +437,8 @@ def terms_add_up(case):
     npt.assert_allclose(terms.gravity, case.body.gravity(case.q), **near)
     npt.assert_array_equal(terms.friction, case.arm.friction.effort(case.v))
     npt.assert_array_equal(terms.external, case.body.external(case.q, wrenches))
-    assert terms.kinetic_energy == case.body.kinetic_energy(case.q, case.v)
+    assert terms.kinetic_energy == pytest.approx(
+        case.body.kinetic_energy(case.q, case.v), rel=1e-9)
     assert terms.potential_energy == case.body.potential_energy(case.q)
 
 
@@ -475,6 +495,7 @@ def order_of_joints_is_the_order_of_everything(case):
 LAWS = (
     mass_matrix_is_symmetric_and_positive,
     mass_matrix_is_of_the_kinetic_energy,
+    rotors_have_their_share_of_the_kinetic_energy,
     potential_energy_is_of_the_masses,
     gravity_is_the_slope_of_the_potential_energy,
     christoffel_symbols_are_of_the_mass_matrix,
