@@ -97,7 +97,7 @@ class ArmSimulation:
         self.place(*self._initial)
         self._hold()
         self.work = 0.0
-        """Work of the efforts since the start [J]."""
+        """Work of the efforts, and energy that changes of payload added, since the start [J]."""
         self.heat = 0.0
         """What friction, meeting teeth and brakes turned into heat since the start [J]."""
 
@@ -130,8 +130,15 @@ class ArmSimulation:
         self._hold()
 
     def set_payload(self, payload: Payload | None) -> None:
-        """Fix this load to the arm in place of the one before; raise InvalidInputError."""
-        self._use(self._bare_arm.with_payloads([payload] if payload else []))
+        """
+        Replace the payload, which takes on the velocity of its link; raise InvalidInputError.
+
+        The change of energy counts as work.
+        """
+        loaded = self._bare_arm.with_payloads([payload] if payload else [])
+        before = sum(self.energy())
+        self._use(loaded)
+        self.work += sum(self.energy()) - before
 
     def _use(self, arm: ArmModel) -> None:
         self._dynamics = ArmDynamics(arm)

@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, ModelError
@@ -348,6 +349,66 @@ def test_an_arm_holds_under_the_effort_for_its_load() -> None:
     assert simulation.arm.payloads == ()
     simulation.step(tau, 0.2)
     assert np.abs(simulation.q - q0).max() > 0.05
+
+
+@pytest.mark.parametrize('brakes', [False, True])
+def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
+    """A point mass at the tool brings ½ m |ẋ|² + m g z, and takes it away."""
+    m, lengths = 2.0, np.array([0.7, 0.4])
+    arm = load_arm(planar_arm_urdf([3.0, 2.0], lengths, [0.3, 0.2], [0.1, 0.05]))
+    payload = make_payload('tool0', m)
+    simulation = released(arm, (1.0, 0.5), (2.0, -1.0))
+    at_start, changes = sum(simulation.energy()), []
+    for load in (payload, None, payload, payload, None):
+        simulation.step(np.zeros(2), 0.05)
+        if brakes:
+            simulation.brake()
+        angles, rates = np.cumsum(simulation.q), np.cumsum(simulation.v)
+        z = lengths @ np.cos(angles)
+        dx, dz = (lengths * rates) @ np.cos(angles), (lengths * rates) @ np.sin(angles)
+        carried = bool(simulation.arm.payloads)
+        work = simulation.work
+        simulation.set_payload(load)
+        changes.append(simulation.work - work)
+        expected = 0.5 * m * (dx**2 + dz**2) + m * 9.81 * z
+        assert changes[-1] == pytest.approx(
+            expected * (bool(load) - carried), rel=1e-9, abs=1e-12)
+        assert sum(simulation.energy()) == pytest.approx(
+            at_start + simulation.work - simulation.heat, abs=1e-6)
+        simulation.release()
+    assert np.abs(changes).max() > 5.0
+
+
+def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
+    simulation = released(two_link(), (1.0, 0.5))
+    with pytest.raises(InvalidInputError, match='no_link'):
+        simulation.set_payload(make_payload('no_link', 1.0))
+    assert simulation.work == 0.0
+    assert simulation.arm.payloads == ()
+
+
+@pytest.mark.parametrize('axis', ['0 1 0', '0 -1 0', '0.1 -0.9 0.3', '1 0 0', '0 0 -1'])
+@pytest.mark.parametrize('kind', ['revolute', 'continuous'])
+def test_the_energy_of_a_geared_arm_does_not_depend_on_how_axes_point(
+    axis: str, kind: str,
+) -> None:
+    """A free arm keeps its energy, rotors included."""
+    urdf = planar_arm_urdf([1.0, 0.8], [2.0, 1.0], [0.5, 0.4], [0.1, 0.05]).replace(
+        '<axis xyz="0 1 0"', f'<axis xyz="{axis}"').replace('"continuous"', f'"{kind}"')
+    arm = load_arm(urdf)
+    assert arm.joint_kinds == (kind, kind)
+    geared = arm.with_actuators(make_actuators(
+        arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-4]))
+    simulation = released(geared, (0.4, 0.3), (1.0, -2.0))
+    at_start = sum(simulation.energy())
+    rotors = 0.5 * 100.0**2 * 1e-4 * (1.0 + 4.0)
+    assert simulation.energy()[0] - ArmSimulation(arm, (0.4, 0.3), (1.0, -2.0)).energy()[0] == (
+        pytest.approx(rotors, rel=1e-9))
+    simulation.step(np.zeros(2), 0.6)
+    assert sum(simulation.energy()) == pytest.approx(at_start, abs=1e-6)
+    kinetic = simulation.energy()[0]
+    simulation.brake()
+    assert simulation.heat == pytest.approx(kinetic)
 
 
 def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:
