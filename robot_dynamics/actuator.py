@@ -100,7 +100,13 @@ class Actuators:
             + self.back_emf_constant * self.gear_ratio * v)
 
     def current_range(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the least and the largest steady current (..., n) [A] within both limits."""
+        """
+        Return the least and the largest steady current (..., n) [A] within both limits.
+
+        The voltage stays within ±V_max at every speed. Beyond the speed K_e |ω| = V_max + R i_max
+        no current is within both limits: then both ends are (±V_max − K_e ω) / R, the braking
+        current at full voltage, which exceeds the current limit.
+        """
         back_emf = self.back_emf_constant * self.gear_ratio * v
         with np.errstate(divide='ignore', invalid='ignore'):
             low = np.where(
@@ -110,7 +116,7 @@ class Actuators:
                 np.isfinite(self.voltage_limit), (self.voltage_limit - back_emf)
                 / self.resistance, np.inf)
         limit = self.current_limit
-        return np.clip(low, -limit, limit), np.clip(high, -limit, limit)
+        return np.clip(-limit, low, high), np.clip(limit, low, high)
 
     def effort_range(self, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the torque–speed envelope: efforts (..., n) that are steady at the velocity v."""

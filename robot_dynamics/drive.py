@@ -99,7 +99,7 @@ class Drive:
             return np.asarray(mean), share
         low, high = motors.current_range(v)  # without inductance, at once
         direct = np.clip(wanted, low, high)
-        by_voltage = (direct != wanted) & (np.abs(direct) < motors.current_limit)
+        by_voltage = direct != wanted  # which is within the current limit already
         self.current = np.where(self._inert, i, direct)
         return np.where(self._inert, mean, direct), np.where(self._inert, share, by_voltage)
 

@@ -100,6 +100,36 @@ def test_the_envelope_falls_from_stall_to_no_load() -> None:
 
 
 @laws
+@given(numbers, st.floats(0.5, 40.0))
+def test_steady_currents_are_within_the_voltage_at_every_speed(v: float, limit: float) -> None:
+    """And within the current limit, if any current is within both."""
+    actuators = motor(voltage_limit=[24.0], current_limit=[limit])
+    speed = np.array([v])
+    low, high = actuators.current_range(speed)
+    for current in (low, high):
+        assert np.abs(actuators.voltage(current, speed)) <= 24.0 * (1.0 + 1e-12)
+    assert low <= high
+    exists = 5.0 * abs(v) <= 24.0 + 0.8 * limit
+    for current in np.linspace(-limit, limit, 41):
+        inside = abs(0.8 * current + 5.0 * v) <= 24.0
+        assert exists or not inside
+        if abs(abs(0.8 * current + 5.0 * v) - 24.0) > 1e-9:
+            assert inside == (exists and bool(low <= current <= high))
+    if exists:
+        assert np.abs([low, high]).max() <= limit
+
+
+@pytest.mark.parametrize('direction', [1.0, -1.0])
+def test_a_motor_beyond_both_limits_brakes_at_full_voltage(direction: float) -> None:
+    """At 12 rad/s its back-EMF is 60 V: of the 24 V supply and 2 A no current is within both."""
+    actuators = motor(voltage_limit=[24.0], current_limit=[2.0])
+    v = np.array([12.0 * direction])
+    for current in actuators.current_range(v):
+        assert current == pytest.approx([-direction * (60.0 - 24.0) / 0.8])
+        assert actuators.voltage(current, v) == pytest.approx([24.0 * direction])
+
+
+@laws
 @given(numbers)
 def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
     limits = {'voltage_limit': [24.0], 'current_limit': [20.0]}
@@ -178,6 +208,23 @@ def test_a_motor_at_its_voltage_limit_settles_at_any_step(step: float, inductanc
         round(1.0 / step))]
     assert max(speeds) < 1.2 * no_load
     assert speeds[-1] == pytest.approx(no_load, rel=1e-6)
+
+
+@pytest.mark.parametrize('asked', [-8.0, 0.0, 8.0])
+@pytest.mark.parametrize(('inductance', 'bound'), [(0.0, 1e-6), (4e-4, 1e-2)])
+def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(
+    inductance: float, bound: float, asked: float,
+) -> None:
+    """J dv/dt = K N (V − K N v) / R, whatever effort the drive is asked for."""
+    K, N, R, V, v0, t = 0.05, 100.0, 0.8, 24.0, 12.0, 0.05
+    actuators = motor(
+        efficiency=[1.0], voltage_limit=[V], current_limit=[2.0], inductance=[inductance])
+    simulation = ArmSimulation(one_link(actuators), velocity=[v0], max_step=1e-4)
+    simulation.release()
+    no_load, rate = V / (K * N), (K * N)**2 / (R * (ABOUT_JOINT + N**2 * 2e-5))
+    expected = no_load + (v0 - no_load) * np.exp(-rate * t)
+    assert K * N * expected > V + R * 2.0  # still beyond both limits
+    assert simulation.step(np.array([asked]), t).velocity == pytest.approx([expected], rel=bound)
 
 
 def test_the_current_follows_its_loop_however_long_the_step() -> None:
