@@ -22,18 +22,22 @@ W. Khalil, "Exciting trajectories for the identification of base inertial parame
 Int. J. Robotics Research 11(4), 1992; J. Swevers et al., IEEE Trans. Robotics and Automation
 13(5), 1997). Whatever the coefficients, each joint swings as far as its limits of position,
 velocity and acceleration let it; where inverse dynamics asks for more effort than is allowed, all
-joints swing less. Collisions are not looked at.
+joints swing less. Collisions are not checked.
+
+The search compares condition numbers and uses no gradient (`evolution_strategy`), so that the
+same seed gives the same trajectory with every BLAS kernel and number of threads.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.base_parameters import base_parameters
-from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+from robot_dynamics.evolution_strategy import minimize_by_rank
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.excitation_limits import MotionLimits
 from robot_dynamics.fourier_series import free_coefficients, series_basis, SeriesBasis
 from robot_dynamics.friction import sigmoid
@@ -42,11 +46,11 @@ from robot_dynamics.validation import FloatArray
 
 MOST_HARMONICS = 50
 RANDOM_MOTIONS = 20
-"""Motions to compare with; the search goes on from the best."""
-STARTS = 2
-ITERATIONS = 40
-"""Of the search, from each start."""
-STEPS = STARTS * ITERATIONS
+"""Random motions to compare with; the search starts from the best."""
+GENERATIONS = 200
+"""Generations of the evolution strategy."""
+FIRST_STEP = 0.5
+"""Standard deviation of its first generation, relative to that of the random motions."""
 SEARCH_SAMPLES, CHECK_SAMPLES = 12, 200
 """A period of the fastest harmonic: of the search, and of the check of limits."""
 EFFORT_WEIGHT = 10.0
@@ -187,50 +191,29 @@ def find_excitation(
     when_done: Callable[[float], None] = lambda _: None,
 ) -> Excitation:
     """
-    Return the best motion of `duration` [s] that the search finds; the same for the same seed.
+    Return the best motion of `duration` [s] that the search finds.
 
-    Position, velocity, acceleration and effort keep within `limits` at CHECK_SAMPLES times a
-    period of the fastest harmonic. `when_done` hears what share of the search is done. Raises
-    InvalidInputError, MissingDependencyError without scipy.
+    The same `seed` gives the same motion. Position, velocity, acceleration and effort stay within
+    `limits` at CHECK_SAMPLES times per period of the fastest harmonic. `when_done` is called with
+    the completed fraction of the search. Raises InvalidInputError.
     """
     if harmonics > MOST_HARMONICS:
         raise InvalidInputError(
             f'harmonics is {harmonics}, expected at most {MOST_HARMONICS}')
-    minimize = _minimizer()
     search = _Search(dynamics, limits, harmonics, duration)
     random = np.random.default_rng(seed)
     guesses = [random.normal(size=search.count) for _ in range(RANDOM_MOTIONS)]
     others = np.array([search.condition_of(search.within_limits(x)) for x in guesses])
-    found = []
-    for start, x in enumerate(sorted(guesses, key=search.cost)[:STARTS]):
-        done = [start * ITERATIONS]
-
-        def count(_: Any, done: list[int] = done) -> None:
-            done[0] += 1
-            when_done(done[0] / STEPS)
-
-        result = minimize(
-            search.cost, x, method='L-BFGS-B', callback=count,
-            options={'maxiter': ITERATIONS, 'maxfun': 10**9})
-        found.append(search.within_limits(np.asarray(result.x)))
-    when_done(1.0)
-    conditions = [search.condition_of(coefficients) for coefficients in found]
-    best = int(np.argmin(conditions))
+    best = minimize_by_rank(
+        search.cost, min(guesses, key=search.cost), FIRST_STEP, GENERATIONS, random,
+        lambda generation: when_done(generation / GENERATIONS))
+    coefficients = search.within_limits(best)
     return Excitation(
-        found[best], limits, harmonics, duration, search.condition.parameter_count,
-        conditions[best], others)
+        coefficients, limits, harmonics, duration, search.condition.parameter_count,
+        search.condition_of(coefficients), others)
 
 
 def _motion(basis: SeriesBasis, coefficients: FloatArray, start: FloatArray) -> Motion:
     x, v, a = basis.motion(coefficients)
     return Motion(start + x, v, a)
 
-
-def _minimizer() -> Any:
-    try:
-        from scipy.optimize import minimize
-    except ImportError:
-        raise MissingDependencyError(
-            'the search for an exciting motion needs the library scipy (apt install '
-            'python3-scipy, or pip install scipy)') from None
-    return minimize

@@ -68,10 +68,22 @@ def series_basis(harmonics: int, duration: float, times: FloatArray) -> SeriesBa
     order = np.arange(1.0, harmonics + 1.0)
     w = 2.0 * math.pi / T * order
     sine, cosine = np.sin(np.outer(times, w)), np.cos(np.outer(times, w))
-    ties = np.zeros((2, 2 * harmonics))
-    ties[0, :harmonics], ties[1, harmonics:] = 1.0, order
-    free = np.asarray(np.linalg.svd(ties)[2][-count:].T)
+    free = np.zeros((2 * harmonics, count))
+    free[:harmonics, :harmonics - 1] = _orthogonal_to(np.ones_like(order))
+    free[harmonics:, harmonics - 1:] = _orthogonal_to(order)
     return SeriesBasis(
         np.hstack((sine / w, (1.0 - cosine) / w)) @ free,
         np.hstack((cosine, sine)) @ free,
         np.hstack((-w * sine, w * cosine)) @ free)
+
+
+def _orthogonal_to(w: FloatArray) -> FloatArray:
+    """
+    Return an orthonormal basis (N, N − 1) of what is orthogonal to w (N,), w₁ > 0.
+
+    They are the columns of a Householder reflection that maps the first axis to −w, but the first:
+    an explicit formula, where that of a singular value decomposition is one of many.
+    """
+    u = w / np.sqrt((w**2).sum())
+    u[0] += 1.0
+    return np.asarray((np.eye(len(w)) - np.outer(u, u) / u[0])[:, 1:])

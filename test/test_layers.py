@@ -67,7 +67,8 @@ LAYERS = {
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'soft_gains',
         'tracking', 'trajectory_efforts',
-        'excitation', 'excitation_limits', 'excitation_trajectory', 'external_effort',
+        'evolution_strategy', 'excitation', 'excitation_limits', 'excitation_trajectory',
+        'external_effort',
         'live_residual', 'trajectory_file',
         # pictures
         'arm_marks', 'arm_motion', 'chain_animation', 'chain_panels', 'chain_stage',

@@ -47,7 +47,7 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # Before numpy is loaded: matrices of this size only lose by being shared among threads.
+    # Before numpy is loaded: threads make matrices of this size slower.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     try:
         return _run(arguments)
@@ -105,14 +105,15 @@ def _parser() -> argparse.ArgumentParser:
             help=f'{words} (default: %(default)g)')
     parser.add_argument(
         '--seed', type=int, default=0, metavar='N',
-        help='of the search; the same gives the same trajectory (default: %(default)d)')
+        help='Seed of the random search; the same seed gives the same trajectory on any processor '
+             '(default: %(default)d)')
     return parser
 
 
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
     from robot_dynamics.arm_dynamics import ArmDynamics
-    from robot_dynamics.excitation import find_excitation, STEPS
+    from robot_dynamics.excitation import find_excitation, GENERATIONS
     from robot_dynamics.excitation_limits import LimitShares, motion_limits
     from robot_dynamics.excitation_trajectory import exciting_trajectory
     from robot_dynamics.tools.demo_progress import Progress
@@ -125,15 +126,15 @@ def _run(arguments: argparse.Namespace) -> int:
     start = None if arguments.start is None else np.array(arguments.start)
     limits = motion_limits(dynamics, shares, start)
     print(f'Searching for {arm.name} ({arm.joint_count} joints) ...', flush=True)
-    with Progress(STEPS, 'steps') as progress:
+    with Progress(GENERATIONS, 'generations') as progress:
         excitation = find_excitation(
             dynamics, limits, arguments.harmonics, arguments.duration, arguments.seed,
-            lambda share: progress.update(share * STEPS))
+            lambda share: progress.update(share * GENERATIONS))
     found = exciting_trajectory(excitation, dynamics, arguments.lead)
     write_trajectory(arguments.output, found.trajectory)
     _report(arm, excitation, found)
     print(f'Trajectory         {arguments.output}')
-    print('Not looked at: whether the arm meets itself, or anything else. Watch it slowly first.')
+    print('Collisions are not checked. Run the trajectory slowly first.')
     return DONE
 
 
