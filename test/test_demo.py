@@ -106,7 +106,7 @@ def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
     status, out, err = run_demo(
         tmp_path, '--trajectory', 'trajectory.yaml', '--parameters', 'robot.yaml', '--out', 'here',
         '--rate', 100, '--no-plot')
-    assert status == 0 or 'did not track' in err, out + err  # on a machine that is too busy
+    assert status == 0, out + err
     with Recording(tmp_path / 'here' / 'recording') as recording:
         states = recording.joint_series('/joint_states', names)
         (_, sent), = recording.messages('/dynamics/joint_trajectory')
@@ -121,9 +121,11 @@ def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
 
 @pytest.fixture(scope='module')
 def closed_loop(tmp_path_factory):
-    """Return the directory of a demo of 2 s, and what it printed."""
+    """Return the directory of a demo of 2 s, as fast as possible, and its output."""
     directory = tmp_path_factory.mktemp('demo')
-    status, out, err = run_demo(directory, '--duration', 2, '--out', 'here')
+    fast = write_parameters(directory / 'fast.yaml', {'real_time_factor': 0.0})
+    status, out, err = run_demo(
+        directory, '--duration', 2, '--parameters', fast, '--out', 'here')
     assert status == 0, out + err
     assert 'Traceback' not in err
     return directory / 'here', out, err
@@ -138,8 +140,22 @@ def test_it_tracks_and_says_so(closed_loop):
         assert rms <= largest
     assert 'All joints tracked.' in out
     rate, share = re.search(r'Control rate +(\S+) efforts/s of 500 .*?; (\S+) %', out).groups()
-    assert 0.0 < float(rate) < 600.0  # what is late is caught up
+    assert float(rate) > 0.0
     assert 0.0 < float(share) <= 100.0
+
+
+def test_the_recording_contains_the_motion_and_little_else(closed_loop):
+    """Simulated time does not run before the trajectory arrives, and is cut after the motion."""
+    directory, _, _ = closed_loop
+    with Recording(directory / 'recording') as recording:
+        for topic in ('/joint_states', '/effort_command', '/dynamics/computed_torque'):
+            stamps = recording.joint_series(topic).stamps_ns
+            assert 2.0 <= 1e-9 * (stamps[-1] - stamps[0]) <= 2.5
+        states = recording.joint_series('/joint_states')
+        (_, sent), = recording.messages('/dynamics/joint_trajectory')
+    assert np.diff(states.stamps_ns).min() > 0
+    first = sent.header.stamp.sec * 10**9 + sent.header.stamp.nanosec
+    assert 0 <= first - states.stamps_ns[0] <= 10**8
 
 
 def test_the_printed_errors_are_those_of_the_recording(closed_loop):
@@ -172,7 +188,7 @@ def test_every_topic_is_in_the_recording(closed_loop):
         states = recording.joint_series('/joint_states')
         commands = recording.joint_series('/effort_command')
         _, terms = next(recording.messages('/dynamics/terms'))
-    assert states.passed_over == 0
+    assert states.incomplete == states.unreadable == 0
     # the recorder may find the efforts' publisher before that of the states
     both = commands.stamps_ns[commands.stamps_ns >= states.stamps_ns[0]]
     assert len(both) > 0
@@ -210,6 +226,16 @@ def test_an_interrupt_stops_the_nodes_and_keeps_what_there_is(tmp_path):
     assert not (tmp_path / 'here' / 'demo.png').exists()
     with Recording(tmp_path / 'here' / 'recording') as recording:
         assert len(recording.joint_series('/joint_states').stamps_ns) > 0
+
+
+def test_a_demo_that_is_killed_leaves_no_node_behind(tmp_path):
+    with start_demo(tmp_path, '--duration', 600, '--no-plot', '--out', 'here') as process:
+        wait_for_line(process, 'Following')
+        nodes = nodes_of(process)
+        process.kill()
+        process.communicate(timeout=TIMEOUT)
+    assert set(nodes) == {'dynamics_node', 'simulated_arm_node'}
+    wait_until(lambda: all(gone(pid) for pid in nodes.values()), 'the end of both nodes')
 
 
 def test_a_node_that_dies_is_named_with_its_log(tmp_path):
@@ -253,7 +279,10 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
 
 def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
     """A dynamics node that hangs makes the arm brake, which no model of the arm explains."""
-    with start_demo(tmp_path, '--duration', 2, '--no-plot', '--out', 'made') as process:
+    wall_time = write_parameters(tmp_path / 'wall_time.yaml', {'lock_step': False})
+    with start_demo(
+            tmp_path, '--duration', 2, '--parameters', wall_time, '--no-plot',
+            '--out', 'made') as process:
         wait_for_line(process, 'Following')
         log = tmp_path / 'made' / 'simulated_arm.log'
         suspended = nodes_of(process)['dynamics_node']

@@ -117,6 +117,36 @@ def test_lock_step_is_no_faster_than_it_is_told(client: RosClient) -> None:
         assert time.monotonic() - began >= 10 * 0.01 / 0.5
 
 
+@pytest.mark.parametrize('mode', ['lock_step', 'publish_clock'])
+def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) -> None:
+    parameters = {
+        mode: True, 'paused': True, 'rate': RATE, 'initial_position': START, 'brakes': False,
+        'command_timeout': 0.0}
+    with NodeProcess(
+            SIMULATED_ARM, parameters, namespace='/paused',
+            remaps={'/clock': '/paused/clock'}) as node:
+        paused = LockStepped(client, node, '/paused')
+        for _ in range(3):  # an effort is taken, and no time passes
+            paused.efforts.publish(JointState(
+                header=paused.state.header, name=NAMES, effort=[1.0, 1.0]))
+            again = paused.states.wait_count(len(paused.states.messages) + 1)[-1]
+            assert stamp_from_ros(again.header.stamp) == PERIOD_NS
+            assert list(again.position) == START
+        result, = client.set_parameters('/paused/simulated_arm', {'paused': False})
+        assert result.successful, result.reason
+        paused.step([1.0, 1.0])
+        assert list(paused.state.position) != START
+        result, = client.set_parameters('/paused/simulated_arm', {'paused': True})
+        assert result.successful, result.reason
+
+
+def test_the_time_of_the_computer_cannot_be_paused(client: RosClient) -> None:
+    with NodeProcess(SIMULATED_ARM, {'rate': 100.0}, namespace='/unpaused'):
+        result, = client.set_parameters('/unpaused/simulated_arm', {'paused': True})
+        assert not result.successful
+        assert 'expected false, or lock_step or publish_clock as well' in result.reason
+
+
 def test_efforts_are_matched_by_name(stepped: LockStepped) -> None:
     state = stepped.step([9.0, 2.0, 1.0], ['lid', 'joint2', 'joint1'])
     assert list(state.effort) == [1.0, 2.0]
@@ -265,8 +295,8 @@ def test_without_brakes_it_falls_freely(client: RosClient) -> None:
         first, *_, last = states.wait_count(100)
         twin = ArmSimulation(ARM, START)
         twin.release()
-        # time counts from 0 here, so the state at any stamp is known
-        ticks = stamp_from_ros(last.header.stamp) // 5_000_000
+        # the first state has the stamp of one period, so the state at any stamp is known
+        ticks = stamp_from_ros(last.header.stamp) // 5_000_000 - 1
         for _ in range(ticks):
             twin.step(np.zeros(2), 1.0 / 200.0)
         assert stamp_from_ros(first.header.stamp) % 5_000_000 == 0

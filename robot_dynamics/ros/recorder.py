@@ -22,6 +22,7 @@ message.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+import math
 from pathlib import Path
 import struct
 from typing import Any
@@ -60,9 +61,15 @@ class TopicSpec:
 
 @dataclass
 class TopicCount:
-    """What arrived of a topic: messages, those lost on the way, the newest stamp [ns], or -1."""
+    """
+    What arrived of a topic.
+
+    Messages received, those written to the recording, those lost before them, and the newest
+    stamp [ns], or -1.
+    """
 
     received: int = 0
+    recorded: int = 0
     lost: int = 0
     stamp_ns: int = -1
 
@@ -104,6 +111,8 @@ class Recorder:
         RecordingError where the definition of a type is not known to the writer.
         """
         self._node, self._writer, self._time_ns = node, writer, time_ns
+        self.span_ns: tuple[float, float] = (-math.inf, math.inf)
+        """First and last stamp [ns] of the stamped messages to record; others are discarded."""
         self._sources = [_Source(node, spec) for spec in topics]
         self.counts = {spec.name: TopicCount() for spec in topics}
         for spec in topics:
@@ -136,9 +145,13 @@ class Recorder:
             data, info = taken
             stamp = _first_stamp_ns(data) if source.spec.stamped else 0
             count.received += 1
+            lost = _lost_before(source, info)
             if source.spec.stamped:  # the first stamp of a simulation is 0
                 count.stamp_ns = stamp
-            count.lost += _lost_before(source, info)
+                if not self.span_ns[0] <= stamp <= self.span_ns[1]:
+                    continue
+            count.recorded += 1
+            count.lost += lost
             self._writer.write(name, self._recorded_at(info, stamp), data)
         return count.received - before
 

@@ -66,6 +66,10 @@ SPECS = (
         'publish_clock', Type.BOOL, False,
         'Count time from 0 and publish it on /clock; lock_step does so always.', read_only=True),
     ParameterSpec(
+        'paused', Type.BOOL, False,
+        'Keep simulated time at its present value and publish the same joint state every 0.1 s. '
+        'It needs lock_step or publish_clock.'),
+    ParameterSpec(
         'initial_position', Type.DOUBLE_ARRAY, [],
         'Position at the start [rad] or [m], one a joint. Empty: 0, or the limit nearest to it.',
         read_only=True, minimum=-1e6, maximum=1e6),
@@ -135,17 +139,17 @@ class SimulatedArmNode(GuardedCallbacks):
             values['max_step'])
         simulation.check_inertia()
         self._lock = threading.Lock()
+        self._loop: WallTimeLoop | LockStepLoop | None = None
         self._plant = Plant(
             simulation, RobotSide(self._arm, semantics_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
         self._plant.encoders_at_motor = values['encoders'] == 'motor'
-        self._apply(values)
-        self._own_time = values['publish_clock'] or values['lock_step']
-        topics = ArmTopics(self, self._arm.joint_names, self._own_time)
+        topics = ArmTopics(self, self._arm.joint_names, _has_own_time(values))
         loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
         self._loop = loop_type(self, self._plant, topics, self._lock, 1.0 / values['rate'])
         if isinstance(self._loop, LockStepLoop) and values['real_time_factor'] > 0.0:
             self._loop.real_time_factor = values['real_time_factor']
+        self._apply(values)
         self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
@@ -154,7 +158,8 @@ class SimulatedArmNode(GuardedCallbacks):
 
     def begin(self) -> None:
         """Let time pass; called when the process is ready."""
-        self._loop.start()
+        if self._loop is not None:
+            self._loop.start()
 
     def destroy_node(self) -> None:
         """Stop the simulation, then the rest."""
@@ -169,6 +174,8 @@ class SimulatedArmNode(GuardedCallbacks):
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
             self._plant.effort_noise = values['effort_noise']
+        if self._loop is not None:
+            self._loop.is_paused = values['paused']
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         """Take the wrench on this link from now on; all zeros lift it."""
@@ -211,6 +218,14 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
     semantics_from_parameters(values)
+    if values['paused'] and not _has_own_time(values):
+        raise InvalidInputError(
+            'paused is true, expected false, or lock_step or publish_clock as well: the time of '
+            'the computer cannot be paused')
+
+
+def _has_own_time(values: Values) -> bool:
+    return bool(values['publish_clock'] or values['lock_step'])
 
 
 def main(args: Sequence[str] | None = None) -> int:

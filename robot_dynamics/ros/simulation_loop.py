@@ -47,7 +47,11 @@ MAX_LAG = 0.1
 FASTEST_PERIOD = 0.5
 """Share of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
-"""[s] after which lock-step says its state again: the first time nobody may have listened."""
+"""
+[s] after which a state is published again that lock-step waits with, or that is paused at.
+
+The first time there may have been no subscriber yet.
+"""
 
 
 class ArmTopics:
@@ -103,6 +107,8 @@ class _Loop:
         self._node, self._plant, self._topics, self._lock = node, plant, topics, lock
         self._period = period
         self._period_ns = round(period * NANOSECONDS_PER_SECOND)
+        self.is_paused = False
+        """Keep simulated time at its present value; may be set from another thread."""
         self._stopping = threading.Event()
         self._wake = GuardCondition(lambda: None, None, context=node.context)
         self._wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, node.context.handle)
@@ -165,7 +171,8 @@ class WallTimeLoop(_Loop):
 
     def _run(self) -> None:
         own_time = self._topics.has_own_time
-        first_ns = 0 if own_time else self._node.get_clock().now().nanoseconds
+        # A stamp of 0 would be read as "no stamp".
+        first_ns = self._period_ns if own_time else self._node.get_clock().now().nanoseconds
         start, tick, before = time.monotonic(), 0, -math.inf
         with self._lock:
             measured = self._plant.measure()
@@ -175,6 +182,8 @@ class WallTimeLoop(_Loop):
             tick += 1
             due = start + tick * self._period
             self._take_efforts_until(max(due, before + FASTEST_PERIOD * self._period))
+            pause = self._pause(stamp_ns, measured)
+            start, due, before = start + pause, due + pause, before + pause
             now = time.monotonic()
             passed, before = now - before, now
             if before - due > MAX_LAG:
@@ -187,6 +196,14 @@ class WallTimeLoop(_Loop):
                     tick += math.ceil((before - due) / self._period)
             self._watch_commands(passed, stamp_ns)
             measured = self._advance()
+
+    def _pause(self, stamp_ns: int, measured: Measured) -> float:
+        """Publish the same state while the simulation is paused; return how long [s] it was."""
+        begin = time.monotonic()
+        while self.is_paused and self._running():
+            self._topics.publish(stamp_ns, measured)
+            self._take_efforts_until(time.monotonic() + RESEND_PERIOD)
+        return time.monotonic() - begin
 
     def _take_efforts_until(self, deadline: float) -> None:
         while self._running():
@@ -241,6 +258,9 @@ class LockStepLoop(_Loop):
             stamp_ns = tick * self._period_ns
             due = max(due + least, time.monotonic())  # what is lost is not caught up with
             effort = self._ask(stamp_ns, measured)
+            while effort is not None and self.is_paused:
+                self._stopping.wait(RESEND_PERIOD)
+                effort = self._ask(stamp_ns, measured)
             if effort is None:
                 return
             with self._lock:

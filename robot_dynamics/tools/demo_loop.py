@@ -15,15 +15,19 @@
 """The closed loop: a simulated arm and `dynamics` as processes, a trajectory, a recording."""
 
 from dataclasses import dataclass
+import math
 from pathlib import Path
 import re
 import time
 from typing import NamedTuple
 
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.reference_motion import ReferenceMotion
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.ros.recorder import TopicCount
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, NodeProcess, SIMULATED_ARM, VIEWER
 from robot_dynamics.tools.demo_progress import Progress
@@ -43,14 +47,14 @@ from robot_dynamics.tools.demo_session import (
 from robot_dynamics.tools.viewer import AT, PAGE_OPEN
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
-LEAD_TIME = 0.3
-"""[s] from the newest state to the start of the motion."""
-STATE_TIMEOUT = 1.0
-"""[s] without a state that is a fault: a simulated arm falls on nobody, and machines are busy."""
+LEAD_TIME = 0.1
+"""[s] of simulated time from the state at which the trajectory is sent to its start."""
+STATE_TIMEOUT = 60.0
+"""[s] without a new state that is a fault: long, as the simulation pauses and may be slow."""
 STEP_BY_STEP = {'lock_step': True, 'real_time_factor': 1.0}
-"""How the arm moves beside a browser, which may draw in software: then it moves slowly."""
+"""Default of the simulated arm: a slow machine makes the motion slow, and not less accurate."""
 HOLD_TIME = 0.3
-"""[s] that is recorded after the motion."""
+"""[s] of simulated time that is recorded after the motion."""
 
 
 class Page(NamedTuple):
@@ -62,11 +66,16 @@ class Page(NamedTuple):
 
 @dataclass
 class LoopRun:
-    """What was done; `start_ns` is the stamp at which the motion starts, 0 before it is sent."""
+    """
+    What was done; `start_ns` is the stamp at which the motion starts, 0 before it is sent.
+
+    `received` and `lost` are the numbers of messages that the recorder has written, and missed.
+    """
 
     motion: ReferenceMotion
     rate: float
     start_ns: int = 0
+    received: int = 0
     lost: int = 0
     interrupted: bool = False
 
@@ -83,9 +92,10 @@ def run_closed_loop(
     Let the arm follow a motion at `rate` [Hz], and record it in `directory`.
 
     Both nodes read the file `parameters` too, where there is one. An interrupt ends it early,
-    with what there is. With a `page` the motion waits until that is open, and after it the loop
-    goes on until an interrupt. Raises DemoError where the loop does not close, ModelError where
-    the arm cannot be simulated.
+    with what was recorded until then. Simulated time is paused until `dynamics` has the
+    trajectory, so that the recording contains the motion and little else. With a `page` the motion
+    waits until that is open, and the loop continues after the motion until an interrupt. Raises
+    DemoError if the loop does not close, ModelError if the arm cannot be simulated.
     """
     ArmSimulation(arm).check_inertia()  # before any process is started
     run = LoopRun(motion, rate)
@@ -98,11 +108,11 @@ def run_closed_loop(
                 'dynamics', DYNAMICS,
                 {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT},
                 parameters)
-            # In time of its own, a pause of the machine delays the motion and does not cut it.
+            session.recorder.span_ns = (math.inf, math.inf)
             session.nodes.start('simulated_arm', SIMULATED_ARM, {
                 'robot_description_file': description, 'rate': rate,
-                **({'publish_clock': True} if page is None else STEP_BY_STEP),
-                'initial_position': run.motion.start.tolist()}, parameters)
+                'publish_clock': True, 'paused': page is None,
+                'initial_position': run.motion.start.tolist()}, parameters, defaults=STEP_BY_STEP)
             try:
                 if page is not None:
                     _open_page(session, page)
@@ -111,7 +121,9 @@ def run_closed_loop(
                 if page is not None:
                     _go_on(session)
             finally:
-                run.lost = sum(count.lost for count in session.recorder.counts.values())
+                counts = session.recorder.counts.values()
+                run.received = sum(count.recorded for count in counts)
+                run.lost = sum(count.lost for count in counts)
     except KeyboardInterrupt:
         run.interrupted = True
     return run
@@ -135,6 +147,7 @@ def _address(viewer: NodeProcess) -> str | None:
 
 def _go_on(session: Session) -> None:
     """Record until an interrupt, which ends this alone."""
+    session.recorder.span_ns = (session.recorder.span_ns[0], math.inf)
     print('\n  The arm is yours: sliders, loads and pushes are on the page. Ctrl-C ends.\n',
           flush=True)
     try:
@@ -156,12 +169,34 @@ def _close_the_loop(session: Session, run: LoopRun) -> None:
         lambda: bool(publisher.get_subscription_count() >= 2),  # dynamics, and the recorder
         f'a subscriber of {TRAJECTORY}')
     message = trajectory_to_ros(run.motion.trajectory)
-    session.recorder.drain()
-    run.start_ns = counts[JOINT_STATES].stamp_ns + round(1e9 * LEAD_TIME)
+    _set_paused(session, True)
+    session.wait_for(_Standstill(counts[JOINT_STATES]), 'a joint state that is published again')
+    now_ns = counts[JOINT_STATES].stamp_ns
+    run.start_ns = now_ns + round(1e9 * LEAD_TIME)
     message.header.stamp = stamp_to_ros(run.start_ns)
     publisher.publish(message)
     session.wait_for(
-        lambda: counts[COMPUTED_TORQUE].received > 0, f'an effort on {COMPUTED_TORQUE}')
+        lambda: counts[COMPUTED_TORQUE].stamp_ns >= now_ns, f'an effort on {COMPUTED_TORQUE}')
+    session.recorder.span_ns = (now_ns + 1, run.end_ns + round(1e9 * HOLD_TIME))
+    _set_paused(session, False)
+
+
+class _Standstill:
+    """True when a topic has repeated its newest stamp: no simulated time passes."""
+
+    def __init__(self, count: TopicCount) -> None:
+        self._count = count
+        self._before = (count.received, count.stamp_ns)
+
+    def __call__(self) -> bool:
+        received, stamp_ns = self._before
+        self._before = (self._count.received, self._count.stamp_ns)
+        return self._count.received > received and self._count.stamp_ns == stamp_ns
+
+
+def _set_paused(session: Session, paused: bool) -> None:
+    session.call(SetParameters, '/simulated_arm/set_parameters', SetParameters.Request(
+        parameters=[Parameter('paused', value=paused).to_parameter_msg()]))
 
 
 def _follow(session: Session, run: LoopRun) -> None:

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The nodes of the demo as processes of their own, in a domain where nobody else speaks."""
+"""The nodes of the demo as separate processes, in a ROS domain that no other process uses."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+import ctypes
 import json
 import os
 from pathlib import Path
@@ -35,6 +36,8 @@ VIEWER = 'robot_dynamics.tools.viewer'
 STOP_TIMEOUT = 5.0
 """[s] that a node has to leave in order."""
 LOG_LINES = 12
+
+_PR_SET_PDEATHSIG = 1  # of prctl(2), linux/prctl.h
 
 _DOMAINS = range(1, 102)  # the ports of higher ones are those that the system gives out
 
@@ -69,30 +72,53 @@ def _is_free(domain: int) -> bool:
     return True
 
 
+def _ends_with_parent() -> Callable[[], None] | None:
+    """
+    Return what a new process calls so that it gets SIGTERM when this process ends, on Linux.
+
+    Not even SIGKILL of the demo then leaves a node behind. The signal is sent when the thread ends
+    that started the process, so that is to be the main thread.
+    """
+    if sys.platform != 'linux':
+        return None
+    prctl, parent = ctypes.CDLL(None, use_errno=True).prctl, os.getpid()
+
+    def end_with_parent() -> None:
+        prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
+        if os.getppid() != parent:  # it ended before the call
+            os._exit(1)
+
+    return end_with_parent
+
+
 class NodeProcess:
     """A node with its parameters in a file, and its log in another."""
 
     def __init__(
         self, name: str, module: str, parameters: Mapping[str, Any], directory: Path,
         others: Path | None = None, arguments: Sequence[str] = (),
+        defaults: Mapping[str, Any] | None = None,
     ) -> None:
-        """Start it; `directory` gets `<name>.yaml`, which outdoes `others`, and `<name>.log`."""
+        """
+        Start the node; `directory` gets its parameters, `<name>.yaml`, and its log, `<name>.log`.
+
+        The file `others` takes precedence over `defaults`, and `parameters` over both.
+        """
         self.name = name
         self.log = directory / f'{name}.log'
-        file = directory / f'{name}.yaml'
-        # JSON is YAML, and writes names and numbers so that no reader takes them for others.
-        file.write_text(
-            json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
-            encoding='utf-8')
-        files = [file] if others is None else [others, file]
+        files = [] if others is None else [others]
+        if defaults:
+            files.insert(0, _written(directory / f'{name}_defaults.yaml', defaults))
+        files.append(_written(directory / f'{name}.yaml', parameters))
         command = [sys.executable, '-m', module, *arguments, '--ros-args']
         for each in files:
             command += ['--params-file', str(each.resolve())]
         with self.log.open('wb') as log:
-            # In a session of its own, so that Ctrl-C reaches the demo alone, which stops it.
+            # In a new session, so that Ctrl-C reaches the demo only, which stops its nodes.
             self._process = subprocess.Popen(
                 command, env={**os.environ, 'PYTHONUNBUFFERED': '1'}, stdin=subprocess.DEVNULL,
-                stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+                stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+                preexec_fn=_ends_with_parent())
 
     def check(self) -> None:
         """Raise DemoError where the process has ended."""
@@ -124,6 +150,14 @@ class NodeProcess:
             self._process.wait()
 
 
+def _written(file: Path, parameters: Mapping[str, Any]) -> Path:
+    # JSON is YAML in which no name or number can be read as another type.
+    file.write_text(
+        json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
+        encoding='utf-8')
+    return file
+
+
 class Nodes:
     """All processes of the demo, for use in `with`: none outlives the statement."""
 
@@ -133,10 +167,11 @@ class Nodes:
 
     def start(
         self, name: str, module: str, parameters: Mapping[str, Any], others: Path | None = None,
-        arguments: Sequence[str] = (),
+        arguments: Sequence[str] = (), defaults: Mapping[str, Any] | None = None,
     ) -> NodeProcess:
-        """Start a node with these parameters, and with those of the file `others` beside."""
-        process = NodeProcess(name, module, parameters, self._directory, others, arguments)
+        """Start a node with these parameters, and those of the file `others` and `defaults`."""
+        process = NodeProcess(
+            name, module, parameters, self._directory, others, arguments, defaults)
         self._processes.append(process)
         return process
 

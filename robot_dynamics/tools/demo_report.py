@@ -125,7 +125,8 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
     print(f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
           f'{100.0 * report.answered:.2f} % of the states were answered')
     print(f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
-          f'{report.wall_seconds:.2f} s; {run.lost} messages lost on the way to the recording')
+          f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
+          'by the recorder')
     if report.answered < FEW_ANSWERS:
         print('                 This machine did not keep up: expect larger errors, or try a '
               'lower --rate.')

@@ -17,6 +17,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+import math
 from pathlib import Path
 import time
 from typing import Any
@@ -24,6 +25,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
@@ -62,8 +64,10 @@ TOPICS = (
 """What `dynamics` says of its command, with the joint states that it answers."""
 CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
 
-START_TIMEOUT = 10.0
-"""[s] within which the nodes have to be up, and from one effort to the next."""
+START_TIMEOUT = 60.0
+"""[s] within which the nodes have to be up, and from one effort to the next on a busy machine."""
+ANSWER_PERIOD = 1.0
+"""[s] after which a request without a response is sent again."""
 DRAIN_PERIOD = 0.01
 """[s]"""
 
@@ -85,6 +89,34 @@ class Session:
             if time.monotonic() > deadline:
                 raise DemoError(
                     f'{START_TIMEOUT:g} s passed without {what}.\n{self.nodes.logs()}')
+
+    def call(self, service_type: Any, name: str, request: Any) -> Any:
+        """
+        Return the response of a service that may be called twice, and record meanwhile.
+
+        Raises DemoError after START_TIMEOUT or a node's end.
+        """
+        client = self.node.create_client(service_type, name)
+        executor = SingleThreadedExecutor()
+        executor.add_node(self.node)
+        futures: list[Any] = []
+        due = -math.inf
+
+        def has_answer() -> bool:
+            nonlocal due
+            if time.monotonic() > due and client.service_is_ready():
+                futures.append(client.call_async(request))
+                due = time.monotonic() + ANSWER_PERIOD
+            executor.spin_once(timeout_sec=0.0)
+            return any(future.done() for future in futures)
+
+        try:
+            self.wait_for(has_answer, f'a response of {name}')
+            return next(future.result() for future in futures if future.done())
+        finally:
+            executor.remove_node(self.node)
+            executor.shutdown()
+            self.node.destroy_client(client)
 
     def record(self, seconds: float) -> None:
         """Record what has arrived, then let so much time pass; raise DemoError as above."""
