@@ -27,9 +27,13 @@ from robot_dynamics.runge_kutta import Acceleration
 from robot_dynamics.validation import FloatArray
 
 
-def damping_rate(M: FloatArray, viscous: FloatArray) -> float:
-    """Return a bound [1/s] of how fast friction makes joints relax: the trace of M⁻¹F_v."""
-    return float(np.diag(np.linalg.inv(M)) @ viscous)
+def damping_rate(M: FloatArray, viscous: FloatArray, free: npt.NDArray[np.bool_]) -> float:
+    """
+    Return a bound [1/s] of the rates at which friction makes joints relax: the trace of M⁻¹F_v.
+
+    Only the joints that move, `free` (n,), count: stuck joints have no relaxation.
+    """
+    return float(np.diag(np.linalg.inv(M[np.ix_(free, free)])) @ viscous[free])
 
 
 def damped_step(

@@ -20,7 +20,8 @@ stiff for that with `damped_step`. Between events the motion is smooth, so that 
 its order; a step ends where a joint comes to rest or breaks away (`sticking`), and where teeth
 meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are cut into
 pieces for which the method's own estimate of the error is small: that part of the motion lasts
-milliseconds.
+milliseconds. The pieces are explicit steps even if viscous friction is stiff; only if it is
+extremely stiff, the whole step is exponential.
 """
 
 from collections.abc import Sequence
@@ -45,6 +46,8 @@ from robot_dynamics.validation import FloatArray
 
 STIFF = 1.0
 """Relaxation rate × step from which viscous friction is integrated exponentially."""
+_STIFFEST_IN_PIECES = 100.0
+"""The same, from which a step is not cut into explicit pieces: there would be too many."""
 _MAX_EVENTS = 60
 _MAX_BOUNCES = 40
 """Events in a step after which teeth stay together where they meet."""
@@ -113,13 +116,15 @@ class Motion:
 
     # ------------------------------------------------------------------ integration
 
-    def _is_stiff(self, q: FloatArray, h: float, opened: BoolArray) -> bool:
+    def _stiffness(self, q: FloatArray, h: float, modes: GearModes) -> float:
+        """Return a bound of (relaxation rate of the moving joints) × h; stuck joints have none."""
         if not self._forces.is_damped:
-            return False
-        if self._damping_bound * h <= STIFF and not opened.any():
-            return False
-        M = self._forces.body_with(opened).mass_matrix(q)
-        return damping_rate(M, self._forces.friction.viscous) * h > STIFF
+            return 0.0
+        bound = self._damping_bound * h
+        if bound <= STIFF and not modes.open.any():
+            return bound
+        M = self._forces.body_with(modes.open).mass_matrix(q)
+        return h * damping_rate(M, self._forces.friction.viscous, ~modes.joints.stuck)
 
     def _advance(
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
@@ -138,14 +143,16 @@ class Motion:
 
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
-        if self._is_stiff(state.q, h, modes.open):
-            return self._damped(state, q, v, h, acceleration, modes)
-        if not modes.falls:
-            step = runge_kutta_step(q, v, h, acceleration, a)
-            if not self._modes.falls(modes.joints, state.v, step.velocity[:n]):
-                return self._end(state, step, h, modes)
-            return self._advance(state, h, modes._replace(falls=True), None)
-        return self._in_pieces(state, q, v, a, h, acceleration, modes)
+        stiffness = self._stiffness(state.q, h, modes)
+        if modes.falls and stiffness <= _STIFFEST_IN_PIECES and self._pieces < _MAX_PIECES:
+            return self._in_pieces(state, q, v, a, h, acceleration, modes)
+        if stiffness > STIFF:
+            end = self._damped(state, q, v, h, acceleration, modes)
+        else:
+            end = self._end(state, runge_kutta_step(q, v, h, acceleration, a), h, modes)
+        if modes.falls or not self._modes.falls(modes.joints, state.v, end.state.v):
+            return end
+        return self._advance(state, h, modes._replace(falls=True), None)
 
     def _gather(
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,
@@ -178,18 +185,19 @@ class Motion:
         self, state: MotionState, q: FloatArray, v: FloatArray, a: FloatArray | None, h: float,
         acceleration: Acceleration, modes: GearModes,
     ) -> End:
-        """Return the same with steps as short as the error of each asks for."""
+        """Return the end of steps that are as short as their estimated errors require."""
         weights = np.ones_like(q)
         weights[:len(state.q)] = self._root_inertia
         heat, rest, piece = 0.0, h, h
         while True:
             self._pieces += 1
-            may_cut = self._pieces <= _MAX_PIECES
-            piece = piece if may_cut else rest
+            if self._pieces > _MAX_PIECES:
+                end = self._advance(self._gather(state, q, v, modes), rest, modes, None)
+                return end._replace(heat=heat + end.heat)
             step = runge_kutta_step(q, v, piece, acceleration, a)
             error = step.error(piece, acceleration, weights)
             ratio = 0.9 * (_STRIBECK_TOLERANCE / (error + 1e-30))**0.2
-            if may_cut and ratio < 0.9 and piece > _FINEST * h:
+            if ratio < 0.9 and piece > _FINEST * h:
                 piece = max(piece * max(ratio, 0.1), _FINEST * h)
                 continue
             end = self._end(state, step, piece, modes)

@@ -22,6 +22,7 @@ from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.friction import make_friction
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench
@@ -279,6 +280,84 @@ def test_stiff_viscous_friction_is_followed_at_a_long_step() -> None:
     assert errors[1] < 1e-5, errors
     # the order of 2 is not reached where the friction is this stiff
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 1.0).all(), errors
+
+
+@pytest.mark.parametrize('static', [(), [0.0, 3.0, 3.0, 100.0, 100.0, 100.0]])
+def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static: object) -> None:
+    """The wrists of the UR10 are held by dry friction; viscous friction would relax them fast."""
+    urdf, viscous, steps = robot_urdf('ur10'), 0.3, (8e-3, 4e-3, 2e-3)
+    coulomb = [0.0, 2.0, 2.0, 100.0, 100.0, 100.0] if static else [0.0] * 3 + [100.0] * 3
+    arm = load_arm(urdf)
+    arm = arm.with_friction(make_friction(
+        arm.joint_names, [viscous], coulomb, static if static else ()))
+    fixed = load_arm(urdf, arm.joint_names[:3])
+    fixed = fixed.with_friction(make_friction(
+        fixed.joint_names, [viscous], coulomb[:3], static[:3] if static else ()))
+    M = ArmDynamics(arm).rigid_body.mass_matrix(np.zeros(6))
+    assert viscous * np.linalg.inv(M)[5, 5] * steps[-1] > 1.0  # friction at wrist 3 is stiff
+    q0, v0 = np.array([0.2, -1.0, 0.8]), np.array([1.0, 0.6, -0.4])
+    exact = released(fixed, q0, v0, 2.5e-4).step(np.zeros(3), 0.3).position
+    assert np.abs(exact - q0).min() > 0.1
+    errors = []
+    for step in steps:
+        simulation = released(arm, [*q0, 0.0, 0.0, 0.0], [*v0, 0.0, 0.0, 0.0], step)
+        q, v = simulation.step(np.zeros(6), 0.3)
+        assert q[3:].tolist() == v[3:].tolist() == [0.0] * 3
+        errors.append(np.abs(q[:3] - exact).max())
+    assert errors[-1] < 1e-9, errors
+    if not static:
+        assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
+
+
+def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away() -> None:
+    """The first link falls; the second one, light and damped, is stuck meanwhile."""
+    arm = heavily_damped_arm()
+    arm = arm.with_friction(make_friction(arm.joint_names, [1.0, 0.4], [0.2, 0.012]))
+
+    def end(step: float) -> np.ndarray:
+        simulation = released(arm, (1.0, 0.5), max_step=step)
+        q, v = simulation.step(np.zeros(2), 0.256)
+        assert v[1] == 0.0
+        return np.asarray(q)
+
+    exact = end(1e-3)
+    errors = [float(np.abs(end(step) - exact).max()) for step in (16e-3, 8e-3, 4e-3)]
+    assert errors[-1] < 1e-11, errors
+    assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
+
+
+@pytest.mark.parametrize(('v0', 'tau'), [
+    (0.0, 0.08),  # breaks away, and slides on where friction still falls with speed
+    (0.5, 0.0),  # slows down and comes to rest
+    (1.0, 0.05),  # slows down to a speed at which friction has risen
+])
+def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
+    v0: float, tau: float,
+) -> None:
+    """J v̇ = τ − F_v v − [F_c + (F_s − F_c) exp(−(v/v_s)²)], which relaxes 23 times in 2 ms."""
+    J, F_v, F_c, F_s, v_s, duration = 3.5e-5, 0.4, 0.02, 0.04, 0.05, 0.02
+    arm = load_arm(
+        planar_arm_urdf([0.01], [0.1], [0.05], [1e-5]), gravity=(0.0, 0.0, 0.0))
+    arm = arm.with_friction(make_friction(arm.joint_names, [F_v], [F_c], [F_s], [v_s]))
+
+    def slope(_: float, y: np.ndarray) -> np.ndarray:
+        dry = F_c + (F_s - F_c) * np.exp(-(y[1] / v_s)**2)
+        return np.array([y[1], (tau - F_v * y[1] - dry) / J])
+
+    def speed(_: float, y: np.ndarray) -> float:
+        return float(y[1])
+
+    speed.terminal, speed.direction = True, -1.0  # type: ignore[attr-defined]
+    exact = solve_ivp(
+        slope, (0.0, duration), [0.0, v0], 'Radau', events=speed, rtol=1e-11, atol=1e-13).y[:, -1]
+    for step in (4e-3, 2e-3, 1e-3):
+        simulation = released(arm, (0.0,), (v0,), step)
+        before = sum(simulation.energy())
+        q, v = simulation.step(np.array([tau]), duration)
+        assert q == pytest.approx(exact[:1], abs=2e-8)
+        assert v == pytest.approx(exact[1:], abs=1e-7 / np.sqrt(J))  # tolerance of a piece
+        gain = sum(simulation.energy()) - before
+        assert simulation.work - simulation.heat == pytest.approx(gain, abs=1e-8)
 
 
 def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates() -> None:

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.damped_step import phi_functions
+from robot_dynamics.damped_step import damping_rate, phi_functions
 from robot_dynamics.sticking import choose_modes, hold
 from scipy.integrate import quad
 
@@ -73,6 +73,18 @@ def test_one_joint_breaks_away_at_its_friction_and_not_before(effort: float, sti
         np.eye(1), np.zeros(1), np.array([effort]), np.ones(1), np.ones(1))
     assert bool(modes.stuck[0]) is sticks
     assert modes.direction[0] == (0.0 if sticks else np.sign(effort))
+
+
+@laws
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed: int, n: int) -> None:
+    M, v, _, viscous = random_case(seed, n)
+    free = v != 0.0
+    moving = np.flatnonzero(free)
+    rates = np.linalg.eigvals(np.linalg.solve(M[np.ix_(moving, moving)], np.diag(viscous[free])))
+    rate = damping_rate(M, viscous, free)
+    assert rate == pytest.approx(float(rates.real.sum()), abs=1e-9)
+    assert rate >= max(rates.real, default=0.0) - 1e-9
 
 
 @pytest.mark.parametrize('z', [0.0, 1e-12, 1e-6, 1e-3, 0.1, 0.499, 0.501, 1.0, 10.0, 1e4])
