@@ -41,7 +41,6 @@ from robot_dynamics.runge_kutta import (
     RungeKuttaStep,
     WEIGHTS,
 )
-from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
 
 STIFF = 1.0
