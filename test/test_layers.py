@@ -20,12 +20,12 @@ of the layers before it.
 """
 
 import ast
+from functools import cache
 from pathlib import Path
 import re
 import subprocess
 import sys
 
-import pytest
 import robot_dynamics
 
 PACKAGE = Path(robot_dynamics.__file__).parent
@@ -38,7 +38,7 @@ LAYERS = {
         'cutoff', 'gear_friction', 'urdf_edit', 'velocity_check', 'presliding', 'pseudo_inertia',
         'actuator', 'backlash', 'body_checks', 'command_supervisor', 'command_timeout',
         'coordinates', 'crossing', 'damped_step', 'drive', 'effort_guard', 'effort_semantics',
-        'engine_xml', 'event_timing', 'exceptions', 'filtering', 'friction', 'gravity_check',
+        'engine_xml', 'event_timing', 'exceptions', 'friction', 'gravity_check',
         'gravity_verdict', 'joint_series', 'joint_state_bytes', 'link_bodies',
         'link_visuals', 'mesh_bounds', 'mesh_files', 'urdf_values',
         'message_tables', 'model_finding', 'payload',
@@ -57,14 +57,14 @@ LAYERS = {
         'motion_filter', 'motion_regression', 'parameter_estimate', 'pulled_least_squares',
         'bag_identification', 'drive_gain', 'html_page', 'identification_report',
         'identification_words',
-        'bag_analysis', 'control', 'controller', 'demo_report', 'description_file',
+        'bag_analysis', 'control', 'controller', 'description_file',
         'analysis_files', 'analysis_report', 'analysis_task', 'analysis_words', 'arm_recording',
         'bag_tasks', 'compression',
         'effort_residual',
         'mcap_salvage', 'message_types', 'parameter_file', 'recorded_topic', 'recording_files',
         'recording_writer', 'sqlite_salvage', 'stored_file',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
-        'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant', 'playback',
+        'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'soft_gains',
         'tracking', 'trajectory_efforts',
         'evolution_strategy', 'excitation', 'excitation_limits', 'excitation_trajectory',
@@ -82,8 +82,9 @@ LAYERS = {
 ORDER = tuple(LAYERS)
 
 LIBRARY = ('core', 'model', 'uses')
-CORE_LIBRARIES = {'numpy'}
-MODEL_LIBRARIES = CORE_LIBRARIES | {'pinocchio'}
+LIBRARIES = {'core': {'numpy'}, 'model': {'numpy', 'pinocchio'}}
+"""The only libraries that a layer may import."""
+LAUNCH = {'launch', 'launch_ros'}
 
 ROS_PACKAGES = re.compile(
     r'(rclpy|rcl|rpyutils|launch|launch_\w+|ament_\w+|rosidl_\w+|rosbag2\w*|tf2\w*|\w+_msgs'
@@ -100,13 +101,19 @@ MODULES = {
     module_name(path): path for path in sorted(PACKAGE.rglob('*.py')) if module_name(path)}
 
 
+def is_in(module, entry):
+    """Return whether an entry of `LAYERS` stands for this module."""
+    return module == entry or (entry.endswith('.') and f'{module}.'.startswith(entry))
+
+
+def layers_of(module):
+    """Return the layer of each entry of `LAYERS` that stands for this module."""
+    return [layer for layer, names in LAYERS.items() for name in names if is_in(module, name)]
+
+
 def layer_of(module):
-    """Return the layer of a module, None where the table does not have it."""
-    for layer, names in LAYERS.items():
-        for name in names:
-            if module == name or (name.endswith('.') and f'{module}.'.startswith(name)):
-                return layer
-    return None
+    """Return the layer of a module; one that is not in the table may import everything."""
+    return next(iter(layers_of(module)), ORDER[-1])
 
 
 def imports_of(source, module='', is_package=False):
@@ -133,6 +140,7 @@ def imports_of(source, module='', is_package=False):
     return found
 
 
+@cache
 def imports_of_module(module):
     path = MODULES[module]
     return imports_of(path.read_text(encoding='utf-8'), module, path.name == '__init__.py')
@@ -157,98 +165,82 @@ def in_layers(*layers):
 
 # --- the scanner ---------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('source', 'found'), [
-    ('import rclpy.node as n, numpy', {'rclpy.node', 'numpy'}),
-    ('from robot_dynamics import ros', {'robot_dynamics', 'robot_dynamics.ros'}),
-    ('from . import planar', {'robot_dynamics', 'robot_dynamics.planar'}),
-    ('from .ros import x', {'robot_dynamics.ros', 'robot_dynamics.ros.x'}),
-    ('def f():\n    import rclpy', {'rclpy'}),
-    ('if TYPE_CHECKING:\n    from sensor_msgs.msg import Joy',
-     {'sensor_msgs.msg', 'sensor_msgs.msg.Joy'}),
-    ('importlib.import_module("rclpy")', {'rclpy'}),
-    ('__import__("rclpy")', {'rclpy'}),
-    ('"import rclpy"', set()),
-])
-def test_every_form_of_import_is_found(source, found):
-    assert imports_of(source, 'arm_model') == found
+FORMS_OF_IMPORT = {
+    'import rclpy.node as n, numpy': {'rclpy.node', 'numpy'},
+    'from robot_dynamics import ros': {'robot_dynamics', 'robot_dynamics.ros'},
+    'from . import planar': {'robot_dynamics', 'robot_dynamics.planar'},
+    'from .ros import x': {'robot_dynamics.ros', 'robot_dynamics.ros.x'},
+    'def f():\n    import rclpy': {'rclpy'},
+    'if TYPE_CHECKING:\n    from sensor_msgs.msg import Joy': {
+        'sensor_msgs.msg', 'sensor_msgs.msg.Joy'},
+    'importlib.import_module("rclpy")': {'rclpy'},
+    '__import__("rclpy")': {'rclpy'},
+    '"import rclpy"': set(),
+}
 
 
-def test_imports_relative_to_a_package():
+def test_every_form_of_import_is_found():
+    found = {source: imports_of(source, 'arm_model') for source in FORMS_OF_IMPORT}
+    assert found == FORMS_OF_IMPORT
     assert 'robot_dynamics.planar' in imports_of('from ..planar import x', 'ros.node')
     assert 'robot_dynamics.ros.running' in imports_of('from .running import x', 'ros.node')
     assert 'robot_dynamics.ros.running' in imports_of('from . import running', 'ros', True)
-
-
-@pytest.mark.parametrize(('name', 'is_ros'), [
-    ('rclpy', True), ('sensor_msgs', True), ('std_srvs', True), ('builtin_interfaces', True),
-    ('robot_dynamics_interfaces', True), ('launch_ros', True), ('ament_index_python', True),
-    ('numpy', False), ('pinocchio', False), ('rosbags', False), ('matplotlib', False),
-])
-def test_packages_of_ros_are_told_from_others(name, is_ros):
-    assert bool(ROS_PACKAGES.match(name)) == is_ros
-
-
-def test_the_scanner_finds_what_is_known_to_be_there():
     assert 'arm_model' in inner_imports('rigid_body')
     assert 'pinocchio' in outer_imports('rigid_body')
     assert outer_imports('validation') == {'numpy'}
 
 
-# --- the rules -----------------------------------------------------------------------------------
-
-def test_every_module_has_a_layer():
-    missing = [module for module in MODULES if layer_of(module) is None]
-    assert not missing, f'enter {missing} in LAYERS of this test'
-
-
-def test_no_module_has_two_layers():
-    names = [name for layer in LAYERS.values() for name in layer]
-    assert len(names) == len(set(names))
+def test_ros_packages_are_distinguished_from_other_libraries():
+    ros = [
+        'rclpy', 'sensor_msgs', 'std_srvs', 'builtin_interfaces', 'robot_dynamics_interfaces',
+        'launch_ros', 'ament_index_python']
+    others = ['numpy', 'pinocchio', 'rosbags', 'matplotlib']
+    assert [name for name in ros + others if ROS_PACKAGES.match(name)] == ros
 
 
-@pytest.mark.parametrize('module', MODULES)
-def test_imports_point_down(module):
-    own = layer_of(module)
-    assert own is not None, f'enter {module} in LAYERS of this test'
-    upward = {name for name in inner_imports(module)
-              if ORDER.index(layer_of(name) or 'tools') > ORDER.index(own)}
-    assert not upward, f'{module} ({own}) imports {sorted(upward)}'
+# --- the rules: each test lists all violations ---------------------------------------------------
+
+def test_the_table_has_every_module_once_and_no_other():
+    wrong = [
+        f'{module} has {len(layers_of(module))} entries'
+        for module in MODULES if len(layers_of(module)) != 1]
+    wrong += [
+        f'{name} does not exist' for names in LAYERS.values() for name in names
+        if not any(is_in(module, name) for module in MODULES)]
+    assert not wrong, 'correct LAYERS of this test:\n' + '\n'.join(wrong)
 
 
-@pytest.mark.parametrize('module', in_layers('core'))
-def test_the_core_needs_numpy_alone(module):
-    assert outer_imports(module) <= CORE_LIBRARIES
+def test_imports_point_down():
+    upward = [
+        f'{module} ({layer_of(module)}) imports {name} ({layer_of(name)})'
+        for module in MODULES for name in sorted(inner_imports(module))
+        if ORDER.index(layer_of(name)) > ORDER.index(layer_of(module))]
+    # Importing any module imports the package itself, with all that it imports.
+    upward += [f'the package itself imports {name}' for name in sorted(
+        imports_of((PACKAGE / '__init__.py').read_text(encoding='utf-8'), is_package=True))]
+    assert not upward, '\n'.join(upward)
 
 
-@pytest.mark.parametrize('module', in_layers('model'))
-def test_the_model_needs_pinocchio_and_no_more(module):
-    assert outer_imports(module) <= MODEL_LIBRARIES
+def test_each_layer_imports_only_its_libraries():
+    wrong = []
+    for module in MODULES:
+        layer, found = layer_of(module), outer_imports(module)
+        forbidden = found - LIBRARIES.get(layer, found) | found & LAUNCH
+        if layer in LIBRARY:
+            forbidden |= {name for name in found if ROS_PACKAGES.match(name)}
+        wrong += [f'{module} ({layer}) imports {name}' for name in sorted(forbidden)]
+    assert not wrong, '\n'.join(wrong)
 
 
-@pytest.mark.parametrize('module', in_layers(*LIBRARY))
-def test_the_library_knows_nothing_of_ros(module):
-    ros = {name for name in outer_imports(module) if ROS_PACKAGES.match(name)}
-    assert not ros, f'{module} imports {sorted(ros)}'
-
-
-def test_the_package_itself_imports_nothing():
-    # Else every module below would carry along whatever it names.
-    assert imports_of((PACKAGE / '__init__.py').read_text(encoding='utf-8')) == set()
-
-
-@pytest.mark.parametrize('module', MODULES)
-def test_launch_belongs_to_launch_files(module):
-    assert not {'launch', 'launch_ros'} & outer_imports(module)
-
-
-@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
-def test_launch_files_are_no_nodes(path):
+def test_launch_files_import_no_node():
     # A launch file starts processes, and may import any of our modules to know what to start.
-    found = imports_of(path.read_text(encoding='utf-8'))
-    assert not {name for name in found if name.split('.')[0] == 'rclpy'}
-    ours = {name.removeprefix('robot_dynamics.') for name in found
-            if name.startswith('robot_dynamics.')}
-    assert not {name for name in ours if name in MODULES and name.endswith('_node')}
+    wrong = [
+        f'{path.name} imports {name}' for path in LAUNCH_FILES
+        for name in sorted(imports_of(path.read_text(encoding='utf-8')))
+        if name.split('.')[0] == 'rclpy' or (
+            name.endswith('_node') and name.removeprefix('robot_dynamics.') in MODULES)]
+    assert LAUNCH_FILES
+    assert not wrong, '\n'.join(wrong)
 
 
 def test_there_is_no_cycle():
@@ -276,13 +268,11 @@ def loaded_by(modules):
     return set(result.stdout.split())
 
 
-def test_importing_the_library_does_not_load_ros():
-    loaded = loaded_by(in_layers(*LIBRARY))
-    assert {'robot_dynamics', 'pinocchio'} <= loaded
-    assert not {name for name in loaded if ROS_PACKAGES.match(name)}
-
-
-def test_importing_the_core_does_not_load_the_engine():
-    loaded = loaded_by(in_layers('core'))
-    assert {'robot_dynamics', 'numpy'} <= loaded
-    assert not {'pinocchio', 'scipy', 'matplotlib'} & loaded
+def test_importing_a_layer_loads_nothing_of_those_above():
+    library, core = loaded_by(in_layers(*LIBRARY)), loaded_by(in_layers('core'))
+    assert {'robot_dynamics', 'pinocchio'} <= library
+    assert {'robot_dynamics', 'numpy'} <= core
+    ros = sorted(name for name in library if ROS_PACKAGES.match(name))
+    assert not ros, f'the library loads {ros}'
+    heavy = sorted({'pinocchio', 'scipy', 'matplotlib'} & core)
+    assert not heavy, f'the core loads {heavy}'
