@@ -19,12 +19,13 @@ Without that package the tests that need it are skipped, with the reason in word
 environment variable CI is set, on x86-64 Linux, they fail instead.
 """
 
+from collections.abc import Sequence
 from importlib import metadata
 import os
 from pathlib import Path
 import platform
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import pytest
 
@@ -55,18 +56,26 @@ ROBOTS = tuple(_FILES)
 ARMS = ('kinova', 'panda', 'so100', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xarm7', 'z1')
 """Single arms, six to eight actuated joints each."""
 
-TREES = ('baxter', 'pr2', 'talos_full_v2', 'tiago', 'tiago_dual', 'tiago_pro')
-"""Robots with several branches: two arms, heads, hands, wheels."""
-
-CONTINUOUS = ('kinova', 'pr2', 'tiago', 'tiago_dual', 'tiago_no_hand', 'tiago_pro')
-"""Robots with continuous joints."""
-
-PRISMATIC = (
-    'baxter', 'panda', 'pr2', 'tiago', 'tiago_dual', 'tiago_no_hand', 'tiago_pro')
-"""Robots with prismatic joints."""
-
 MIMIC = ('baxter', 'panda', 'pr2', 'talos_full_v2', 'tiago_pro')
 """Robots with mimic joints."""
+
+KINDS = {
+    'ur5': 'serial, revolute joints',
+    'kinova': 'serial, continuous joints',
+    'panda': 'prismatic fingers, one of them a mimic joint',
+    'so100': 'axes along x, y and z, a link with the name of a joint',
+    'talos_left_arm': 'mimic elements at fixed joints',
+    'tiago_no_hand': 'branches, prismatic lift, wheels, inertias that no body has',
+    'talos_full_v2': 'many branches, revolute mimic joints',
+    'pr2': 'negative axes, and all of the above in one tree',
+}
+"""One robot per kind of tree, and what it stands for; tests of all robots run these by default."""
+
+
+def by_kind(names: Sequence[str] = ROBOTS) -> list[Any]:
+    """Return these robots as parameters of a test, those not in `KINDS` with the mark `soak`."""
+    return [
+        pytest.param(name, marks=() if name in KINDS else pytest.mark.soak) for name in names]
 
 
 def must_have_everything() -> bool:

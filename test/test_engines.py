@@ -15,6 +15,8 @@
 """
 Every quantity of the rigid bodies against MuJoCo and Drake, on real robots at random states.
 
+By default one robot per kind of tree (`robots.KINDS`); `scripts/test -m soak` runs the others.
+
 Both engines read the same text as the arm. They know nothing of mimic joints, locked joints or
 payloads: the relations are read here from the description itself, and payloads are written into
 it. Where the engines do not take the inertia of a link, the arm too reads the mended text.
@@ -37,7 +39,7 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.payload import make_payload, Payload
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
-from robots import ARMS, MIMIC, robot_urdf, ROBOTS
+from robots import ARMS, by_kind, KINDS, MIMIC, robot_urdf, ROBOTS
 
 # Relative to the largest entry. Accelerations need more room: where a wrist or a caster turns on
 # the same tree as a lift, the condition number of M is above 10⁶.
@@ -56,7 +58,7 @@ IMPLAUSIBLE = {
     'tiago_no_hand': {'base_antenna_left_link', 'base_antenna_right_link'},
 }
 
-on_robots = pytest.mark.parametrize('robot', ROBOTS)
+on_robots = pytest.mark.parametrize('robot', by_kind())
 on_engines = pytest.mark.parametrize('engine', ENGINES)
 
 
@@ -274,6 +276,22 @@ def assert_same_motion(
 
 # --- what is compared ----------------------------------------------------------------------------
 
+def joint_kinds(robot: str) -> set[tuple[str | None, ...]]:
+    """Return type and axis, and type and mimic element, of each joint."""
+    kinds: set[tuple[str | None, ...]] = set()
+    for joint in ElementTree.fromstring(robot_urdf(robot)).findall('joint'):
+        axis, kind = joint.find('axis'), joint.get('type')
+        if kind in MOVING:
+            kinds.add((kind, None if axis is None else axis.get('xyz')))
+        if joint.find('mimic') is not None:
+            kinds.add((kind, 'mimic'))
+    return kinds
+
+
+def test_the_default_robots_have_every_kind_of_joint():
+    assert set.union(*map(joint_kinds, KINDS)) == set.union(*map(joint_kinds, ROBOTS))
+
+
 @on_robots
 def test_mends_what_no_engine_takes_and_nothing_else(robot):
     assert implausible_links(robot_urdf(robot)) == IMPLAUSIBLE.get(robot, set())
@@ -366,7 +384,7 @@ def test_batch(engine, robot):
 
 
 @on_engines
-@pytest.mark.parametrize('robot', ARMS)
+@pytest.mark.parametrize('robot', by_kind(ARMS))
 def test_gravity_of_any_direction(engine, robot):
     """An arm on a wall or a ceiling."""
     case = make_case(engine, description(robot), gravity=(3.1, -7.2, 4.4))
@@ -483,7 +501,7 @@ def test_friction(engine, robot):
 
 
 @on_engines
-@pytest.mark.parametrize('robot', MIMIC)
+@pytest.mark.parametrize('robot', by_kind(MIMIC))
 def test_mimic_joints_of_any_relation(engine, robot):
     """Multipliers of any size, offsets and a chain of leaders; the robots' own are ±1 and 0."""
     urdf = with_other_relations(description(robot), np.random.default_rng(17))
