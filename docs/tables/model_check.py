@@ -52,22 +52,27 @@ def table(directory: Path) -> str:
     paths = sorted(directory.rglob('*.urdf'))
     stems = Counter(path.stem for path in paths)
     for path in paths:
-        xml, name = path.read_text(encoding='utf-8'), path.stem
+        name = path.stem
         if stems[name] > 1:
             name = f'{path.relative_to(directory).parts[0]}/{name}'
         try:
-            arm = load_arm(xml)
+            rows.append(row(name, path))
         except ModelError as error:
             reason, _, _ = str(error).removeprefix('robot_description: ').partition(', expected')
             refused.append(f'- `{name}`: {reason}\n')
-            continue
-        findings = check_model(xml, arm, meshes=MeshReader(path.parent))
-        rows.append(
-            f'| {name} | {arm.joint_count} | {_counts(findings, "error")} | '
-            f'{_counts(findings, "warning")} | {_gravity(arm)} | {_condition(arm)} |\n')
     return (
         f'{len(rows)} robots of {PACKAGE} {metadata.version(PACKAGE)}:\n\n{HEAD}{"".join(rows)}\n'
         f'Not loaded, and so not checked:\n\n{"".join(refused)}')
+
+
+def row(name: str, path: Path) -> str:
+    """Return the row of one robot; raise ModelError if its URDF cannot be loaded."""
+    xml = path.read_text(encoding='utf-8')
+    arm = load_arm(xml)
+    findings = check_model(xml, arm, meshes=MeshReader(path.parent))
+    return (
+        f'| {name} | {arm.joint_count} | {_counts(findings, "error")} | '
+        f'{_counts(findings, "warning")} | {_gravity(arm)} | {_condition(arm)} |\n')
 
 
 def _counts(findings: list[Finding], level: str) -> str:
