@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 from robots import missing
 from ros_harness import TIMEOUT
+from suite_header import chromium_program
 
-PROGRAMS = ('chromium', 'chromium-browser', 'google-chrome')
 # Software draws here; it is to leave the machine to the nodes.
 OPTIONS = (
     '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
@@ -49,7 +49,7 @@ MOST_PICTURES = 50
 @contextmanager
 def chromium(directory: Path) -> Iterator[Any]:
     """Run the browser of the machine, with whatever time the others leave it."""
-    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    program = chromium_program()
     if program is None:
         missing('no Chromium on the PATH (Debian: apt install chromium)')
     try:

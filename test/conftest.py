@@ -29,6 +29,7 @@ from typing import Any, TYPE_CHECKING
 from fault_table import Row, row_of, seen_words, write_page
 import pytest
 from robots import must_have_everything
+from suite_header import SuiteHeader, Tool
 
 if TYPE_CHECKING:
     from ros_harness import RosClient
@@ -90,6 +91,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[ROWS] = {}
+    config.pluginmanager.register(SuiteHeader(
+        Tool('ROS', lambda: not absent_for_ros(), IMPORTS_ROS)))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

@@ -100,6 +100,11 @@ def robot_path(name: str) -> Path:
     missing(f'{PACKAGE} is not installed: no description of {name}')
 
 
+def is_installed() -> bool:
+    """Return whether there is a directory with the robots."""
+    return any(directory.is_dir() for directory in _robot_directories())
+
+
 def robot_urdf(name: str) -> str:
     """Return the text of the URDF of one of `ROBOTS`; skip the test where it is missing."""
     return robot_path(name).read_text(encoding='utf-8')
