@@ -83,6 +83,11 @@ class ArmModel:
         return len(self.joint_names)
 
     @property
+    def is_continuous(self) -> BoolArray:
+        """Which joints turn without end, (n,): whole turns of them are no displacement."""
+        return np.array([kind == 'continuous' for kind in self.joint_kinds], dtype=np.bool_)
+
+    @property
     def gear_ratios(self) -> dict[str, float]:
         """
         The gear ratios N that transmissions of the URDF state, by joint; a joint may have none.

@@ -86,6 +86,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         losses = tuple(loss.words(origin) for loss in recording.losses)
         remarks = [*recording.notes, *series.faults.words()]
     arm = described_arm(urdf, joints, settings.parameters)
+    series = series.unwrapped(arm.is_continuous)
     series, wild = _plausible(series, arm, settings.parameters)
     heard, series = len(series.stamps_ns), series.driven()
     held = heard - len(series.stamps_ns)

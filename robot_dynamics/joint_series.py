@@ -28,10 +28,15 @@ from robot_dynamics.joint_state_bytes import (
     NANOSECONDS_PER_SECOND,
 )
 from robot_dynamics.sample_faults import advancing_and_repeated, gaps_between, SampleFaults
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+from robot_dynamics.whole_turns import unwrapped
 
 BRAKES_LAST = 0.06
 """[s] without any effort between two samples with one that are taken for brakes."""
+LONGEST_HOLE = 0.05
+"""[s] without samples that is bridged, if at least `LONGEST_HOLE_SAMPLES` intervals are longer."""
+LONGEST_HOLE_SAMPLES = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +67,26 @@ class JointSeries:
         """Return the samples of the first so many seconds."""
         rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
         return self._chosen(rows, np.arange(len(self.joint_names)))
+
+    def stretches(self) -> list[IntArray]:
+        """Return the rows of each stretch of samples without a gap."""
+        periods = np.diff(self.times)
+        if not len(periods):
+            return [np.arange(len(self.stamps_ns))]
+        longest = max(LONGEST_HOLE, LONGEST_HOLE_SAMPLES * float(np.median(periods)))
+        return np.split(np.arange(len(self.stamps_ns)), np.flatnonzero(periods > longest) + 1)
+
+    def unwrapped(self, is_continuous: BoolArray) -> 'JointSeries':
+        """
+        Return the samples without steps of whole turns at continuous joints (`whole_turns`).
+
+        `is_continuous` is (n,). Each stretch without a gap begins at its recorded position,
+        because the turns during a gap are not known.
+        """
+        if self.position is None:
+            return self
+        return replace(self, position=np.concatenate([
+            unwrapped(self.position[rows], is_continuous) for rows in self.stretches()]))
 
     def driven(self) -> 'JointSeries':
         """

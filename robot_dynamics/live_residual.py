@@ -23,10 +23,10 @@ instant, √2/ω ago, and of the same band.
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.effort_residual import model_terms
 from robot_dynamics.low_pass import LowPass
 from robot_dynamics.validation import FloatArray
+from robot_dynamics.whole_turns import nearest_turn
 
 
 class LiveResidual:
@@ -37,7 +37,7 @@ class LiveResidual:
         self._dynamics = dynamics
         self._position, self._velocity = LowPass(bandwidth), LowPass(bandwidth)
         self._effort = LowPass(bandwidth)
-        self._turns = np.array([kind == 'continuous' for kind in dynamics.arm.joint_kinds])
+        self._is_continuous = dynamics.arm.is_continuous
         self._last: FloatArray | None = None
         self._settled = 0.0
 
@@ -78,8 +78,5 @@ class LiveResidual:
 
     def _unwound(self, q: FloatArray) -> FloatArray:
         """Return the position without the steps of whole turns that encoders may make."""
-        if self._last is not None and self._turns.any():
-            way = q - self._last
-            q = self._last + np.where(self._turns, wrap_to_pi(way), way)
-        self._last = q
-        return q
+        self._last = q if self._last is None else nearest_turn(q, self._last, self._is_continuous)
+        return self._last

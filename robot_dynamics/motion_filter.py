@@ -34,9 +34,6 @@ from robot_dynamics.validation import check_scalar, FloatArray
 from robot_dynamics.velocity_check import contradicts_position
 
 FILTER_ORDER = 4
-LONGEST_HOLE = 0.05
-"""[s] without samples that is bridged, if at least `LONGEST_HOLE_SAMPLES` intervals are longer."""
-LONGEST_HOLE_SAMPLES = 2.5
 SHORTEST_SEGMENT = 2.0
 """Periods of the cut-off frequency that a segment between two gaps must last to be of use."""
 EDGE = 0.5
@@ -94,7 +91,8 @@ def filter_motion(
     `cutoff_hz` [Hz] is where the filter of this `order`, run forward and backward, halves an
     amplitude; None chooses it from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled
     to the median interval between gaps and read back at the stamps. Velocity that was not
-    recorded, or is no derivative of the position, is differentiated from position.
+    recorded, or is no derivative of the position, is differentiated from position. The position
+    must not step by whole turns (`JointSeries.unwrapped`).
 
     Raises RecordingError where there is no position or too few samples, InvalidInputError for a
     cut-off that the sampling rate cannot bear, MissingDependencyError without scipy.
@@ -107,7 +105,7 @@ def filter_motion(
             f'{4 * (order + 1)} to filter')
     interval = float(np.median(np.diff(series.times)))
     rate = 1.0 / interval
-    segments = _between_gaps(series.times, interval)
+    segments = series.stretches()
     bad = np.zeros(len(series.joint_names), dtype=np.bool_) if series.velocity is None else (
         contradicts_position(series.times, series.position, series.velocity, segments))
     if cutoff_hz is None:
@@ -167,13 +165,6 @@ def _join(
         left_out=len(series.stamps_ns) - len(rows),
         differentiated=tuple(
             name for name, is_bad in zip(series.joint_names, bad) if is_bad))
-
-
-def _between_gaps(times: FloatArray, interval: float) -> list[IntArray]:
-    """Return the rows of each stretch of samples without a gap."""
-    longest = max(LONGEST_HOLE, LONGEST_HOLE_SAMPLES * interval)
-    breaks = np.flatnonzero(np.diff(times) > longest) + 1
-    return np.split(np.arange(len(times)), breaks)
 
 
 def _acceleration(

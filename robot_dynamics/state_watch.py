@@ -26,11 +26,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from robot_dynamics.whole_turns import nearest_turn
 
 SAME_CLOCK = 3600.0
 """[s] within which the first stamp is taken to be of the clock of this computer."""
@@ -188,9 +187,7 @@ class StateWatch:
                 f'expected it later; {crowd}', is_conflict=True)
         speed = self._velocity_limit if v is None else np.maximum(
             self._velocity_limit, np.abs(v))
-        way = q - self._q
-        moved = np.abs(np.where(
-            self._wraps, way - 2.0 * np.pi * np.round(way / (2.0 * np.pi)), way))
+        moved = np.abs(nearest_turn(q, self._q, self._wraps) - self._q)
         too_far = moved > PLAY + SPEED_FACTOR * speed * dt
         if too_far.any():
             j = int(np.argmax(too_far))

@@ -20,6 +20,7 @@ import shutil
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
+from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.message_tables import joint_state_messages
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.recording import JOINT_STATE
@@ -35,9 +36,9 @@ FORMATS = {
 
 
 class KnownMotion:
-    """Two sines at each joint of the default arm, with the effort of inverse dynamics."""
+    """Two sines about `rest` at each joint of an arm, with the effort of inverse dynamics."""
 
-    def __init__(self, seconds=12.0, rate=RATE, urdf=None, seed=0):
+    def __init__(self, seconds=12.0, rate=RATE, urdf=None, seed=0, rest=0.0):
         self.arm = load_arm(urdf or default_arm_urdf())
         self.names = self.arm.joint_names
         t = np.arange(0.0, seconds, 1.0 / rate)
@@ -50,14 +51,16 @@ class KnownMotion:
             q += amplitude * np.sin(x)
             v += amplitude * w * np.cos(x)
             a -= amplitude * w**2 * np.sin(x)
+        q += rest
         self.q, self.v, self.a = q, v, a
         self.tau = ArmDynamics(self.arm).inverse_dynamics_batch(q, v, a)
         self.stamps_ns = START_NS + np.round(1e9 * t).astype(np.int64)
 
-    def messages(self, names=None, velocity=True, effort=True):
-        """Return stamps and serialized joint states."""
+    def messages(self, names=None, velocity=True, effort=True, wrapped=False):
+        """Return stamps and serialized joint states, `wrapped` with positions within ±π."""
+        q = wrap_to_pi(self.q) if wrapped else self.q
         return list(zip(self.stamps_ns.tolist(), joint_state_messages(
-            self.stamps_ns, names or self.names, self.q, self.v if velocity else None,
+            self.stamps_ns, names or self.names, q, self.v if velocity else None,
             self.tau if effort else None)))
 
 

@@ -14,6 +14,7 @@
 
 """The animation: what stands on the stage and in the bars, and the tool that draws it."""
 
+from dataclasses import replace
 import re
 
 import numpy as np
@@ -24,6 +25,7 @@ from robot_dynamics.arm_motion import simulate_motion
 from robot_dynamics.chain_animation import chain_frames
 from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
 from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_for, StageScales
+from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.plotting import styled_figure
@@ -186,6 +188,22 @@ def test_a_recording_is_drawn(recorded_swing, tmp_path, capsys):
         str(recorded_swing), '--from', '0.5', '--duration', '1', '--rate', '2', '--stop',
         '-o', str(tmp_path / 'x.gif')]) == 0
     assert 'x.gif: 3 frames' in capsys.readouterr().out
+
+
+def test_a_recording_whose_positions_wrap_has_the_same_picture(tmp_path):
+    """A pendulum about its rest pose, where a position within ±π steps by 2π."""
+    motion = simulate_motion(load_arm(default_arm_urdf()), 3.0, 100.0)
+    assert np.abs(motion.position).max() > np.pi
+    pictures = []
+    for name, position in (
+            ('straight', motion.position), ('wrapped', wrap_to_pi(motion.position))):
+        bag = write_bag(
+            tmp_path / name, replace(motion, position=position), ['joint1', 'joint2'])
+        assert main([str(bag), '--rate', '2', '--stop', '-o', str(tmp_path / 'x.gif')]) == 0
+        with Image.open(tmp_path / 'x.gif') as picture:
+            picture.seek(picture.n_frames - 1)
+            pictures.append(np.asarray(picture.convert('RGB'), dtype=float))
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.01
 
 
 def test_the_description_in_the_recording_is_used(tmp_path, capsys):

@@ -38,6 +38,7 @@ pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 UR10 = Path(__file__).parents[2] / 'shared' / 'data' / 'ur10'
 URDF = default_arm_urdf()
 MOTION = KnownMotion()
+HANGING = KnownMotion(rest=(np.pi, 0.0))
 SETTINGS = AnalysisSettings(URDF)
 
 
@@ -61,6 +62,19 @@ def test_the_right_model_explains_a_noise_free_recording(known):
     assert analysis.statistics.sample_count == counts.sum() > 0.8 * len(counts)
     np.testing.assert_allclose(
         analysis.residual, analysis.measured - analysis.terms.effort, atol=1e-12)
+
+
+@pytest.mark.parametrize('velocity', [True, False])
+def test_positions_that_wrap_change_nothing(tmp_path, velocity):
+    """The arm swings about its rest pose, where a position within ±π steps by 2π."""
+    straight, wrapped = (
+        analyze_recording(write_recording(tmp_path / name, HANGING.messages(
+            velocity=velocity, wrapped=name == 'wrapped')), SETTINGS)
+        for name in ('straight', 'wrapped'))
+    assert (wrapped.statistics.relative < (2e-3 if velocity else 2e-2)).all()
+    assert wrapped.motion.differentiated == ()
+    assert wrapped.motion.cutoff_hz == straight.motion.cutoff_hz
+    assert wrapped.statistics.relative == pytest.approx(straight.statistics.relative, rel=1e-6)
 
 
 def test_use_of_limits(known):

@@ -23,6 +23,7 @@ import sys
 
 import numpy as np
 import pytest
+from recordings import KnownMotion, write_recording
 from robot_dynamics.recording import Recording, stack
 from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_nodes import choose_domain
@@ -275,6 +276,16 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
     np.testing.assert_array_equal(again.position, played.position)
     np.testing.assert_array_equal(answers.stamps_ns, played.stamps_ns)
     assert (tmp_path / 'here' / 'demo.png').stat().st_size > 10000
+
+
+def test_replay_of_positions_that_wrap(tmp_path):
+    """Exact effort of the default arm that swings about its rest pose, positions within ±π."""
+    motion = KnownMotion(seconds=4.0, rest=(np.pi, 0.0))
+    write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
+    status, out, err = run_demo(
+        tmp_path, '--replay', tmp_path / 'bag', '--no-plot', '--out', 'here')
+    assert status == 0, out + err
+    assert max(relative_residuals(out).values()) < 1.0
 
 
 def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):

@@ -20,7 +20,7 @@ from pathlib import Path
 from identification_bench import changed_arm, fourier_motion, rigid_effort
 import numpy as np
 import pytest
-from recordings import START_NS, write_recording
+from recordings import KnownMotion, START_NS, write_recording
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.message_tables import joint_state_messages
@@ -112,6 +112,17 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
             # and that is not the URDF's model
             before = ArmDynamics(ARM).inverse_dynamics(*state)
             assert np.abs(np.array(response.effort) - before).max() > 0.5
+
+
+def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf):
+    """Exact effort of the arm that hangs: its position within ±π steps by whole turns."""
+    motion = KnownMotion(seconds=16.0, rest=(np.pi, 0.0))
+    write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
+    assert main([
+        str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) == DONE
+    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    for model in ('urdf', 'base', 'consistent'):
+        assert max(figures['residual'][model]['test']) < 5e-3
 
 
 def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):

@@ -46,7 +46,7 @@ LAYERS = {
         'result_store', 'runge_kutta', 'sample_faults',
         'set_point_stream', 'state_watch',
         'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
-        'fourier_series', 'low_pass', 'momentum_observer',
+        'fourier_series', 'low_pass', 'momentum_observer', 'whole_turns',
     ),
     # and Pinocchio
     'model': ('arm_dynamics', 'arm_model', 'joint_order', 'regressor', 'rigid_body'),

@@ -221,6 +221,35 @@ def test_brakes_are_told_by_an_effort_of_nothing(braked, left):
     assert without.driven() is without
 
 
+@given(
+    st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=60), st.floats(-50.0, 50.0),
+    st.integers(0, 59))
+@settings(deadline=None)
+def test_whole_turns_are_removed_only_at_continuous_joints(steps, first, gap_at):
+    """A law: unwrapped positions are the true ones, up to whole turns of each stretch."""
+    true = first + np.cumsum(steps)
+    q = np.column_stack([np.remainder(true + np.pi, 2.0 * np.pi) - np.pi, 4.0 * true])
+    stamps = 10**7 * np.arange(len(q))
+    stamps[gap_at:] += 10**9
+    series = JointSeries(('turns', 'limited'), stamps, q, None, None, 0)
+    found = series.unwrapped(np.array([True, False])).position
+    assert found[:, 1].tolist() == q[:, 1].tolist()
+    for rows in series.stretches():
+        assert found[rows[0], 0] == q[rows[0], 0]
+        assert found[rows, 0] - true[rows] == pytest.approx(
+            np.full(len(rows), found[rows[0], 0] - true[rows[0]]), abs=1e-9)
+    if 0 < gap_at < len(q) and len(q) > 2:
+        assert [len(rows) for rows in series.stretches()] == [gap_at, len(q) - gap_at]
+
+
+def test_positions_that_do_not_wrap_are_unchanged():
+    q = np.linspace(-20.0, 20.0, 200).reshape(100, 2)
+    series = JointSeries(('a', 'b'), 10**7 * np.arange(100), q, None, None, 0)
+    assert series.unwrapped(np.array([True, True])).position.tolist() == q.tolist()
+    without = JointSeries(('a', 'b'), 10**7 * np.arange(100), None, q, None, 0)
+    assert without.unwrapped(np.array([True, True])) is without
+
+
 # --- which topic ---------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('topics', 'chosen'), [

@@ -19,7 +19,6 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import InertiaStamped
-import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arm_model import ArmModel, load_arm
@@ -240,8 +239,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         controller = Controller(arm, options)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
         watch = StateWatch(
-            arm.joint_names, arm.limits.velocity, values['state_max_age'],
-            np.array([kind == 'continuous' for kind in arm.joint_kinds]))
+            arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
         estimates = Estimates(controller, options.semantics, values)
         self._path.use(
             controller, watch, check, estimates, guard_limits(values, arm),

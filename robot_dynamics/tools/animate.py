@@ -155,7 +155,8 @@ def _recorded_motion(arguments: argparse.Namespace, duration: float, rate: float
     arm = load_arm(urdf, arguments.joints)
     PlanarView(arm)
     _check_joints(arm, series, arguments.bag)
-    measured = filter_motion_below(series.of_joints(arm.joint_names), CUTOFF)
+    series = series.of_joints(arm.joint_names).unwrapped(arm.is_continuous)
+    measured = filter_motion_below(series, CUTOFF)
     last = measured.times[-1]
     start = check_scalar('--from', arguments.start, 0.0, last)
     shown = (measured.times >= start) & (measured.times <= start + duration)

@@ -129,7 +129,7 @@ def play_recording(
     held = len(series.stamps_ns) - len(driven.stamps_ns)
     if held:
         print(f'  {counted(held, "state")} without any effort (brakes): played, not compared')
-    motion = filter_motion_below(driven, CUTOFF)
+    motion = filter_motion_below(driven.unwrapped(arm.is_continuous), CUTOFF)
     print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
     now = {'ns': int(series.stamps_ns[0])}
     with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:

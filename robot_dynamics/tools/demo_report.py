@@ -98,8 +98,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     measured = states.position[during]
     reference = sample_trajectory(run.motion.trajectory, times).position
     error = reference - measured
-    turning = np.array([kind == 'continuous' for kind in arm.joint_kinds])
-    error[:, turning] = wrap_to_pi(error[:, turning])
+    error[:, arm.is_continuous] = wrap_to_pi(error[:, arm.is_continuous])
     commanded = np.isin(stamps, commands.stamps_ns)
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(

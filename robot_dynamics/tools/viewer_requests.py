@@ -55,7 +55,7 @@ def motion_time(
     limit = arm.limits.velocity
     fastest = speed * np.where(np.isfinite(limit) & (limit > 0.0), limit, default)
     way = np.abs(np.where(
-        np.array(arm.joint_kinds) == 'continuous', wrap_to_pi(goal - q), goal - q))
+        arm.is_continuous, wrap_to_pi(goal - q), goal - q))
     return float(max(
         SHORTEST_MOTION, (_PEAK_VELOCITY * way / fastest).max(),
         np.sqrt(_PEAK_ACCELERATION * way * RISE_TIME / fastest).max(),

@@ -1,0 +1,55 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Whole turns of continuous joints, which many drivers remove from the measured position.
+
+A continuous joint reaches the same pose after a whole turn, so that a driver may report its
+position within ±π, in which case it steps by 2π. Between two samples it is assumed to turn by less
+than half a turn. Other joints are never changed: the position limits of a revolute joint
+distinguish whole turns, so that a step of 2π is a motion or a fault, and a prismatic joint has no
+turns.
+"""
+
+import numpy as np
+from robot_dynamics.sticking import BoolArray
+from robot_dynamics.validation import FloatArray
+
+
+def nearest_turn(
+    position: FloatArray, near: FloatArray, is_continuous: BoolArray,
+) -> FloatArray:
+    """
+    Return positions (..., n) [rad or m], at continuous joints moved by whole turns.
+
+    They are then within half a turn of `near` (..., n); `is_continuous` is (n,).
+    """
+    return np.asarray(position - _whole_turns(position - near, is_continuous))
+
+
+def unwrapped(position: FloatArray, is_continuous: BoolArray) -> FloatArray:
+    """
+    Return successive positions (m, n) [rad or m] without steps of whole turns.
+
+    The first sample, and every joint that is not continuous (`is_continuous` is (n,)), is
+    unchanged.
+    """
+    turns = np.cumsum(_whole_turns(np.diff(position, axis=0), is_continuous), axis=0)
+    return np.concatenate((position[:1], position[1:] - turns))
+
+
+def _whole_turns(displacement: FloatArray, is_continuous: BoolArray) -> FloatArray:
+    """Return the whole turns nearest to displacements [rad], 0 at other joints."""
+    turn = 2.0 * np.pi
+    return np.where(is_continuous, turn * np.rint(displacement / turn), 0.0)
