@@ -33,12 +33,14 @@ from robot_dynamics.actuator import Actuators
 from robot_dynamics.effort_semantics import EffortSemantics, joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.friction import JointFriction
 from robot_dynamics.gravity_verdict import GravityVerdict
+from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
+from robot_dynamics.whole_turns import nearest_turn
 
 STILL_VELOCITY = 0.05
 """[rad/s] or [m/s] that every joint must stay below, each sample: as much may be noise."""
 STILL_BAND = 0.0025
-"""[rad] or [m] around the first sample that every joint must keep to."""
+"""[rad] or [m] around the first sample that every joint must keep to, up to whole turns."""
 WINDOW_NS = 500_000_000
 MIN_SAMPLES = 20
 MAX_GAP_NS = 250_000_000
@@ -81,8 +83,14 @@ class GravityCheck:
 
     def __init__(
         self, semantics: EffortSemantics, friction: JointFriction, actuators: Actuators | None,
+        is_continuous: BoolArray,
     ) -> None:
-        """`friction` and `actuators` are those known of the arm: they make the check careful."""
+        """
+        `friction` and `actuators` are those known of the arm: they make the check careful.
+
+        `is_continuous` (n,) marks the joints whose position may step by whole turns.
+        """
+        self._is_continuous = is_continuous
         self._semantics, self._actuators = semantics, actuators
         self._friction = friction.static + np.abs(friction.offset)
         gears = actuators is not None and semantics.measured_effort in MOTOR_SIDE
@@ -130,7 +138,12 @@ class GravityCheck:
         return (
             0 < t - self._last_time <= MAX_GAP_NS and (command is not None) == self._commanded
             and (v is None or bool(np.abs(v).max() <= STILL_VELOCITY))
-            and bool(np.abs(q - self._first_position).max() <= STILL_BAND))
+            and self._distance(q) <= STILL_BAND)
+
+    def _distance(self, q: FloatArray) -> float:
+        """Return the largest displacement [rad] or [m] of a joint since the first sample."""
+        first = self._first_position
+        return float(np.abs(nearest_turn(q, first, self._is_continuous) - first).max())
 
     def _judge(self) -> GravityVerdict | None:
         """Return the verdict of a whole window, or None and say in `waiting` why there is none."""

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.control import make_gains
+from robot_dynamics.control import make_gains, wrap_to_pi
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.friction import JointFriction, make_friction
@@ -41,6 +41,7 @@ from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 Q, ZERO = np.array([0.8, 0.5]), np.zeros(2)
+CONTINUOUS = np.array([True, False])
 G = np.array([-50.0, 10.0])
 PERIOD_NS = 5_000_000
 GRAVITY, LACKS = ('gravity',), 'joint_torque_without_gravity'
@@ -51,7 +52,7 @@ def make_check(
     actuators: Any = None,
 ) -> GravityCheck:
     return GravityCheck(
-        semantics or EffortSemantics(), friction or make_friction(NAMES), actuators)
+        semantics or EffortSemantics(), friction or make_friction(NAMES), actuators, CONTINUOUS)
 
 
 def hold(
@@ -130,6 +131,22 @@ def test_currents_are_converted_and_gears_widen_the_tolerance(
     assert verdict.measured == pytest.approx(2.0 * G)
     assert verdict.tolerance == pytest.approx(tolerance, abs=1e-3)
     assert not verdict.agrees
+
+
+@pytest.mark.parametrize(('joint', 'decides'), [(0, True), (1, False)])
+def test_a_continuous_joint_rests_where_its_position_wraps(joint: int, decides: bool) -> None:
+    """Noise makes the position alternate between π and −π; at another joint that is motion."""
+    random, check, verdict = np.random.default_rng(2), make_check(), None
+    rest = Q.copy()
+    rest[joint] = np.pi
+    for k in range(200):
+        q = rest + 1e-4 * random.standard_normal(2)
+        q[joint] = wrap_to_pi(q[joint])
+        found = check.add(k * PERIOD_NS, q, ZERO, 2.0 * G, G, G)
+        verdict = verdict or found
+    assert (verdict is not None) == decides
+    if verdict is not None:
+        assert verdict.share == pytest.approx(1.0)
 
 
 # --- friction and noise --------------------------------------------------------------------------
@@ -278,7 +295,7 @@ def closed_loop(
     controller = Controller(ARM, ControllerOptions(make_gains(NAMES), semantics=declared))
     robot_side = RobotSide(
         arm, EffortSemantics(declared.measured_effort, robot))
-    check = GravityCheck(declared, arm.friction, None)
+    check = GravityCheck(declared, arm.friction, None, arm.is_continuous)
     simulation = ArmSimulation(arm, q)
     if load:
         simulation.set_payload(make_payload('tool0', load))
