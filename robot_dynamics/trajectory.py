@@ -41,18 +41,26 @@ from robot_dynamics.trajectory_checks import (
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
 
 __all__ = [
-    'ActiveTrajectory', 'JointTrajectory', 'make_trajectory', 'quintic_point_to_point',
-    'quintic_via_points', 'Reference', 'sample_segment', 'TrajectoryFollower', 'TrajectoryPoint',
+    'ActiveTrajectory', 'JointTrajectory', 'make_trajectory', 'position_coefficients',
+    'quintic_point_to_point', 'quintic_via_points', 'Reference', 'sample_segment',
+    'TrajectoryFollower', 'TrajectoryPoint',
 ]
 
 # Coefficients of 1, s, s², … for s = (t - t0) / T in [0, 1], from the values at both ends, each
-# derivative by s: cubic from (q0, v0, q1, v1), quintic from (q0, v0, a0, q1, v1, a1).
-_CUBIC = np.array([
+# derivative by s: linear from (q0, q1), cubic from (q0, v0, q1, v1), quintic from
+# (q0, v0, a0, q1, v1, a1).
+_LINEAR = np.zeros((6, 2))
+_LINEAR[:2] = [
+    [1.0, 0.0],
+    [-1.0, 1.0],
+]
+_CUBIC = np.zeros((6, 4))
+_CUBIC[:4] = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
     [-3.0, -2.0, 3.0, -1.0],
     [2.0, 1.0, -2.0, 1.0],
-])
+]
 _QUINTIC = np.array([
     [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
@@ -61,6 +69,7 @@ _QUINTIC = np.array([
     [15.0, 8.0, 1.5, -15.0, 7.0, -1.0],
     [-6.0, -3.0, -0.5, 6.0, -3.0, 0.5],
 ])
+_BY_FIELDS = {1: _LINEAR, 2: _CUBIC, 3: _QUINTIC}
 _ORDERS = np.arange(6.0)[:, np.newaxis]
 
 
@@ -116,26 +125,38 @@ def sample_segment(
 
 def _coefficients(p0: TrajectoryPoint, p1: TrajectoryPoint, T: float) -> FloatArray:
     """Return the coefficients of 1, s, …, s⁵ for s = t / T, of q, q̇ and q̈ side by side."""
-    c = _coefficients_of_position(p0, p1, T)
+    c = position_coefficients(*_common_fields(p0, p1), T)
     v, a = np.zeros_like(c), np.zeros_like(c)
     v[:5] = c[1:] * (_ORDERS[1:] / T)
     a[:4] = c[2:] * (_ORDERS[2:] * _ORDERS[1:5] / T**2)
     return np.hstack((c, v, a))
 
 
-def _coefficients_of_position(
-    p0: TrajectoryPoint, p1: TrajectoryPoint, T: float,
+def _common_fields(
+    p0: TrajectoryPoint, p1: TrajectoryPoint,
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return position, velocity and acceleration of two points, as far as both have them."""
+    start, end = [p0.position], [p1.position]
+    for x0, x1 in ((p0.velocity, p1.velocity), (p0.acceleration, p1.acceleration)):
+        if x0 is None or x1 is None:
+            break
+        start.append(x0)
+        end.append(x1)
+    return start, end
+
+
+def position_coefficients(
+    start: Sequence[FloatArray], end: Sequence[FloatArray], T: FloatArray | float,
 ) -> FloatArray:
-    c = np.zeros((6, p0.position.size))
-    q0, v0, a0 = p0.position, p0.velocity, p0.acceleration
-    q1, v1, a1 = p1.position, p1.velocity, p1.acceleration
-    if v0 is None or v1 is None:
-        c[0], c[1] = q0, q1 - q0
-    elif a0 is None or a1 is None:
-        c[:4] = _CUBIC @ np.array((q0, v0 * T, q1, v1 * T))
-    else:
-        c[:] = _QUINTIC @ np.array((q0, v0 * T, a0 * T**2, q1, v1 * T, a1 * T**2))
-    return c
+    """
+    Return the coefficients (..., 6, n) of 1, s, …, s⁵ for s = t / T, of the position.
+
+    `start` and `end` have the fields of which the degree follows: position, velocity and
+    acceleration, or the first or the first two of these, each (..., n); T is a number, or
+    (..., 1) [s].
+    """
+    scaled = [x * T**order for side in (start, end) for order, x in enumerate(side)]
+    return np.asarray(_BY_FIELDS[len(start)] @ np.stack(scaled, axis=-2))
 
 
 def _evaluate(c: FloatArray, s: float) -> Reference:

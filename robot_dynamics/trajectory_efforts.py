@@ -12,25 +12,39 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The efforts that a trajectory takes at its points, and whether the arm has them."""
+"""The efforts that a trajectory takes, and whether the arm has them along the whole motion."""
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
+from robot_dynamics.trajectory import JointTrajectory, Reference
+from robot_dynamics.trajectory_segments import IntArray, TrajectorySegments
 from robot_dynamics.validation import FloatArray
+
+INTERVALS = 32
+"""Into how many a segment is divided, unless the joints move far or there are many segments."""
+LEAST_INTERVALS = 4
+"""Likewise in a trajectory of very many segments."""
+STEP = 0.1
+"""[rad] or [m] that all joints together move in one interval, on average over the segment."""
+MOST_INTERVALS = 8_000
+"""Of all segments together, unless LEAST_INTERVALS need more: this bounds the work."""
+PEAKS = 64
+"""Local maxima of the samples around which the largest share is searched for."""
+_ROUNDS, _REFINED = 4, 9
+_CHUNK = 1024
 
 
 class TrajectoryEfforts(NamedTuple):
     """
-    Efforts (points, n) at the points, and where they come closest to the arm's limits.
+    Efforts (points, n) at the points, and where the motion comes closest to the arm's limits.
 
-    `worst_ratio` is |value| / limit of `worst_joint` at `worst_time` [s] from the start, and
-    `worst_limit` says of what: 'effort', or with motors 'current' or 'voltage', which are steady
-    (`Actuators.load`). Without any limit it is 0.
+    `worst_ratio` is |value| / limit of `worst_joint` at `worst_time` [s] from the start, the
+    largest at and between the points, and `worst_limit` names the limited value: 'effort', or with
+    motors 'current' or 'voltage', which are steady (`Actuators.load`). Without any limit the ratio
+    is 0.
     """
 
     efforts: FloatArray
@@ -45,39 +59,99 @@ def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Tr
     """
     Return inverse dynamics along a trajectory, whose joints are in the arm's order.
 
-    A point's own velocity and acceleration are used; what it leaves out is what the
-    interpolation has at that time.
+    At the points, a point's own velocity and acceleration are used; what it leaves out is what
+    the interpolation has at that time. The limits are compared with the efforts at the points, on
+    the interpolated motion from the first to the last point, and in the rest after the last of
+    several points. The largest share between the points is sampled and refined, to about 1e-5
+    where the efforts are continuous.
     """
-    q, v, a = (np.array(rows) for rows in zip(*_motion(trajectory)))
-    efforts = dynamics.inverse_dynamics_batch(q, v, a)
-    shares = _shares(dynamics.arm, efforts, v, a)
-    ratios = np.array(list(shares.values()))
-    limit, i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
-    worst = float(ratios[limit, i, joint])
+    segments = TrajectorySegments(trajectory)
+    efforts = dynamics.inverse_dynamics_batch(*segments.points)
+    search = _Search(dynamics)
+    search.compare(segments.times, segments.points, efforts)
+    if segments.count:
+        last = segments.points.position[-1:]
+        search.compare(
+            segments.times[-1:], Reference(last, np.zeros_like(last), np.zeros_like(last)))
+        _search_segments(search, segments)
     return TrajectoryEfforts(
-        efforts, worst <= 1.0, dynamics.arm.joint_names[joint], worst,
-        trajectory.points[i].time_from_start, list(shares)[limit])
+        efforts, search.ratio <= 1.0, dynamics.arm.joint_names[search.joint], search.ratio,
+        search.time, search.limit)
 
 
-def _motion(trajectory: JointTrajectory) -> Iterator[Reference]:
-    """Yield position, velocity and acceleration at each point."""
-    first = trajectory.points[0].position
-    at_rest = Reference(first, np.zeros_like(first), np.zeros_like(first))
-    active = ActiveTrajectory(trajectory, 0, 0, at_rest)
-    for point in trajectory.points:
-        v, a = point.velocity, point.acceleration
-        if v is None or a is None:
-            sample = active.sample(round(1e9 * point.time_from_start))
-            v, a = sample.velocity if v is None else v, sample.acceleration if a is None else a
-        yield Reference(point.position, v, a)
+class _Search:
+    """The largest share of a limit that was found so far."""
+
+    def __init__(self, dynamics: ArmDynamics) -> None:
+        self._dynamics = dynamics
+        self.ratio, self.joint, self.time, self.limit = -1.0, 0, 0.0, ''
+
+    def compare(
+        self, times: FloatArray, motion: Reference, efforts: FloatArray | None = None,
+    ) -> FloatArray:
+        """Take samples (m, n) at times (m,) into account; return their largest shares, (m,)."""
+        if efforts is None:
+            efforts = self._dynamics.inverse_dynamics_batch(*motion)
+        shares = self._shares(efforts, motion)
+        ratios = np.array(list(shares.values()))
+        limit, i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+        if ratios[limit, i, joint] > self.ratio:
+            self.ratio, self.joint = float(ratios[limit, i, joint]), int(joint)
+            self.time, self.limit = float(times[i]), list(shares)[limit]
+        return np.asarray(ratios.max(axis=(0, 2)))
+
+    def _shares(self, efforts: FloatArray, motion: Reference) -> dict[str, FloatArray]:
+        """Return |value| / limit, (m, n), of all that is limited."""
+        arm = self._dynamics.arm
+        shares: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
+        if arm.actuators is not None:
+            load = arm.actuators.load(efforts, motion.velocity, motion.acceleration)
+            shares.update(current=load.current_ratio, voltage=load.voltage_ratio)
+        return shares
 
 
-def _shares(
-    arm: ArmModel, efforts: FloatArray, v: FloatArray, a: FloatArray,
-) -> dict[str, FloatArray]:
-    """Return |value| / limit, (points, n), of all that is limited."""
-    shares: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
-    if arm.actuators is not None:
-        load = arm.actuators.load(efforts, v, a)
-        shares.update(current=load.current_ratio, voltage=load.voltage_ratio)
-    return shares
+def _search_segments(search: _Search, segments: TrajectorySegments) -> None:
+    """Sample all segments, then more and more closely around the largest of the local maxima."""
+    intervals = _intervals(segments)
+    segment = np.repeat(np.arange(segments.count), intervals + 1)
+    first = np.cumsum(intervals + 1) - (intervals + 1)
+    width = 1.0 / intervals[segment]
+    share = (np.arange(len(segment)) - first[segment]) * width
+
+    def sampled(segment: IntArray, share: FloatArray) -> FloatArray:
+        chunks = (slice(i, i + _CHUNK) for i in range(0, len(segment), _CHUNK))
+        return np.concatenate([search.compare(
+            segments.time(segment[chunk], share[chunk]),
+            segments.sample(segment[chunk], share[chunk])) for chunk in chunks])
+
+    share = np.minimum(share, 1.0)
+    peaks = _largest_peaks(sampled(segment, share))
+    segment, share, width = segment[peaks], share[peaks], width[peaks]
+    grid = np.linspace(-1.0, 1.0, _REFINED)
+    for _ in range(_ROUNDS if len(peaks) else 0):
+        near = np.clip(share[:, np.newaxis] + grid * width[:, np.newaxis], 0.0, 1.0)
+        ratios = sampled(np.repeat(segment, _REFINED), near.ravel()).reshape(near.shape)
+        share = near[np.arange(len(near)), np.argmax(ratios, axis=1)]
+        width = width * (grid[1] - grid[0])
+
+
+def _intervals(segments: TrajectorySegments) -> npt.NDArray[np.intp]:
+    """Return into how many intervals each segment is divided, (k,)."""
+    k, quarters = segments.count, np.linspace(0.0, 1.0, 5)
+    q = segments.sample(np.repeat(np.arange(k), 5), np.tile(quarters, k)).position
+    moved = np.abs(np.diff(q.reshape(k, 5, -1), axis=1)).sum(axis=(1, 2))
+    wanted = np.clip(moved / STEP, INTERVALS, MOST_INTERVALS)
+    wanted *= min(1.0, MOST_INTERVALS / float(wanted.sum()))
+    return np.asarray(np.maximum(wanted, LEAST_INTERVALS), dtype=np.intp)
+
+
+def _largest_peaks(ratios: FloatArray) -> IntArray:
+    """Return the rows of the largest local maxima; what is constant has none."""
+    before = np.concatenate((ratios[:1], ratios[:-1]))
+    after = np.concatenate((ratios[1:], ratios[-1:]))
+    is_peak = (ratios >= before) & (ratios >= after) & (
+        ratios > (1.0 + 1e-9) * np.minimum(before, after))
+    rows = np.flatnonzero(is_peak)
+    largest = np.argsort(-ratios[rows], kind='stable')[:PEAKS]
+    found: IntArray = rows[largest]
+    return found

@@ -45,7 +45,8 @@ LAYERS = {
         'payload_transition', 'planar', 'planar_chain', 'planar_urdf', 'recording_loss',
         'result_store', 'runge_kutta', 'sample_faults',
         'set_point_stream', 'state_watch',
-        'sticking', 'trajectory', 'trajectory_checks', 'transmissions', 'urdf', 'validation',
+        'sticking', 'trajectory', 'trajectory_checks', 'trajectory_segments', 'transmissions',
+        'urdf', 'validation',
         'fourier_series', 'low_pass', 'momentum_observer', 'whole_turns',
     ),
     # and Pinocchio

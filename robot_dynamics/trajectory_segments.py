@@ -1,0 +1,98 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The interpolation of `trajectory` at many samples on all segments at once."""
+
+import numpy as np
+import numpy.typing as npt
+from robot_dynamics.trajectory import JointTrajectory, position_coefficients, Reference
+from robot_dynamics.validation import FloatArray
+
+IntArray = npt.NDArray[np.intp]
+
+_ORDERS = np.arange(6)
+
+
+class TrajectorySegments:
+    """
+    The k segments between the k + 1 points of a trajectory of n joints.
+
+    The motion that leads to the first point is not one of them. `points` holds position, velocity
+    and acceleration at the points, (k + 1, n) each: a point's own, and what it leaves out as
+    `ActiveTrajectory` samples it there, on the segment that begins.
+    """
+
+    def __init__(self, trajectory: JointTrajectory) -> None:
+        points = trajectory.points
+        self.times: FloatArray = np.array([point.time_from_start for point in points])
+        """[s] of the points, (k + 1,)."""
+        q: FloatArray = np.array([point.position for point in points])
+        v, has_v = _field([point.velocity for point in points], q)
+        a, has_a = _field([point.acceleration for point in points], q)
+        T = self._duration = np.diff(np.rint(1e9 * self.times))[:, np.newaxis] / 1e9
+        self._coefficients = np.zeros((len(points) - 1, 6, q.shape[1]))
+        self._end_velocity = np.diff(q, axis=0) / T
+        both_v = has_v[1:] & has_v[:-1]
+        fields = 1 + both_v + (both_v & has_a[1:] & has_a[:-1])
+        for count in (1, 2, 3):
+            rows, given = np.flatnonzero(fields == count), (v, a)[:count - 1]
+            # From the start position on, so that a joint that rests has no velocity of rounding.
+            way = np.zeros_like(q[rows]), q[rows + 1] - q[rows]
+            self._coefficients[rows] = position_coefficients(
+                [way[0], *(x[rows] for x in given)], [way[1], *(x[rows + 1] for x in given)],
+                T[rows])
+            if count > 1:
+                self._end_velocity[rows] = v[rows + 1]
+        self._coefficients[:, 0] += q[:-1]
+        start = self.sample(np.arange(self.count), np.zeros(self.count))
+        v[:-1] = np.where(has_v[:-1, np.newaxis], v[:-1], start.velocity)
+        a[:-1] = np.where(has_a[:-1, np.newaxis], a[:-1], start.acceleration)
+        self.points = Reference(q, v, a)
+
+    @property
+    def count(self) -> int:
+        """The number of segments, k."""
+        return len(self._coefficients)
+
+    def time(self, segment: IntArray, share: FloatArray) -> FloatArray:
+        """Return the times (m,) [s] from the start of the trajectory."""
+        return (1.0 - share) * self.times[segment] + share * self.times[segment + 1]
+
+    def sample(self, segment: IntArray, share: FloatArray) -> Reference:
+        """
+        Return position, velocity and acceleration, (m, n) each.
+
+        Each sample is on a `segment` (m,), of which the `share` (m,) in [0, 1] has passed.
+        """
+        T = self._duration[segment]
+        powers = np.vander(share, 6, increasing=True)
+        first, second = np.zeros_like(powers), np.zeros_like(powers)
+        first[:, 1:] = _ORDERS[1:] * powers[:, :-1] / T
+        second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2] / T**2
+        values = np.stack((powers, first, second), axis=1) @ self._coefficients[segment]
+        # Exact at the end: rest is exactly 0 there, which dry friction distinguishes from motion.
+        velocity = np.where(
+            share[:, np.newaxis] == 1.0, self._end_velocity[segment], values[:, 1])
+        return Reference(values[:, 0], velocity, values[:, 2])
+
+
+def _field(
+    rows: list[FloatArray | None], position: FloatArray,
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Return a field of all points (m, n), 0 where it is absent, and which points have it (m,)."""
+    has = np.array([row is not None for row in rows], dtype=np.bool_)
+    values = np.zeros_like(position)
+    if has.any():
+        values[has] = [row for row in rows if row is not None]
+    return values, has
