@@ -24,6 +24,7 @@ import json
 import os
 from pathlib import Path
 import re
+import signal
 from typing import Any, TYPE_CHECKING
 
 from fault_table import Row, row_of, seen_words, write_page
@@ -43,6 +44,11 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 os.environ.setdefault(
     'FASTRTPS_DEFAULT_PROFILES_FILE', str(Path(__file__).with_name('fast_discovery.xml')))
+
+# The background job of a shell script ignores SIGINT, which processes started by it inherit: tests
+# could not interrupt theirs. A handler is not inherited, and leaves them the default.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
@@ -79,6 +85,8 @@ def pytest_pycollect_makemodule(
 
 
 ROWS: pytest.StashKey[dict[str, Row]] = pytest.StashKey()
+BROKEN: pytest.StashKey[dict[int, tuple[BaseException, str]]] = pytest.StashKey()
+"""Errors of fixtures by identity, each with the test that met it first."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -93,6 +101,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[ROWS] = {}
     config.pluginmanager.register(SuiteHeader(
         Tool('ROS', lambda: not absent_for_ros(), IMPORTS_ROS)))
+    config.stash[BROKEN] = {}
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -116,7 +125,16 @@ def pytest_runtest_makereport(
     row, words = item.config.stash[ROWS].get(item.nodeid), seen_words(report)
     if row is not None and words is not None and not row.seen.startswith('**'):
         row.seen = words
+    if report.when == 'setup' and report.failed and call.excinfo is not None:
+        say_once(item, call.excinfo.value, report)
     return report
+
+
+def say_once(item: pytest.Item, error: BaseException, report: pytest.TestReport) -> None:
+    """Leave the log of a shared fixture that failed to the first test that needed it."""
+    _, first = item.config.stash[BROKEN].setdefault(id(error), (error, item.nodeid))
+    if first != item.nodeid:
+        report.longrepr = f'A fixture failed, as the report of {first} shows.'
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

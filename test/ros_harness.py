@@ -15,7 +15,8 @@
 """
 Real nodes for the tests: processes that run them, and a client that speaks to them over DDS.
 
-Nothing is simulated here but the arm. Every wait is for an event and bounded by `TIMEOUT`.
+Nothing is simulated here but the arm. Every wait is for an event and bounded by
+`children.TIMEOUT`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,6 +33,7 @@ import time
 from types import TracebackType
 from typing import Any
 
+from children import popen, TIMEOUT
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 import rclpy
 from rclpy.context import Context
@@ -41,8 +43,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 import yaml
 
-TIMEOUT = 20.0
-"""[s] that any one event may take; a slow machine must not fail a test."""
 RESEND_PERIOD = 0.5
 """[s] after which something said to a best-effort subscription is said again."""
 
@@ -122,7 +122,7 @@ class NodeProcess:
 
     def launch(self) -> 'NodeProcess':
         """Start the process; do not wait for it."""
-        self._process = subprocess.Popen(
+        self._process = popen(
             self._command, env=self._environment, text=True, errors='replace',
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self._reader = threading.Thread(target=self._read_log, daemon=True)
