@@ -26,9 +26,9 @@ import json
 import os
 from pathlib import Path
 import shutil
-import subprocess
 import time
 
+import children
 from fault_bench import fault_bench, FaultBench
 from joint_state_driver import DriverProcess
 from ros_harness import RosClient, wait_until
@@ -46,8 +46,8 @@ def own_network() -> tuple[list[str], str]:
     if missing:
         return [], f'there is no command {missing[0]!r}'
     for command in OWN_NETWORK:
-        tried = subprocess.run(
-            [*command, *NEW_LINK], capture_output=True, text=True, check=False)
+        tried = children.run(
+            [*command, *NEW_LINK], capture_output=True, text=True)
         if tried.returncode == 0:
             return command, ''
     return [], f'network namespaces are not permitted: {tried.stderr.splitlines()[0]}'
@@ -55,7 +55,7 @@ def own_network() -> tuple[list[str], str]:
 
 def run(*command: str) -> None:
     """Run a command that must succeed."""
-    subprocess.run(command, check=True)
+    children.run(command, check=True)
 
 
 def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
@@ -65,7 +65,7 @@ def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
     A process that starts before leaves the device alone for ever: Fast DDS looks for devices that
     are running once, when it starts.
     """
-    shown = subprocess.run(
+    shown = children.run(
         [*prefix, 'ip', '-json', 'link', 'show', device], check=True, capture_output=True)
     return str(json.loads(shown.stdout)[0]['operstate']) == 'UP'
 
@@ -73,7 +73,7 @@ def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
 @contextmanager
 def linked_network() -> Iterator[list[str]]:
     """Link this network with another; yield the command that runs a command over there."""
-    holder = subprocess.Popen(['unshare', '--net', 'sleep', 'infinity'])
+    holder = children.popen(['unshare', '--net', 'sleep', 'infinity'])
     over_there = ['nsenter', '--target', str(holder.pid), '--net']
     here = os.readlink('/proc/self/ns/net')
     try:

@@ -26,6 +26,7 @@ import sys
 import threading
 from typing import Any
 
+import children
 from rclpy.serialization import serialize_message
 from ros_harness import LATCHED, RosClient
 
@@ -48,7 +49,7 @@ class RawPublisher:
         self.sent += 1
 
     def __enter__(self) -> 'RawPublisher':
-        self._process: Any = subprocess.Popen(
+        self._process: Any = children.popen(
             [sys.executable, str(Path(__file__))], text=True, stdin=subprocess.PIPE,
             stdout=subprocess.PIPE)
         return self

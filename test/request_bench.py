@@ -31,6 +31,7 @@ import sys
 from types import TracebackType
 from typing import Any
 
+import children
 from fault_bench import FaultBench
 from ros_harness import TIMEOUT
 
@@ -81,7 +82,7 @@ class ClientProcess:
     def __init__(
         self, module: str, *arguments: str, environment: Mapping[str, str] | None = None,
     ) -> None:
-        self._process = subprocess.Popen(
+        self._process = children.popen(
             [sys.executable, str(Path(__file__).with_name(f'{module}.py')), *arguments],
             text=True, env={**os.environ, **(environment or {})},
             stdin=subprocess.PIPE, stdout=subprocess.PIPE)

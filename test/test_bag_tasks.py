@@ -18,6 +18,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+import children
 import numpy as np
 import pytest
 from robot_dynamics.bag_tasks import run_tasks, task_key
@@ -117,7 +118,7 @@ if __name__ == '__main__':
 """
     script = tmp_path / 'run.py'
     script.write_text(program)
-    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as run:
+    with children.popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as run:
         done = sorted(run.stdout.readline().strip() for _ in range(2))
         run.kill()
     assert done == ['b0.db3', 'b1.db3']

@@ -21,6 +21,7 @@ import signal
 import subprocess
 import sys
 
+import children
 import numpy as np
 import pytest
 from recordings import KnownMotion, write_recording
@@ -54,7 +55,7 @@ def start_demo(directory, *arguments):
     environment = {
         name: value for name, value in os.environ.items()
         if name != 'ROS_DOMAIN_ID'}  # the demo finds one of its own
-    return subprocess.Popen(
+    return children.popen(
         [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True)

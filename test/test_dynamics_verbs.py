@@ -24,6 +24,7 @@ import re
 import subprocess
 import sys
 
+import children
 import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
@@ -278,9 +279,9 @@ def test_completion(line: str, offered: set[str]) -> None:
 
     def found() -> set[str]:
         # In a process of its own, as of a shell: argcomplete takes the file descriptor 9.
-        words = subprocess.run(
+        words = children.run(
             [sys.executable, '-c', COMPLETE], env=environment, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True, timeout=TIMEOUT, check=False).stdout
+            stderr=subprocess.DEVNULL, text=True).stdout
         return {word for word in words.split('\n') if not word.startswith('-')}
 
     wait_until(lambda: found() == offered, f'{offered}')  # a busy machine is slow to find nodes
@@ -300,8 +301,8 @@ def test_ros2_dynamics() -> None:
     """The command as users type it, where there is ros2cli."""
     pytest.importorskip('ros2cli', reason='ros2cli comes with apt, and has no wheel')
     words = ['inverse', '-0.1', '-2e-1', '--node', '/dynamics', '--timeout', str(TIMEOUT)]
-    result = subprocess.run(
+    result = children.run(
         [sys.executable, '-c', 'from ros2cli.cli import main; main()', 'dynamics', *words,
-         '--json'], capture_output=True, text=True, timeout=60)
+         '--json'], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)['position'] == [-0.1, -0.2]

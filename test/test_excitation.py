@@ -17,13 +17,12 @@
 from collections.abc import Callable
 import json
 import math
-import os
 from pathlib import Path
-import platform
-import subprocess
 import sys
 
+from blas import blas_environments
 from builtin_interfaces.msg import Duration
+import children
 import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
@@ -118,31 +117,19 @@ def test_every_blas_kernel_finds_the_same_trajectory(robot: str, tmp_path: Path)
     """The search ranks costs, so that rounding decides nothing: with gradients it did."""
     urdf = [] if robot == 'planar' else ['--urdf', str(robot_path(robot)), '--harmonics', '3']
     found = {}
-    for kernel, threads in blas_kernels():
-        file = tmp_path / f'{kernel}_{threads}.yaml'
-        environment = {
-            **os.environ, 'OPENBLAS_CORETYPE': kernel, 'OPENBLAS_NUM_THREADS': threads}
-        subprocess.run(
+    for name, environment in blas_environments().items():
+        file = tmp_path / f'{name}.yaml'
+        children.run(
             [sys.executable, '-m', 'robot_dynamics.tools.excite', *urdf, '--output', str(file)],
             env=environment, check=True, capture_output=True, timeout=LONG)
         points = json.loads(file.read_text(encoding='utf-8'))['points']
-        found[file.stem] = np.array([
+        found[name] = np.array([
             point[field] for point in points
             for field in ('positions', 'velocities', 'accelerations')])
     first, *others = found.values()
     assert others
     for other in others:
         assert other == pytest.approx(first, abs=1e-6)
-
-
-def blas_kernels() -> list[tuple[str, str]]:
-    """Return the OpenBLAS kernels that this processor runs, with a number of threads each."""
-    if platform.machine() != 'x86_64':
-        pytest.skip('OPENBLAS_CORETYPE selects between kernels of x86_64 here')
-    flags = Path('/proc/cpuinfo').read_text(encoding='ascii').split()
-    needed = {'Nehalem': 'sse4_2', 'Sandybridge': 'avx', 'Haswell': 'avx2', 'SkylakeX': 'avx512f'}
-    kernels = [kernel for kernel, flag in needed.items() if flag in flags]
-    return [(kernels[0], '1'), (kernels[-1], '1'), (kernels[-1], '2')]
 
 
 def test_the_ranking_search_finds_the_minimum_of_an_ill_conditioned_quadratic() -> None:
@@ -257,10 +244,10 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
     path = tmp_path / 'ur10.yaml'
-    done = subprocess.run(
+    done = children.run(
         [sys.executable, '-m', 'robot_dynamics.tools.excite', '--urdf', str(robot_path('ur10')),
          '--harmonics', '3', '--output', str(path)],
-        capture_output=True, text=True, timeout=LONG, check=False)
+        capture_output=True, text=True, timeout=LONG)
     assert done.returncode == 0, done.stderr
     assert '100 %' in done.stderr
     assert 'Collisions are not checked' in done.stdout

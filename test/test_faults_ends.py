@@ -25,6 +25,7 @@ import time
 from typing import Any
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
+import children
 from fault_bench import fault_bench, FaultBench, G
 from fault_table import fault
 import numpy as np
@@ -174,7 +175,7 @@ class Executable:
             prefix = get_package_prefix('robot_dynamics')
         except PackageNotFoundError:
             pytest.skip('the package is not installed: scripts/setup does it')
-        self._process = subprocess.Popen(
+        self._process = children.popen(
             [str(Path(prefix, 'lib', 'robot_dynamics', name))], text=True,
             env={**os.environ, 'PYTHONUNBUFFERED': '1'},
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)

@@ -22,6 +22,7 @@ import sys
 import time
 from typing import Any
 
+import children
 from fault_bench import Change, fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q
 from fault_stimuli import altered, check_rate, PATIENT, shifted, wait_states
 from fault_table import fault
@@ -85,7 +86,7 @@ def test_the_first_effort(bench: FaultBench) -> None:
 def test_a_flood(bench: FaultBench, seen: Callable[[str], Any]) -> None:
     bench.check_alive()
     bench.driver.be_quiet()
-    flood = subprocess.Popen(
+    flood = children.popen(
         [sys.executable, str(FLOOD), f'{bench.namespace}/joint_states', '20000', '1'],
         stdout=subprocess.PIPE, text=True, env=os.environ)
     try:

@@ -20,6 +20,7 @@ import subprocess
 import sys
 from typing import Any
 
+import children
 from fault_bench import Driver, fault_bench, FaultBench
 from fault_table import fault
 import partition_scenario
@@ -129,8 +130,8 @@ def test_a_partition(seen: Any) -> None:
     command, reason = partition_scenario.own_network()
     if reason:
         pytest.skip(reason)
-    done = subprocess.run(
-        [*command, sys.executable, partition_scenario.__file__], text=True, check=False,
+    done = children.run(
+        [*command, sys.executable, partition_scenario.__file__], text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300.0)
     assert done.returncode == 0, done.stdout
     for times in json.loads(done.stdout.splitlines()[-1]):

@@ -15,10 +15,10 @@
 """The URDF of a planar arm, read by Pinocchio, and the tool that writes it."""
 
 import re
-import subprocess
 import sys
 from xml.etree import ElementTree
 
+import children
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -288,6 +288,6 @@ def test_tool_needs_no_ros_and_no_general_engine():
     program = (
         'import sys, robot_dynamics.tools.planar_urdf\n'
         'print(sorted({"rclpy", "pinocchio"} & {name.split(".")[0] for name in sys.modules}))')
-    done = subprocess.run(
+    done = children.run(
         [sys.executable, '-c', program], capture_output=True, text=True, check=True)
     assert done.stdout == '[]\n'

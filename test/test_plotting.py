@@ -14,9 +14,9 @@
 
 """Pictures: a unit on every axis, lines that can be told apart, and something on the paper."""
 
-import subprocess
 import sys
 
+import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError
@@ -115,6 +115,6 @@ def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
         'robot_dynamics.reference_motion\n'
         'print([name for name in ("matplotlib", "rosbags", "rclpy", "sensor_msgs", "scipy") '
         'if name in sys.modules])')
-    result = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, timeout=60)
+    result = children.run(
+        [sys.executable, '-c', program], capture_output=True, text=True)
     assert result.stdout.strip() == '[]', result.stderr

@@ -14,9 +14,9 @@
 
 """How much memory a node may take, and how much it says of what went wrong."""
 
-import subprocess
 import sys
 
+import children
 import pytest
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -56,9 +56,9 @@ print('found')
 
 def output_of(program: str) -> list[str]:
     """Return the lines that a program prints in a process of its own."""
-    return subprocess.run(
-        [sys.executable, '-c', program], check=True, text=True, stdout=subprocess.PIPE,
-        timeout=60.0).stdout.splitlines()
+    return children.run(
+        [sys.executable, '-c', program], check=True, text=True,
+        capture_output=True).stdout.splitlines()
 
 
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux tells what it has')

@@ -16,10 +16,10 @@
 
 import os
 from pathlib import Path
-import subprocess
 import sys
 import sysconfig
 
+import children
 import numpy as np
 import pytest
 
@@ -35,7 +35,7 @@ def export(python: str, numpy: str) -> str:
 
 
 def relocate(environment: Path) -> None:
-    subprocess.run([sys.executable, str(SCRIPT), str(environment)], check=True)
+    children.run([sys.executable, str(SCRIPT), str(environment)], check=True)
 
 
 @pytest.mark.parametrize(('python', 'numpy'), [

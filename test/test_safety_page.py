@@ -18,9 +18,9 @@ from collections.abc import Iterator
 import json
 from pathlib import Path
 import re
-import subprocess
 import sys
 
+import children
 from diagnostic_msgs.msg import DiagnosticArray
 import fault_table
 from fault_table import Row, rows_of_page
@@ -63,7 +63,7 @@ def quoted_defaults() -> list[tuple[str, str]]:
 def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
     """Return group, injected and expected of each fault that the suite has."""
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
-    result = subprocess.run(
+    result = children.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
          '-m', 'fault', '--list-faults', str(file), str(Path(__file__).parent)],
         capture_output=True, text=True, timeout=COLLECTION_TIMEOUT)

@@ -26,12 +26,12 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 import signal
-import subprocess
 import sys
 import threading
 import time
 from typing import Any
 
+import children
 from fault_bench import fault_bench, FaultBench
 from joint_state_driver import DriverProcess
 import numpy as np
@@ -52,7 +52,7 @@ SLACK = 0.01
 @contextmanager
 def watching(what: str, *arguments: str) -> Iterator[None]:
     """Run a process of `soak_watch`; it has written its file at the end of the statement."""
-    process = subprocess.Popen(
+    process = children.popen(
         [sys.executable, str(Path(__file__).with_name('soak_watch.py')), what, *arguments])
     try:
         yield

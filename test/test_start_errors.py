@@ -24,6 +24,7 @@ import sys
 from typing import Any, NamedTuple
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
+import children
 from fault_table import fault
 import pytest
 from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, TIMEOUT, write_parameters
@@ -172,8 +173,8 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[
     for i, case in enumerate(CASES.values()):
         file = write_parameters(directory / f'{i}.yaml', case.parameters)
         calls.append((case.module, ['node', '--ros-args', '--params-file', str(file)]))
-    done = subprocess.run(
-        [sys.executable, '-c', DRIVER, json.dumps(calls)], text=True, check=False,
+    done = children.run(
+        [sys.executable, '-c', DRIVER, json.dumps(calls)], text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=10 * TIMEOUT)
     outputs = re.split(r'^status (\d+)\n', done.stdout, flags=re.MULTILINE)
     assert len(outputs) == 2 * len(CASES) + 1, done.stdout

@@ -20,9 +20,9 @@ that of a seed, and the motion begins at a stamp, so that every run records the 
 """
 
 from pathlib import Path
-import subprocess
 import sys
 
+import children
 import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
@@ -72,7 +72,7 @@ def trajectory(arm: ArmModel, tmp_path_factory: pytest.TempPathFactory) -> Joint
     directory = tmp_path_factory.mktemp('excite')
     parameters = write_parameters(directory / 'parameters.yaml', TRUTH)
     path = directory / 'trajectory.yaml'
-    subprocess.run(
+    children.run(
         [sys.executable, '-m', 'robot_dynamics.tools.excite', '--parameters', str(parameters),
          '--lead', '0.3', '--output', str(path)], check=True, timeout=LONG)
     return read_trajectory(path, arm.joint_names)

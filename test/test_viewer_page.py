@@ -22,6 +22,7 @@ import subprocess
 import sys
 
 from browser import chromium, Page
+import children
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
@@ -107,7 +108,7 @@ def test_the_demo_waits_for_the_page_and_goes_on_after_the_motion(browser, tmp_p
     command = [
         sys.executable, '-m', 'robot_dynamics.tools.demo', '--viewer', '0', '--duration', '1',
         '--rate', '100', '--no-plot', '--out', 'here']
-    with subprocess.Popen(
+    with children.popen(
             command, cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
         try:

@@ -25,6 +25,7 @@ import subprocess
 import sys
 import threading
 
+import children
 import pytest
 import rclpy
 from rclpy.context import Context
@@ -324,9 +325,9 @@ def run(*arguments, without=()):
     script = (
         f'import sys; sys.modules.update(dict.fromkeys({list(without)!r}))\n'
         f'from {VIEWER} import main; sys.exit(main({list(arguments)!r}))')
-    return subprocess.run(
+    return children.run(
         [sys.executable, '-c', script], capture_output=True, text=True, stdin=subprocess.DEVNULL,
-        timeout=3 * TIMEOUT, check=False)
+        timeout=3 * TIMEOUT)
 
 
 def check_one_line(done, status, words):

@@ -1,0 +1,40 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Environments in which numpy runs with different BLAS kernels and numbers of threads."""
+
+import os
+from pathlib import Path
+import platform
+
+import pytest
+
+CPU_FLAGS = {'Nehalem': 'sse4_2', 'Sandybridge': 'avx', 'Haswell': 'avx2', 'SkylakeX': 'avx512f'}
+"""What a processor needs to run a kernel of OpenBLAS, from the slowest to the fastest."""
+
+
+def blas_environments() -> dict[str, dict[str, str]]:
+    """
+    Return environments by name: the slowest and the fastest kernel, and that with two threads.
+
+    The test is skipped on other machines than x86_64.
+    """
+    if platform.machine() != 'x86_64':
+        pytest.skip('OPENBLAS_CORETYPE selects kernels of x86_64 here')
+    flags = Path('/proc/cpuinfo').read_text(encoding='ascii').split()
+    kernels = [kernel for kernel, flag in CPU_FLAGS.items() if flag in flags]
+    return {
+        f'{kernel}, threads {threads}': {
+            **os.environ, 'OPENBLAS_CORETYPE': kernel, 'OPENBLAS_NUM_THREADS': threads}
+        for kernel, threads in ((kernels[0], '1'), (kernels[-1], '1'), (kernels[-1], '2'))}
