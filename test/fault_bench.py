@@ -21,6 +21,7 @@ killed. Faults are waited for on /diagnostics, where each is told at once.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+import itertools
 import math
 import threading
 import time
@@ -29,6 +30,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
+import numpy.typing as npt
 from ros_harness import (
     Collector,
     DYNAMICS,
@@ -46,8 +48,17 @@ Q, V = [np.pi / 4, np.pi / 6], [0.0, 0.0]
 G = [-49.52282521, -11.37087883]
 """g(q) at `Q` [N m]: what holds the default arm."""
 
-QUICK = {'state_timeout': 0.3, 'hold_time': 0.3, 'ramp_time': 0.1}
-"""A timeout that a busy machine keeps, and a fault action that is soon over."""
+STEADY = {'state_timeout': 60.0, 'state_max_age': 9.0}
+"""
+With these, a driver or a node that gets no processor for seconds causes no fault.
+
+A test that needs the fault `state_timeout` makes the timeout short once valid states have ended:
+`FaultBench.wait_state_timeout`.
+"""
+STATE_TIMEOUT = 0.3
+"""[s], the short one."""
+QUICK = {**STEADY, 'hold_time': 0.3, 'ramp_time': 0.1}
+"""A fault action that is soon over."""
 NANOSECONDS = 1_000_000_000
 
 Change = Callable[[JointState], JointState | None]
@@ -124,18 +135,22 @@ class TimedCollector(Collector):
     Keeps the messages of a topic together with times.
 
     These are of a steady clock at their arrival, and of the clock of this computer when they were
-    published, as the middleware notes it: so a slow test does not make a node look slow.
+    published, as the middleware notes it: so a slow test does not make a node look slow. A topic
+    that keeps the newest message only loses others where the test is slower than the node;
+    `in_a_row` leaves out the pairs between which a message was lost.
     """
 
     def __init__(self, *args: Any) -> None:
         self.times: list[float] = []
         self._published: list[int] = []
+        self._numbers: list[int] = []
         super().__init__(*args)
 
     def _keep(self, message: Any, info: Mapping[str, int]) -> None:
         with self._news:
             self.times.append(time.monotonic())
             self._published.append(info['source_timestamp'])
+            self._numbers.append(info['publication_sequence_number'])
             self._messages.append(message)
             self._news.notify_all()
 
@@ -145,11 +160,25 @@ class TimedCollector(Collector):
             self._messages.clear()
             self.times.clear()
             self._published.clear()
+            self._numbers.clear()
 
     def published(self) -> list[tuple[float, Any]]:
         """Return what has arrived, each with the time [s] when it was published."""
         with self._news:
             return [(1e-9 * t, m) for t, m in zip(self._published, self._messages)]
+
+    def in_a_row(self) -> list[tuple[Any, Any]]:
+        """Return the pairs of messages that were published one directly after the other."""
+        with self._news:
+            numbered = list(zip(self._numbers, self._messages))
+        pairs = [(one, other) for (i, one), (j, other) in itertools.pairwise(numbered)
+                 if j == i + 1]
+        assert pairs, f'no two of {len(numbered)} messages in a row'
+        return pairs
+
+    def steps(self) -> npt.NDArray[np.float64]:
+        """Return by how much the effort of each joint changed between messages in a row."""
+        return np.abs([np.subtract(other.effort, one.effort) for one, other in self.in_a_row()])
 
     def since(self, moment: float) -> list[tuple[float, Any]]:
         """Return what arrived after a moment, with the times."""
@@ -228,6 +257,26 @@ class FaultBench:
         return self.wait_status(
             'command', lambda status: status.level == DiagnosticStatus.ERROR
             and status.message.startswith(f'fault {name}'))
+
+    def set_parameters(self, **values: Any) -> None:
+        """Set parameters of the node."""
+        node = f'{self.namespace}/dynamics'
+        for result in self.client.set_parameters(node, values):
+            assert result.successful, result.reason
+
+    @contextmanager
+    def short_timeout(self) -> Iterator[None]:
+        """Let the node wait for joint states no longer than `STATE_TIMEOUT`."""
+        self.set_parameters(state_timeout=STATE_TIMEOUT)
+        try:
+            yield
+        finally:
+            self.set_parameters(state_timeout=STEADY['state_timeout'])
+
+    def wait_state_timeout(self) -> DiagnosticStatus:
+        """Wait for the fault `state_timeout`; the driver sends no valid state any more."""
+        with self.short_timeout():
+            return self.wait_fault('state_timeout')
 
     def wait_running(self) -> None:
         """Wait until efforts answer states, not before what is published now."""

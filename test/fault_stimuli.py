@@ -16,11 +16,20 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import random
 import threading
 import time
 from typing import Any
 
-from fault_bench import Change, Driver, FaultBench, NANOSECONDS, nanoseconds_of, stamp_of
+from fault_bench import (
+    Change,
+    Driver,
+    FaultBench,
+    NANOSECONDS,
+    nanoseconds_of,
+    stamp_of,
+    TimedCollector,
+)
 import numpy as np
 from robot_dynamics.effort_guard import LONGEST_STEP
 from ros_harness import TIMEOUT, wait_until
@@ -28,8 +37,8 @@ from sensor_msgs.msg import JointState
 
 RATE = 1000.0
 """The default of `effort_rate_limit` [N m/s]."""
-PATIENT = {'state_timeout': 2.0, 'reference_timeout': 0.001}
-"""For tests of other faults: no pause of the driver is a fault, no set-points are a stream."""
+NO_STREAM = {'reference_timeout': 0.001}
+"""For tests of other faults: set-points so far apart are no stream, whose end they would be."""
 
 
 def altered(**fields: Any) -> Change:
@@ -63,6 +72,12 @@ def altered_stamp(message: JointState, nanoseconds: int) -> JointState:
     return message
 
 
+def from_now(bench: FaultBench) -> int:
+    """Return a time [ns]: stamps from it on are of states that the driver changes as now set."""
+    wait_states(bench, 2)
+    return time.time_ns()
+
+
 def wait_states(bench: FaultBench, count: int) -> None:
     """Wait until the driver has sent so many more states."""
     goal = bench.driver.sent + count
@@ -70,13 +85,27 @@ def wait_states(bench: FaultBench, count: int) -> None:
 
 
 @contextmanager
-def another_driver(bench: FaultBench, **driver: Any) -> Iterator[Driver]:
-    """Let a second driver stream to the same node."""
+def another_publisher(bench: FaultBench, change: Change, **driver: Any) -> Iterator[None]:
+    """
+    Let a second publisher, whose states are changed, take turns with the driver at random.
+
+    Whatever part of the states a slow node gets to see: they are not of one publisher for long.
+    """
     other = Driver(bench.client, f'{bench.namespace}/joint_states', **driver)
+    source = random.Random(1)
+
+    def take_turns(message: JointState) -> JointState | None:
+        if source.random() < 0.5:
+            return message
+        other.publisher.publish(change(other.message()))
+        return None
+
+    bench.driver.change = take_turns
     try:
-        yield other.start()
+        yield
     finally:
-        other.close()
+        bench.driver.go_on()
+        bench.client.node.destroy_publisher(other.publisher)
 
 
 class SetPoints:
@@ -105,14 +134,14 @@ class SetPoints:
         self._thread.join(TIMEOUT)
 
 
-def check_rate(messages: Sequence[JointState], rate: float = RATE) -> None:
+def check_rate(efforts: TimedCollector, rate: float = RATE) -> None:
     """
     Check that no two efforts in a row differ by more than the rate allows between their stamps.
 
     Efforts under one stamp, as of a fault action, and after a stamp that went back, may differ by
     what is ever allowed at once.
     """
-    for one, next_one in zip(messages, messages[1:]):
+    for one, next_one in efforts.in_a_row():
         seconds = 1e-9 * (
             nanoseconds_of(next_one.header.stamp) - nanoseconds_of(one.header.stamp))
         step = np.abs(np.subtract(next_one.effort, one.effort)).max()

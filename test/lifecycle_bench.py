@@ -23,10 +23,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from fault_bench import FaultBench
+from fault_bench import FaultBench, nanoseconds_of, STEADY
+from fault_stimuli import from_now
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from ros_harness import Collector, DYNAMICS, KEEP_MANY, NodeProcess, RosClient
+from ros_harness import Collector, DYNAMICS, KEEP_MANY, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 
 CONFIGURE = Transition.TRANSITION_CONFIGURE
@@ -62,12 +63,19 @@ class LifecycleBench(FaultBench):
 
     def check_silent(self) -> None:
         """Check that states are answered with g(q), and with no effort."""
-        self.gravity.clear()
-        self.gravity.wait_for()  # whatever was on its way has arrived
-        self.efforts.clear()
+        self.wait_ended()
+        moment = from_now(self)
+        self.gravity.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
         self.gravity.clear()
         self.gravity.wait_count(STATES_OF_SILENCE)
         assert self.efforts.messages == []
+
+    def wait_ended(self) -> None:
+        """Wait for the zero effort that is the last one, where there were efforts; forget all."""
+        wait_until(
+            lambda: not self.efforts.messages or not any(self.efforts.messages[-1].effort),
+            'the end of the efforts')
+        self.efforts.clear()
 
     def close(self) -> None:
         """Stop the driver and forget the topics."""
@@ -82,8 +90,8 @@ def lifecycle_bench(
     """Run a node and a driver; other nodes may run beside it, and are not heard."""
     diagnostics = f'{namespace}/diagnostics'
     with NodeProcess(
-            DYNAMICS, parameters, namespace=namespace, remaps={'/diagnostics': diagnostics},
-            patient=False, ready=None) as node:
+            DYNAMICS, {**STEADY, **parameters}, namespace=namespace,
+            remaps={'/diagnostics': diagnostics}, patient=False, ready=None) as node:
         bench = LifecycleBench(client, node, namespace, diagnostics=diagnostics)
         bench.hold = hold or bench.hold
         try:

@@ -97,7 +97,7 @@ def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]
     bench.check_alive()
     broken = time.monotonic()
     run('ip', 'link', 'set', 'near', 'down')
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     told = time.monotonic()
     bench.wait_silent()
     topic = f'{bench.namespace}/joint_states'

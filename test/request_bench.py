@@ -15,8 +15,7 @@
 """
 What the tests of requests share: clients in processes of their own, and whether control goes on.
 
-No fault may begin while a request is answered. The timeout of states is long enough for a driver
-that shares a busy computer with the tests; how long efforts paused is told, not judged.
+No fault may begin while a request is answered. How long efforts paused is told, not judged.
 """
 
 from collections.abc import Iterator, Mapping
@@ -34,9 +33,6 @@ from typing import Any
 import children
 from fault_bench import FaultBench
 from ros_harness import TIMEOUT
-
-PATIENT = {'state_timeout': 2.0}
-"""Parameters of a node whose driver may be slow."""
 
 
 class ControlGoesOn:

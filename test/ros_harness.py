@@ -98,7 +98,7 @@ class NodeProcess:
         """
         if patient and module == DYNAMICS:
             parameters = {
-                'state_timeout': 10.0, 'state_max_age': 0.0, 'ramp_time': 0.05,
+                'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05,
                 'effort_rate_limit': 1e9,
                 **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')

@@ -341,7 +341,7 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient)
     descriptions = client.publisher(String, '/described/robot_description', LATCHED, 0)
     descriptions.publish(String(data=one))
     with NodeProcess(
-            DYNAMICS, {'state_timeout': 1.0, 'hold_time': 0.0}, namespace='/described') as node:
+            DYNAMICS, {'hold_time': 0.0}, namespace='/described') as node:
         node.wait_for_log("Model 'one_link'")  # latched: it was published before
         bench = make_bench(client, node, '/described')
         effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
@@ -353,7 +353,9 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient)
         assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
         descriptions.publish(String(data=default_arm_urdf()))
         node.wait_for_log('Kept the model in use, as efforts go out by it')
+        client.set_parameters('/described/dynamics', {'state_timeout': 0.3})
         node.wait_for_log("Model 'planar_arm'.*joint2.*")  # no joint states: the command ended
+        client.set_parameters('/described/dynamics', {'state_timeout': 60.0})
         effort = client.ask(
             bench.states, bench.state(), bench.efforts, lambda m: list(m.name) == NAMES)
         assert effort.effort == pytest.approx(G, abs=5e-9)

@@ -15,24 +15,22 @@
 """What a fault does to the command: each fault action, and how the command comes back."""
 
 from collections.abc import Callable, Iterator
-import time
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, G, Q, QUICK
+from fault_bench import fault_bench, FaultBench, G, nanoseconds_of, Q, QUICK, STATE_TIMEOUT
 from fault_stimuli import RATE
 from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.effort_guard import LONGEST_STEP
-from ros_harness import RosClient, wait_until
+from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 GROUP = 'Fault actions'
 SILENCE = 'joint states fall silent'
+HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
 SLACK = 0.01
-"""[s] by which the clock of stamps may be off that of timeouts, and one effort off the next."""
-SILENT = 0.5
-"""[s] without an effort that are the end of them: 250 times what lies between two."""
+"""[s] by which the clock of stamps may be off that of timeouts."""
 Timed = tuple[float, JointState]
 Seen = Callable[[str], Any]
 
@@ -45,11 +43,11 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         yield one
 
 
-def set_action(bench: FaultBench, action: str) -> None:
-    """Choose the fault action."""
-    results = bench.client.set_parameters(
-        f'{bench.namespace}/dynamics', {'fault_action': action})
-    assert all(result.successful for result in results), results
+def wait_ended(bench: FaultBench) -> None:
+    """Wait until the node has published no effort between two of its reports."""
+    before = -1
+    while (published := bench.figure('command', 'published')) != before:
+        before = published
 
 
 def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
@@ -61,9 +59,8 @@ def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
     bench.efforts.clear()
     bench.efforts.wait_for()
     bench.driver.be_quiet()
-    assert 'no valid joint state for 0.3 s' in bench.wait_fault('state_timeout').message
-    wait_until(
-        lambda: time.monotonic() > bench.efforts.times[-1] + SILENT, 'an end of the efforts')
+    assert 'no valid joint state for 0.3 s' in bench.wait_state_timeout().message
+    wait_ended(bench)
     efforts = bench.efforts.published()
     last = efforts[-1][1].header.stamp
     first = next(i for i, (_, message) in enumerate(efforts) if message.header.stamp == last)
@@ -80,11 +77,22 @@ def shares(efforts: list[Timed]) -> list[float]:
     return found
 
 
-def check_ramp(ramp: list[float]) -> None:
-    """Check that shares fall from one to zero, in steps."""
-    assert ramp == sorted(ramp, reverse=True)
-    assert ramp[-1] == 0.0
-    assert len(set(ramp)) > 3
+def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
+    """
+    Check that shares of g(q) fall to zero, none before its time.
+
+    An effort may be published late, and then falls short of what it could have been; how many
+    there are, and how late each is, depends on the load of the machine. The course at given times
+    is that of test_fault_actions.py.
+    """
+    found = shares(action)
+    assert found == sorted(found, reverse=True)
+    assert found[-1] == 0.0
+    earliest = 1e-9 * nanoseconds_of(answer[1].header.stamp) + STATE_TIMEOUT - SLACK
+    assert action[0][0] > earliest
+    for (t, _), share in zip(action, found):
+        assert share >= min(1.0, 1.0 - (t - earliest - hold) / RAMP) - 1e-6
+    assert action[-1][0] > earliest + hold + RAMP
 
 
 def check_return(bench: FaultBench) -> None:
@@ -100,14 +108,10 @@ def check_return(bench: FaultBench) -> None:
        'the first effort afterwards is g(q)')
 def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
     bench.check_alive()
-    (answered, _), action = go_silent(bench)
-    found = shares(action)
-    held = next(i for i, share in enumerate(found) if share < 1.0 - 1e-6)
-    assert held > 3
-    times = [t for t, _ in action]
-    assert times[0] - answered > QUICK['state_timeout'] - SLACK
-    assert times[held] - times[0] > QUICK['hold_time'] - SLACK
-    check_ramp(found[held:])
+    answer, action = go_silent(bench)
+    check_course(answer, action, HOLD)
+    answered, times = answer[0], [t for t, _ in action]
+    held = next(i for i, share in enumerate(shares(action)) if share < 1.0 - 1e-6)
     seen(f'{times[0] - answered:.3f} s of silence, {times[held] - times[0]:.3f} s of g(q), '
          f'{times[-1] - times[held]:.3f} s of ramp, with 0.3 s, 0.3 s and 0.1 s set')
     check_return(bench)
@@ -119,13 +123,16 @@ def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
     bench.check_alive()
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
     bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
-    (_, answer), action = go_silent(bench)
-    assert answer.effort[0] == 150.0
-    efforts = [150.0, *(message.effort[0] for _, message in action)]
-    assert np.abs(np.diff(efforts)).max() <= RATE * LONGEST_STEP + 1e-6
-    holds = next(i for i, effort in enumerate(efforts) if effort == pytest.approx(G[0]))
-    assert efforts[:holds + 1] == sorted(efforts[:holds + 1], reverse=True)
-    check_ramp([share for share in shares(action[holds:]) if share < 1.0 - 1e-6])
+    bench.set_parameters(hold_time=60.0)  # however long the way to g(q) takes
+    bench.efforts.clear()
+    bench.driver.be_quiet()
+    bench.wait_state_timeout()
+    bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G))
+    efforts = [message.effort[0] for message in bench.efforts.messages]
+    assert efforts == sorted(efforts, reverse=True)
+    bench.set_parameters(hold_time=HOLD)
+    bench.wait_silent()
+    assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-6
     check_return(bench)
 
 
@@ -133,24 +140,23 @@ def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
        'in a straight line to zero in `ramp_time` at once, then nothing; the first effort '
        'afterwards is g(q)')
 def test_ramp_to_zero(bench: FaultBench) -> None:
-    set_action(bench, 'ramp_to_zero')
+    bench.set_parameters(fault_action='ramp_to_zero')
     bench.check_alive()
-    _, action = go_silent(bench)
-    check_ramp(shares(action))
+    check_course(*go_silent(bench), hold=0.0)
     check_return(bench)
-    set_action(bench, 'hold_gravity_then_ramp')
+    bench.set_parameters(fault_action='hold_gravity_then_ramp')
 
 
 @fault(GROUP, f'{SILENCE}; `stop_publishing`',
        'not one effort more; the first afterwards is g(q)')
 def test_stop_publishing(bench: FaultBench) -> None:
-    set_action(bench, 'stop_publishing')
+    bench.set_parameters(fault_action='stop_publishing')
     bench.check_alive()
     (_, answer), action = go_silent(bench)
     assert action == []
     assert answer.effort == pytest.approx(G, abs=1e-6)
     check_return(bench)
-    set_action(bench, 'hold_gravity_then_ramp')
+    bench.set_parameters(fault_action='hold_gravity_then_ramp')
 
 
 @fault(GROUP, 'a set-point 2 rad away that comes during the silence',
@@ -192,6 +198,6 @@ def test_a_robot_that_compensates_gravity(compensating: FaultBench) -> None:
     _, action = go_silent(bench)
     efforts = [message.effort[0] for _, message in action]
     assert efforts == sorted(efforts, reverse=True)
-    assert efforts.count(0.0) > 3
+    assert efforts[-1] == 0.0
     bench.check_alive()
     assert not any(any(message.effort) for message in bench.efforts.messages)

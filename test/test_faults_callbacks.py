@@ -22,12 +22,11 @@ import time
 from typing import Any
 
 from failing_node import WORDS
-from fault_bench import FaultBench
+from fault_bench import FaultBench, STEADY
 from fault_table import fault
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
-from request_bench import PATIENT
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from ros_harness import NodeProcess, RosClient
 from std_msgs.msg import String
@@ -43,7 +42,7 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node with callbacks that fail, which commands, as tests leave it."""
     path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
     with NodeProcess(
-            'failing_node', PATIENT, namespace='/failing', environment={'PYTHONPATH': path},
+            'failing_node', STEADY, namespace='/failing', environment={'PYTHONPATH': path},
             patient=False) as node:
         one = FaultBench(client, node, '/failing')
         one.driver.start()

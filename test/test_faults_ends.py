@@ -70,7 +70,7 @@ def check_ended(bench: FaultBench, told: float) -> str:
     efforts = np.array([m.effort for _, m in bench.efforts.published()])
     assert not efforts[-1].any()
     assert (np.diff(np.abs(efforts), axis=0) <= 1e-9).all()
-    assert np.abs(np.diff(efforts, axis=0)).max() <= RATE * LONGEST_STEP
+    assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-9
     assert times[-1] - told >= RAMP
     ramp = times[np.abs(efforts[:, 0]) < abs(G[0]) - 1e-6]
     return f'{len(ramp)} efforts on the way to zero, over {1e3 * (ramp[-1] - ramp[0]):.0f} ms'
@@ -104,7 +104,7 @@ def test_twice(client: RosClient) -> None:
 def test_in_a_fault(client: RosClient) -> None:
     with commanding(client, hold_time=60.0) as bench:
         bench.driver.be_quiet()
-        bench.wait_fault('state_timeout')
+        bench.wait_state_timeout()
         check_ended(bench, tell(bench.node, signal.SIGINT))
 
 
@@ -118,7 +118,7 @@ def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
             assert service.wait_for_service(TIMEOUT)
             request = InverseDynamicsBatch.Request(position=np.zeros(200_000))
             answered: list[float] = []
-            for _ in range(4):
+            for _ in range(20):  # seconds of work, of which the test sees the first answer
                 service.call_async(request).add_done_callback(
                     lambda _: answered.append(time.time()))
             wait_until(lambda: bool(answered), 'the answer of the first call')

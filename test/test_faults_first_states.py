@@ -24,7 +24,7 @@ from typing import Any
 
 import children
 from fault_bench import Change, fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, check_rate, PATIENT, shifted, wait_states
+from fault_stimuli import altered, check_rate, NO_STREAM, shifted, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ FLOOD = Path(__file__).with_name('state_flood.py')
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that has not had a joint state, until the last test of this module."""
-    with fault_bench(client, '/faults_first', PATIENT, stream=False) as one:
+    with fault_bench(client, '/faults_first', NO_STREAM, stream=False) as one:
         yield one
 
 
@@ -76,7 +76,7 @@ def test_the_first_effort(bench: FaultBench) -> None:
     bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
     first, *_ = bench.efforts.messages
     assert first.effort == pytest.approx(G, abs=1e-6)
-    check_rate(bench.efforts.messages)
+    check_rate(bench.efforts)
     bench.set_point(Q)
     bench.check_alive()
 

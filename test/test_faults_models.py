@@ -15,7 +15,6 @@
 """Faults in descriptions that arrive while the node commands, and changes of the model."""
 
 from collections.abc import Iterator
-import itertools
 from typing import Any
 
 from bad_descriptions import Bad, BAD_DESCRIPTIONS
@@ -39,7 +38,7 @@ from std_msgs.msg import String
 
 GROUP = 'Robot descriptions on their topic'
 KEPT = 'refused with what is wrong; the model in use stays; control goes on'
-PARAMETERS = {'state_timeout': 2.0, 'hold_time': 0.1, 'ramp_time': 0.1, 'effort_rate_limit': 1e6}
+PARAMETERS = {'hold_time': 0.1, 'ramp_time': 0.1, 'effort_rate_limit': 1e6}
 
 
 class Descriptions:
@@ -130,7 +129,8 @@ def test_a_new_model_waits_until_efforts_have_ended(
     wait_model(bench, 'arm_2', new_one_waits=True)
     check_model(bench, LIGHT)
     bench.driver.be_quiet()
-    wait_model(bench, 'arm_4')
+    with bench.short_timeout():
+        wait_model(bench, 'arm_4')
     bench.wait_silent()
     assert np.allclose(bench.efforts.messages[-1].effort, 0.0)
     bench.efforts.clear()
@@ -174,7 +174,7 @@ def test_the_newest_description_counts(
     if words:
         bench.node.wait_for_log(f'Kept the model in use: .*{words}')
     bench.driver.be_quiet()
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     bench.wait_silent()
     check_model(bench, LIGHT)
 
@@ -196,7 +196,7 @@ def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> Non
     rate = 50.0
     publisher = Descriptions(client, '/faults_embedded')
     with lifecycle_bench(client, '/faults_embedded', {
-                **PARAMETERS, 'effort_rate_limit': rate, 'state_timeout': 2.0}) as one:
+                **PARAMETERS, 'effort_rate_limit': rate}) as one:
         one.check_alive()
         one.efforts.wait_count(len(one.efforts.messages) + 1)
         publisher.send(HEAVY)
@@ -204,12 +204,13 @@ def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> Non
             lambda message: np.allclose(message.effort, hold_of(HEAVY), atol=1e-6))
         sent = one.efforts.published()
         assert sent[0][1].effort == pytest.approx(G, abs=1e-6)
-        for (_, before), (_, after) in itertools.pairwise(sent):
+        for before, after in one.efforts.in_a_row():
             dt = 1e-9 * (
                 nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
             change = np.abs(np.subtract(after.effort, before.effort)).max()
             assert change <= 2.0 * rate * max(dt, LONGEST_STEP)
-        moving = [t for t, m in sent if not np.allclose(m.effort, G, atol=1e-6)]
+        moving = [1e-9 * nanoseconds_of(m.header.stamp) for _, m in sent
+                  if not np.allclose(m.effort, G, atol=1e-6)]
         way = np.abs(np.subtract(hold_of(HEAVY), G)).max()
         assert moving[-1] - moving[0] > 0.8 * way / rate
         assert 'Kept the model' not in one.node.log

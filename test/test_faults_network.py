@@ -111,7 +111,7 @@ def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
     assert requested.durability is DurabilityPolicy.VOLATILE
     assert requested.deadline == requested.liveliness_lease_duration == Infinite
     bench.driver.be_quiet()
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     other = Driver(bench.client, topic, qos=qos).start()
     try:
         bench.wait_running()

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, figure_of
-from fault_stimuli import PATIENT, wait_states
+from fault_stimuli import NO_STREAM, wait_states
 from fault_table import fault
 import pytest
 from ros_harness import RosClient
@@ -30,7 +30,7 @@ GROUP = 'Efforts that are not finite'
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands the default arm."""
-    with fault_bench(client, '/faults_overflow', PATIENT) as one:
+    with fault_bench(client, '/faults_overflow', NO_STREAM) as one:
         yield one
 
 

@@ -32,7 +32,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter
-from request_bench import ControlGoesOn, PATIENT
+from request_bench import ControlGoesOn
 from robot_dynamics.ros.dynamics_parameters import SPECS
 from robot_dynamics.ros.parameters import ParameterSpec, Type
 from ros_harness import RosClient
@@ -49,7 +49,7 @@ CHOICES = [spec for spec in CHANGEABLE if spec.choices]
 @pytest.fixture(scope='module')
 def control(client: RosClient) -> Iterator[ControlGoesOn]:
     """Return a node that commands gravity compensation, as tests leave it."""
-    with fault_bench(client, '/faults_parameters', PATIENT) as bench:
+    with fault_bench(client, '/faults_parameters') as bench:
         yield ControlGoesOn(bench)
 
 

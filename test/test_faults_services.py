@@ -30,7 +30,7 @@ from raw_requests import LENGTH, RawRequests
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from request_bench import ControlGoesOn, PATIENT
+from request_bench import ControlGoesOn
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar_urdf import default_arm_urdf
@@ -52,7 +52,7 @@ MOST_MEMORY = 1.5 * 2**30
 @pytest.fixture(scope='module')
 def control(client: RosClient) -> Iterator[ControlGoesOn]:
     """Return a node that commands gravity compensation, as tests leave it."""
-    with fault_bench(client, '/faults_services', PATIENT) as bench:
+    with fault_bench(client, '/faults_services') as bench:
         yield ControlGoesOn(bench)
 
 

@@ -14,13 +14,13 @@
 
 """Faults in when joint states are from, and in who sends them: stamps, jumps, two publishers."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import Change, fault_bench, FaultBench, G, nanoseconds_of, Q, stamp_of
-from fault_stimuli import another_driver, check_rate, shifted, stamped, wait_states
+from fault_bench import Change, fault_bench, FaultBench, figure_of, G, Q, stamp_of
+from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
@@ -39,16 +39,15 @@ DROPPED = 'dropped and told; fault `state_timeout` where nothing else comes; bac
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, and is patient with stamps."""
-    parameters = {'state_timeout': 0.6, 'state_max_age': 2.0}
-    with fault_bench(client, '/faults_stamps', parameters) as one:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    with fault_bench(client, '/faults_stamps') as one:
         yield one
 
 
 @pytest.mark.parametrize(('seconds', 'reason', 'words'), [
-    pytest.param(-10.0, 'too old', 's old, expected at most 2 s (state_max_age)',
+    pytest.param(-10.0, 'too old', 's old, expected at most 9 s (state_max_age)',
                  marks=fault(GROUP, '10 s in the past', DROPPED)),
-    pytest.param(10.0, 'from the future', 's in the future, expected at most 2 s',
+    pytest.param(10.0, 'from the future', 's in the future, expected at most 9 s',
                  marks=fault(GROUP, '10 s in the future', DROPPED)),
     pytest.param(-1.7e9, 'too old', 's old', marks=fault(GROUP, '54 years in the past', DROPPED)),
 ])
@@ -59,7 +58,7 @@ def test_stamps_of_another_time(
     before = bench.known('joint states', f'dropped: {reason}')
     bench.driver.change = shifted(seconds)
     assert words in bench.wait_dropped(reason, before).message
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     bench.check_alive()
 
 
@@ -82,12 +81,13 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     freeze = stamped(stamp)
     bench.efforts.clear()
     bench.driver.change = lambda message: change(freeze(message))
-    bench.wait_fault('state_timeout')
-    assert bench.known('joint states', 'not new (stamp repeated)') > before
+    bench.wait_status('joint states', lambda status: figure_of(
+        status, 'not new (stamp repeated)') > before)
+    bench.wait_state_timeout()
     bench.wait_silent()
     efforts = [message.effort for message in bench.efforts.messages
                if message.header.stamp == stamp_of(stamp)]
-    assert len(efforts) > 10
+    assert len(efforts) > 1
     for effort in efforts:  # what holds the arm where it was then, or a share of it
         share = np.divide(effort, efforts[0])
         assert share == pytest.approx([share[0]] * 2, abs=1e-6)
@@ -110,12 +110,11 @@ def test_two_publishers(
     bench.check_alive()
     before = bench.known('command', 'faults: several_publishers')
     dropped = bench.known('joint states', f'dropped: {reason}')
-    with another_driver(bench, **driver) as other:
-        other.change = change
+    with another_publisher(bench, change, **driver):
         status = bench.wait_fault('several_publishers')
         assert 'there are several publishers of joint_states' in status.message
         bench.wait_dropped(reason, dropped)
-        wait_states(bench, 250)  # more than is needed to recover
+        wait_states(bench, 150)  # with as many of the other: more than is needed to recover
         assert bench.status('command').level == DiagnosticStatus.ERROR
         assert bench.known('command', 'faults: several_publishers') == before + 1
         bench.wait_silent()
@@ -141,23 +140,45 @@ def follow(bench: FaultBench) -> None:
     bench.efforts.wait_for(lambda message: not np.allclose(message.effort, G, atol=1.0))
 
 
+def disturb_until_noticed(
+    bench: FaultBench, reason: str, disturb: Callable[[], None], undo: Callable[[], None],
+) -> None:
+    """
+    Let one publisher contradict itself until the node starts anew for this reason.
+
+    Between states that are far apart, as no process got a processor, nothing is a contradiction.
+    """
+    before = bench.figure('joint states', f'started anew: {reason}')
+
+    def is_noticed() -> bool:
+        undo()
+        wait_states(bench, 2)
+        disturb()
+        return bench.figure('joint states', f'started anew: {reason}') > before
+
+    wait_until(is_noticed, f'{reason} that is noticed')
+
+
 @fault(PUBLISHERS, 'one publisher, whose arm is suddenly 3 rad further',
        'believed, as a robot or simulator that was set back: the reference is dropped, the effort '
        'goes to gravity compensation no faster than its rate limit')
 def test_one_publisher_that_jumps(bench: FaultBench) -> None:
     follow(bench)
-    before = bench.known('joint states', 'started anew: jump')
     faults = bench.known('command', 'faults: several_publishers')
-    bench.driver.q = ELSEWHERE
+
+    def stand_at(q: list[float]) -> None:
+        bench.driver.q = q
+
+    disturb_until_noticed(
+        bench, 'jump', lambda: stand_at(ELSEWHERE), lambda: stand_at(list(Q)))
     bench.efforts.wait_for(
         lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
-    assert bench.figure('joint states', 'started anew: jump') == before + 1
     assert bench.status('reference').message == 'none'
     assert bench.known('command', 'faults: several_publishers') == faults
     bench.driver.q = list(Q)
     bench.efforts.clear()
     bench.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
-    check_rate(bench.efforts.messages)
+    check_rate(bench.efforts)
     bench.check_alive()
 
 
@@ -166,13 +187,12 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
        'faster than its rate limit')
 def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
     follow(bench)
-    before = bench.known('joint states', 'started anew: stamp went back')
-    bench.driver.change = shifted(-1.0)
+    def shift(seconds: float) -> None:
+        bench.driver.change = shifted(seconds)
+
+    disturb_until_noticed(bench, 'stamp went back', lambda: shift(-1.0), lambda: shift(0.0))
     bench.wait_status('reference', lambda status: status.message == 'none')
-    assert bench.figure('joint states', 'started anew: stamp went back') == before + 1
     wait_until(
         lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
-    stamps = [nanoseconds_of(message.header.stamp) for message in bench.efforts.messages]
-    assert any(one > next_one for one, next_one in zip(stamps, stamps[1:]))
-    check_rate(bench.efforts.messages)
+    check_rate(bench.efforts)
     bench.check_alive()

@@ -45,7 +45,7 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, told: str = ''
     bench.driver.change = change
     bench.wait_status('joint states', lambda status: (
         figure_of(status, key) > before and told in status.message))
-    bench.wait_fault('state_timeout')
+    bench.wait_state_timeout()
     bench.check_alive()
 
 
