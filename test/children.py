@@ -40,6 +40,9 @@ cores that four test processes, a browser and other work shared; a bound has to 
 loaded machine needs, or the verdict of a test depends on the load.
 """
 
+LONG = 5.0 * TIMEOUT
+"""[s] for what takes thousands of messages, or draws with a browser."""
+
 PR_SET_PDEATHSIG = 1
 
 

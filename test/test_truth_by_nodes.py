@@ -39,6 +39,7 @@ from robot_dynamics.trajectory import JointTrajectory
 from robot_dynamics.trajectory_file import read_trajectory
 from ros_harness import (
     DYNAMICS,
+    LONG,
     NodeProcess,
     RosClient,
     SIMULATED_ARM,
@@ -50,8 +51,6 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 RATE = 250.0
 BEGIN = 0.2
-LONG = 120.0
-"""[s] for 3000 states on a busy machine."""
 STATES = '/truth/joint_states'
 TRUTH = {
     'joints': ['joint1', 'joint2'], 'friction.viscous': [1.5, 0.6],
