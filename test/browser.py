@@ -30,7 +30,7 @@ from matplotlib.image import imread
 import numpy as np
 from numpy.typing import NDArray
 from robots import missing
-from ros_harness import TIMEOUT
+from ros_harness import LONG
 from suite_header import chromium_program
 
 # Software draws here; it is to leave the machine to the nodes.
@@ -38,7 +38,7 @@ OPTIONS = (
     '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
     '--disable-dev-shm-usage')
 SIZE = {'width': 1000, 'height': 600}
-PATIENCE = 6000.0 * TIMEOUT
+PATIENCE = 1000.0 * LONG
 """[ms], as a picture of many triangles, drawn with what time is left, takes seconds."""
 CLOSE = 0.08
 """Of each colour's part, between a line as it is meant and as it is drawn."""
@@ -48,7 +48,11 @@ MOST_PICTURES = 50
 
 @contextmanager
 def chromium(directory: Path) -> Iterator[Any]:
-    """Run the browser of the machine, with whatever time the others leave it."""
+    """
+    Run the browser of the machine, with whatever time the others leave it.
+
+    It ends with the driver of Playwright, and that with this process, whose end closes a pipe.
+    """
     program = chromium_program()
     if program is None:
         missing('no Chromium on the PATH (Debian: apt install chromium)')
@@ -57,10 +61,13 @@ def chromium(directory: Path) -> Iterator[Any]:
     except ImportError:
         missing('no Playwright (pip install playwright)')
     polite = directory / 'chromium'
-    # The part that draws would otherwise give itself priority over everything else.
-    drop = 'setpriv --bounding-set=-sys_nice ' if shutil.which('setpriv') and (
-        os.getuid() == 0) else ''
-    polite.write_text(f'#!/bin/sh\nexec {drop}nice -n 5 {program} "$@"\n')
+    prefix = ['nice', '-n', '5']
+    if shutil.which('setpriv'):
+        prefix += ['setpriv', '--pdeathsig', 'KILL']
+        if os.getuid() == 0:
+            # The part that draws would otherwise give itself priority over everything else.
+            prefix += ['--bounding-set=-sys_nice']
+    polite.write_text(f'#!/bin/sh\nexec {" ".join(prefix)} {program} "$@"\n')
     polite.chmod(0o755)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -74,9 +81,13 @@ def chromium(directory: Path) -> Iterator[Any]:
 class Page:
     """The page of a viewer; `close` it, or use it in a `with` statement."""
 
-    def __init__(self, browser: Any, address: str) -> None:
-        """Open it, and wait until it has the controls of an arm and a picture."""
-        self.tab = browser.new_page(viewport=SIZE)
+    def __init__(self, browser: Any, address: str, scale: float = 1.0) -> None:
+        """
+        Open it, and wait until it has the controls of an arm and a picture.
+
+        `scale` is the number of drawn pixels per pixel of the layout, in each direction.
+        """
+        self.tab = browser.new_page(viewport=SIZE, device_scale_factor=scale)
         self.tab.set_default_timeout(PATIENCE)
         self.errors: list[str] = []
         self.elsewhere: list[str] = []

@@ -29,7 +29,16 @@ import pytest
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.plotting import BLUE, VERMILION
 from robots import must_have_everything, robot_path, robot_urdf
-from ros_harness import DYNAMICS, KEEP_MANY, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT
+from ros_harness import (
+    DYNAMICS,
+    KEEP_MANY,
+    LATCHED,
+    LONG,
+    NodeProcess,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+)
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -38,6 +47,8 @@ if not must_have_everything():
 
 VIEWER = 'robot_dynamics.tools.viewer'
 TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
+COARSE = 0.5
+"""Scale of a page with meshes of 100,000 triangles, which software draws: a quarter the pixels."""
 PANDA_POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02]
 
 
@@ -48,7 +59,7 @@ def browser(tmp_path_factory):
 
 
 @contextmanager
-def viewed(browser, namespace, parameters=None, start=(), arguments=()):
+def viewed(browser, namespace, parameters=None, start=(), arguments=(), scale=1.0):
     """Run the nodes and the viewer; yield the page and the viewer."""
     parameters = parameters or {}
     nodes = (
@@ -59,7 +70,8 @@ def viewed(browser, namespace, parameters=None, start=(), arguments=()):
     viewer = NodeProcess(
         VIEWER, namespace=namespace, arguments=('--port', '0', *arguments),
         ready=re.compile('viewer: open'))
-    with running(*nodes), viewer, Page(browser, address_of(viewer)) as page:
+    with running(*nodes), viewer, Page(
+            browser, address_of(viewer), scale) as page:
         yield page, viewer
 
 
@@ -70,7 +82,7 @@ def address_of(viewer):
 def wait_for_position(states, joint, value, tolerance=0.01):
     """Wait until a joint is where it is expected."""
     return states.wait_for(lambda state: abs(
-        dict(zip(state.name, state.position))[joint] - value) < tolerance, 6 * TIMEOUT)
+        dict(zip(state.name, state.position))[joint] - value) < tolerance, LONG)
 
 
 # --- real arms -----------------------------------------------------------------------------------
@@ -81,7 +93,7 @@ def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
     path = robot_path(robot)
     joint = load_arm(robot_urdf(robot)).joint_names[slider - 1]
     parameters = {'robot_description_file': str(path)}
-    with viewed(browser, f'/{robot}', parameters, start) as (page, _), \
+    with viewed(browser, f'/{robot}', parameters, start, scale=COARSE) as (page, _), \
             client.collect(JointState, f'/{robot}/joint_states', KEEP_MANY) as states:
         assert 'meshes are not drawn' not in page.words()
         page.wait_for_words('gravity compensation')
