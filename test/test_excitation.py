@@ -23,6 +23,7 @@ import sys
 from blas import blas_environments
 from builtin_interfaces.msg import Duration
 import children
+from children import LONG
 import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
@@ -44,7 +45,6 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 DURATION, HARMONICS = 8.0, 4
-LONG = 300.0
 
 
 # ------------------------------------------------------------------------------ the series

@@ -16,7 +16,12 @@
 
 import json
 from pathlib import Path
+import shutil
+import sys
 
+from blas import blas_environments
+import children
+from children import LONG
 from identification_bench import changed_arm, fourier_motion, rigid_effort
 import numpy as np
 import pytest
@@ -123,6 +128,21 @@ def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf)
     figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
     for model in ('urdf', 'base', 'consistent'):
         assert max(figures['residual'][model]['test']) < 5e-3
+
+
+def test_every_blas_kernel_makes_the_same_choices(tmp_path, urdf):
+    """Cut-off, kind of friction, regularization and what is excited: the printed report."""
+    record(tmp_path / 'bag')
+    printed = {}
+    for name, environment in blas_environments().items():
+        done = children.run(
+            [sys.executable, '-m', 'robot_dynamics.tools.identify', str(tmp_path / 'bag'),
+             '--urdf', str(urdf), '--output', str(tmp_path / 'out')],
+            env=environment, capture_output=True, text=True, timeout=LONG)
+        assert done.returncode == DONE, done.stderr
+        printed[name] = done.stdout
+        shutil.rmtree(tmp_path / 'out')
+    assert len(set(printed.values())) == 1, printed
 
 
 def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):

@@ -31,8 +31,8 @@ GROUPS = {
         'control', 'controller', 'simulation', 'effort_semantics', 'external_effort',
         'momentum_observer', 'live_residual'),
     'Trajectories': (
-        'trajectory', 'trajectory_file', 'trajectory_efforts', 'reference_motion', 'excitation', 'evolution_strategy',
-        'excitation_limits', 'excitation_trajectory', 'fourier_series'),
+        'trajectory', 'trajectory_file', 'trajectory_efforts', 'reference_motion', 'excitation',
+        'evolution_strategy', 'excitation_limits', 'excitation_trajectory', 'fourier_series'),
     'Checks of a model': (
         'model_check', 'model_finding', 'gravity_capability', 'workspace_gravity', 'torque_grid',
         'joint_forces'),
