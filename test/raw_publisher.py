@@ -56,7 +56,7 @@ class RawPublisher:
 
     def __exit__(self, *_: object) -> None:
         self._process.stdin.close()
-        assert self._process.wait(20.0) == 0
+        assert self._process.wait(children.TIMEOUT) == 0
         self._process.stdout.close()
 
 

@@ -99,6 +99,7 @@ class Node:
 
     def __init__(self, urdf: str) -> None:
         rclpy.init(args=['--ros-args', '-r', '__ns:=/counted', '-p', 'state_timeout:=60.0',
+                         '-p', 'state_max_age:=60.0',
                          '-p', f'robot_description_file:={urdf}', '-p', 'effort_check:=false'])
         self.node = DynamicsNode()
         self._data = bytearray(serialize_message(
