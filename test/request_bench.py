@@ -15,7 +15,8 @@
 """
 What the tests of requests share: clients in processes of their own, and whether control goes on.
 
-No fault may begin while a request is answered. How long efforts paused is told, not judged.
+No fault may begin while a request is answered. The longest pause between two efforts is reported,
+not judged.
 """
 
 from collections.abc import Iterator, Mapping

@@ -55,7 +55,9 @@ def test_both_nodes_run_on_it(client: RosClient, file: str) -> None:
         parameters['robot_description_file'] = str(robot_path(ROBOTS[file]))
     arguments = ('--ros-args', '--params-file', str(path))
     with NodeProcess(DYNAMICS, parameters, arguments=arguments, patient=False), \
-            NodeProcess(SIMULATED_ARM, parameters, arguments=arguments):
+            NodeProcess(  # on its brakes, as no effort reaches it
+                SIMULATED_ARM, parameters, arguments=arguments,
+                remaps={'effort_command': 'unused'}):
         for node, module in (('/dynamics', DYNAMICS), ('/simulated_arm', SIMULATED_ARM)):
             for name, value in flat(written[node]['ros__parameters']).items():
                 taken = client.get_parameter(node, name)

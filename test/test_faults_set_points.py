@@ -35,7 +35,7 @@ GROUP = 'References'
 TIMEOUT = 0.5
 """[s] of `reference_timeout` when a stream has ended."""
 NEVER = {'reference_timeout': 60.0}
-"""While a stream goes on: no pause of it, on a machine that starves it, is its end."""
+"""During a stream: no pause of it on a loaded machine ends it."""
 GOAL = [Q[0] + 0.01, Q[1]]
 LIMITS = 150.0, 60.0
 """Effort limits of the default arm [N m]."""

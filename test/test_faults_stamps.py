@@ -144,7 +144,7 @@ def disturb_until_noticed(
     bench: FaultBench, reason: str, disturb: Callable[[], None], undo: Callable[[], None],
 ) -> None:
     """
-    Let one publisher contradict itself until the node starts anew for this reason.
+    Let one publisher contradict itself until the node restarts its estimates for this reason.
 
     Between states that are far apart, as no process got a processor, nothing is a contradiction.
     """

@@ -30,7 +30,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 GOAL = [Q[0] + 0.01, Q[1]]
 NEVER = {'reference_timeout': 60.0}
-"""While a stream goes on: no pause of it, on a machine that starves it, is its end."""
+"""During a stream: no pause of it on a loaded machine ends it."""
 START = 12_000_000_789
 """When the trajectory begins [ns], by the stamps of the joint states."""
 

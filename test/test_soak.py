@@ -16,7 +16,7 @@
 The node at work for long: states at 500 Hz, all services all the time, and silences in between.
 
 `scripts/test -m soak` runs a short form of half a minute and a long one of ten minutes. Both
-judge what holds on a machine of any load: answers, finite numbers, memory. The long one, for an
+judge answers, finite numbers and memory, whatever the load of the machine. The long one, for an
 otherwise idle machine, judges a deadline too. It is missed if the first effort of a fault action
 is published later than the effort of the last state by more than the timeout and a period, and by
 more than a process that only sleeps woke up late at that time.
