@@ -38,6 +38,7 @@ from children import popen, TIMEOUT
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -329,7 +330,10 @@ class RosClient:
 
     def _spin(self) -> None:
         while self._context.ok() and not self._closing:
-            self._executor.spin_once(timeout_sec=0.2)
+            try:
+                self._executor.spin_once(timeout_sec=0.2)
+            except InvalidHandle:  # destroyed by a test in the meantime
+                continue
 
     def close(self) -> None:
         """End the thread and the node."""

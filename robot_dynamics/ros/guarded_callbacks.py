@@ -34,6 +34,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
+from robot_dynamics.ros.answer_delivery import AnswerDelivery
 from robot_dynamics.ros.end_request import ends_in_time
 from robot_dynamics.ros.message_bytes import (
     LARGEST_MESSAGE,
@@ -88,11 +89,13 @@ class GuardedCallbacks(Node):
 
     def __init__(self, *args: Any, **more: Any) -> None:
         self._told: dict[str, float] = {}
+        self._answers = AnswerDelivery(self)
         super().__init__(*args, **more)
         for service in self.services:  # rclpy makes some past `create_service`
             if not hasattr(service.callback, '__wrapped__'):
                 service.callback = self._answering(
                     service.srv_type, service.srv_name, service.callback)
+                self._answers.take_over(service)
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any,
@@ -136,8 +139,10 @@ class GuardedCallbacks(Node):
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,
     ) -> Any:
         """Create a service that answers with what failed where its callback fails."""
-        return super().create_service(
+        service = super().create_service(
             srv_type, srv_name, self._answering(srv_type, srv_name, callback), *args, **more)
+        self._answers.take_over(service)
+        return service
 
     def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> (
             SetParametersResult):

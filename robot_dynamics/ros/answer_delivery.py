@@ -1,0 +1,131 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Send the response of a service once its client can receive it.
+
+DDS has no services: requests and responses are samples of two topics, and a node discovers the
+request writer and the response reader of a client independently of each other. A request can
+therefore arrive before its client can receive the response. rmw_fastrtps then waits up to 100 ms
+for the reader and discards the response (ros2/rmw_fastrtps issue 842). It waits with Python's
+interpreter lock held, so that the control thread waits, too.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+import time
+from typing import Any
+import warnings
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.timer import Timer
+
+LONGEST_WAIT = 10.0
+"""[s] in which a response reader must be discovered; lost discovery data are repeated each 1 s."""
+PAUSE = 0.5
+"""[s] before the second attempt; a reader can be discovered, but not yet connected."""
+_TURN = 0.02
+"""[s] between two queries of the graph while a response waits."""
+_DISCARDED = 'failed to send response'
+"""What rclpy warns of then; it raises nothing."""
+
+
+@dataclass(frozen=True)
+class _Response:
+    service: Any
+    message: Any
+    header: Any
+    until: float
+    is_tried: bool = False
+
+
+class AnswerDelivery:
+    """Sends the responses of a node's services; for use in the thread of the node's executor."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._expected: dict[str, set[int]] = {}
+        self._waiting: list[_Response] = []
+        self._timer: Timer | None = None
+
+    def take_over(self, service: Any) -> None:
+        """Send the responses of a service of the node from now on."""
+        service.send_response = partial(self._send, service)
+
+    def _send(self, service: Any, message: Any, header: Any) -> None:
+        if self._is_of_known_client(service, header):
+            type(service).send_response(service, message, header)
+            return
+        response = _Response(service, message, header, time.monotonic() + LONGEST_WAIT)
+        if self._is_discovered(service):
+            self._attempt(response)
+        else:
+            self._waiting.append(response)
+        self._set_timer()
+
+    def _is_of_known_client(self, service: Any, header: Any) -> bool:
+        """
+        Return whether the request is the next one of a client whose reader was discovered.
+
+        rclpy does not tell which client a request is from, and asking the graph takes longer than
+        most answers do. The requests of a client are numbered consecutively.
+        """
+        number = header.request_id.sequence_number
+        expected = self._expected.setdefault(service.service_name, set())
+        is_known = number in expected and not self._waiting
+        expected.discard(number)
+        expected.add(number + 1)
+        return is_known
+
+    def _is_discovered(self, service: Any) -> bool:
+        """Return whether as many response readers as request writers are discovered."""
+        name = service.service_name
+        writers = self._node.get_publishers_info_by_topic(f'rq{name}Request', no_mangle=True)
+        readers = self._node.get_subscriptions_info_by_topic(f'rr{name}Reply', no_mangle=True)
+        return len(readers) >= len(writers)
+
+    def _attempt(self, response: _Response) -> None:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter('always')
+            type(response.service).send_response(
+                response.service, response.message, response.header)
+        if not any(_DISCARDED in str(warning.message) for warning in caught):
+            return
+        if response.is_tried:
+            self._node.get_logger().warning(
+                f'Discarded a response of {response.service.service_name}: its client cannot '
+                'receive it (not discovered, ended, or of another QoS)')
+        else:
+            self._waiting.append(
+                replace(response, until=time.monotonic() + PAUSE, is_tried=True))
+
+    def _send_waiting(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for response in waiting:
+            if time.monotonic() >= response.until or (
+                    not response.is_tried and self._is_discovered(response.service)):
+                self._attempt(response)
+            else:
+                self._waiting.append(response)
+        self._set_timer()
+
+    def _set_timer(self) -> None:
+        if self._waiting and self._timer is None:
+            self._timer = self._node.create_timer(  # simulated time may be paused
+                _TURN, self._send_waiting, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        elif self._waiting and self._timer is not None and self._timer.is_canceled():
+            self._timer.reset()
+        elif not self._waiting and self._timer is not None:
+            self._timer.cancel()
