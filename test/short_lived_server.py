@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A process whose node offers a service under each namespace that it is told, one after the other.
+A process whose node offers a service under each given namespace, one after the other.
 
 Namespaces arrive as lines of JSON, from a `request_bench.ClientProcess`.
 """
@@ -30,7 +30,7 @@ from std_srvs.srv import Trigger
 
 
 class ShortLivedServer:
-    """A node with a participant of its own, spinning in a thread."""
+    """A node with a separate participant, spinning in a thread."""
 
     def __init__(self, namespace: str) -> None:
         self._context = Context()

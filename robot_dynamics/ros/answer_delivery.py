@@ -79,7 +79,7 @@ class AnswerDelivery:
         """
         Return whether the request is the next one of a client whose reader was discovered.
 
-        rclpy does not tell which client a request is from, and asking the graph takes longer than
+        rclpy does not expose the client of a request, and asking the graph takes longer than
         most answers do. The requests of a client are numbered consecutively.
         """
         number = header.request_id.sequence_number
