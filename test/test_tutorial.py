@@ -24,7 +24,8 @@ import signal
 import subprocess
 import sys
 
-from ros_harness import TIMEOUT
+import children
+from children import LONG, TIMEOUT
 
 PAGE = Path(__file__).parents[1] / 'docs' / 'tutorial.md'
 FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
@@ -32,8 +33,6 @@ FILE_NAME = re.compile(r'# ([\w.]+)\n')
 NODES = ('dynamics_node', 'simulated_arm')
 DATA_SHEET_LEAVES = (4.4, 1.9)
 """[N m] that the last program of the page prints where the node has the data sheet for a model."""
-LONGEST = 5.0 * TIMEOUT
-"""[s] that one command may take."""
 
 
 def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
@@ -70,7 +69,7 @@ def resolved(command: list[str]) -> list[str]:
 @contextmanager
 def running_node(command: list[str], directory: Path) -> Iterator[None]:
     """Run a node as in a terminal of its own, and end it by Ctrl-C, with status 0."""
-    with subprocess.Popen(
+    with children.popen(
             resolved(command), cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True) as process:
         try:
@@ -92,8 +91,8 @@ def run_all(commands: list[list[str]], directory: Path) -> dict[str, str]:
         if command[0] == 'ros2' and command[3] in NODES:
             with running_node(command, directory):
                 return {**printed, **run_all(commands[i + 1:], directory)}
-        result = subprocess.run(
-            resolved(command), cwd=directory, capture_output=True, text=True, timeout=LONGEST)
+        result = children.run(
+            resolved(command), cwd=directory, capture_output=True, text=True, timeout=LONG)
         assert result.returncode == 0, f'{command}:\n{result.stdout}{result.stderr}'
         printed[' '.join(command)] = result.stdout
     return printed

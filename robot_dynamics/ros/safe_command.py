@@ -49,6 +49,8 @@ ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
 TELL_FOR = 1.0
 """[s] that the diagnostics tell of an effort that a limit held back."""
+END_SLACK = 5.0
+"""[s] beyond the ramp that its thread has for the last effort; a busy machine may take seconds."""
 IDLE = 1.0
 """[s] between two looks where nothing can be overdue."""
 
@@ -184,7 +186,7 @@ class SafeCommand:
             supervisor = self._supervisor
             if supervisor is not None:
                 self._changed.wait_for(
-                    lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + 1.0)
+                    lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + END_SLACK)
 
     def reset(self) -> str:
         """Forget a latched fault; return what was reset, in words."""

@@ -33,8 +33,8 @@ DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 VIEWER = 'robot_dynamics.tools.viewer'
 
-STOP_TIMEOUT = 5.0
-"""[s] that a node has to leave in order."""
+STOP_TIMEOUT = 30.0
+"""[s] that a node has to exit before it is killed; a busy machine may take seconds."""
 LOG_LINES = 12
 
 _PR_SET_PDEATHSIG = 1  # of prctl(2), linux/prctl.h
