@@ -14,6 +14,7 @@
 
 """The viewer as it is served: who gets in, which arm it shows, and what its command says."""
 
+import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 import errno
@@ -393,3 +394,38 @@ def test_beyond_this_computer_there_is_a_warning_on_stderr():
                      ready=re.compile('others can reach this page')) as viewer:
         pass
     assert viewer.log.count('\n') == 1
+
+
+class MutatingWaiter:
+    """Waits for an event; while that is first set, another one begins to wait."""
+
+    def __init__(self, event):
+        self.event, self.races = event, 0
+
+    def done(self):
+        if self.races == 0:
+            self.races += 1
+            self.event._waiters.append(self)
+        return True
+
+
+def test_a_race_in_viser_neither_ends_the_sender_nor_leaves_a_waiter_asleep():
+    with served() as server:
+        buffer = server._websock_server.get_message_buffer()
+        event, woken = asyncio.Event(), threading.Event()
+
+        async def wait():
+            await event.wait()
+            woken.set()
+
+        asyncio.run_coroutine_threadsafe(wait(), buffer.event_loop)
+        wait_until(lambda: len(event._waiters) == 1, 'the waiter')
+        waiter = MutatingWaiter(event)
+        event._waiters.appendleft(waiter)
+        usual, buffer.message_event = buffer.message_event, event
+        try:
+            server.gui.add_markdown('a message')
+            assert woken.wait(TIMEOUT)
+        finally:
+            buffer.message_event = usual
+    assert waiter.races == 1

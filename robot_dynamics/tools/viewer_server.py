@@ -56,6 +56,7 @@ def start_server(host: str, port: int, title: str) -> Any:
             'the viewer needs the library viser (pip install viser pycollada; '
             'in this repository: scripts/setup viewer)') from None
     _check_port(host, port)
+    _tolerate_races()
     with redirect_stdout(io.StringIO()):  # it greets
         with _own_pages_alone(is_loopback(host)):
             server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
@@ -109,6 +110,34 @@ def _own_pages_alone(is_wanted: bool) -> Iterator[None]:
         yield
     finally:
         sockets.serve = serve
+
+
+def _tolerate_races() -> None:
+    """
+    Let viser finish what a race between its threads interrupts.
+
+    viser puts a message into a buffer and then calls `asyncio.Event.set` in the thread that sends
+    it. That raises RuntimeError ("deque mutated during iteration") if the thread of the event loop
+    begins to wait at the same moment, which ended the viewer on a busy computer. The message is in
+    the buffer by then: the thread of the event loop sets the event again, which wakes all waiters.
+    """
+    from viser.infra._async_message_buffer import AsyncMessageBuffer
+    push = AsyncMessageBuffer.push
+    if hasattr(push, '__wrapped__'):
+        return
+
+    @functools.wraps(push)
+    def push_and_wake(buffer: Any, message: Any) -> None:
+        try:
+            push(buffer, message)
+        except RuntimeError:
+            buffer.event_loop.call_soon_threadsafe(wake, buffer.message_event)
+
+    def wake(event: Any) -> None:
+        event.clear()  # else `set` does nothing
+        event.set()
+
+    AsyncMessageBuffer.push = push_and_wake
 
 
 def _never_share(server: Any) -> None:
