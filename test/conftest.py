@@ -30,6 +30,7 @@ from typing import Any, TYPE_CHECKING
 from fault_table import Row, row_of, seen_words, write_page
 import pytest
 from robots import must_have_everything
+from shared_memory import remove_orphans
 from suite_header import SuiteHeader, Tool
 
 if TYPE_CHECKING:
@@ -140,6 +141,11 @@ def say_once(item: pytest.Item, error: BaseException, report: pytest.TestReport)
 def pytest_sessionfinish(session: pytest.Session) -> None:
     if session.config.getoption('--write-fault-table') and not session.config.option.collectonly:
         write_page(list(session.config.stash[ROWS].values()))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if 'PYTEST_XDIST_WORKER' not in os.environ:  # the workers have ended
+        remove_orphans()
 
 
 @pytest.fixture

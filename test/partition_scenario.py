@@ -37,7 +37,7 @@ OWN_NETWORK = (['unshare', '--net'], ['unshare', '--user', '--map-root-user', '-
 """Commands that run a command in a new network namespace: as root, and as anybody."""
 NEW_LINK = ['ip', 'link', 'add', 'near', 'type', 'veth', 'peer', 'name', 'far']
 SHORT_LEASE = Path(__file__).with_name('short_lease.xml')
-"""Processes that do not hear of each other forget each other after 10 s instead of 20 s."""
+"""Participants remove each other 10 s (instead of 20 s) after the last announcement."""
 
 
 def own_network() -> tuple[list[str], str]:

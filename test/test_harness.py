@@ -22,7 +22,8 @@ import sys
 
 from children import is_gone, popen, run
 import pytest
-from ros_harness import wait_until
+from ros_harness import DYNAMICS, NodeProcess, wait_until
+from shared_memory import DIRECTORY, files_in_use, remove_orphans
 
 TEST_RUN = """
 import sys
@@ -104,3 +105,19 @@ def test_the_log_of_a_shared_fixture_is_reported_once(tmp_path: Path) -> None:
     assert '3 errors' in out
     assert out.count('E       AssertionError: the log of the node') == 1, out
     assert out.count('as the report of test_it.py::test_it[0] shows') >= 2, out
+
+
+@pytest.mark.skipif(not DIRECTORY.is_dir(), reason='there is no /dev/shm')
+def test_shared_memory_of_a_killed_node_is_removed() -> None:
+    """That of a node that runs stays, and what it still has mapped of the killed one."""
+    with NodeProcess(DYNAMICS, namespace='/running') as running:
+        killed = NodeProcess(DYNAMICS, namespace='/killed').start()
+        of_killed, of_running = (
+            {name for name in files_in_use(Path('/proc', str(node.pid))) if 'fastrtps' in name}
+            for node in (killed, running))
+        killed.kill()
+        assert not of_running & set(remove_orphans())
+        assert of_running <= set(os.listdir(DIRECTORY))
+    remove_orphans()
+    assert of_killed - of_running
+    assert not of_killed & set(os.listdir(DIRECTORY))

@@ -100,11 +100,10 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
         wrenches.publish(push(True))
         seen = estimates.wait_for(lambda m: np.abs(m.effort).max() > 1.0, LONG)
         end = stamp_from_ros(seen.header.stamp) + round(12e9 / K)
-        estimates.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
-        residuals.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
-        states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
         # an observer misses some
-        wait_until(lambda: len(pairs(states, estimates)) > 20, 'states in a row', LONG)
+        wait_until(lambda: len(pairs(states, estimates)) > 20 and any(
+            t >= end for t in pairs(states, estimates)), 'states in a row', LONG)
+        residuals.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
     assert list(first.name) == NAMES
     assert not len(first.position)
     assert np.abs(first.effort).max() < 1e-6
@@ -115,9 +114,11 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
         true = -BODY.external(0.5 * (q[t] + q[t - STEP_NS]), [wrench])
         acts = np.abs(found).max() > 1.0
         assert found == pytest.approx(true if acts else 0.0 * true, abs=0.05)
-    true = -BODY.external(q[max(q)], [wrench])  # it stands by now
+    # It stands by now; later samples are of the end of the nodes, which lets it fall.
+    settled = next(t for t in sorted(pairs(states, estimates)) if t >= end)
+    true = -BODY.external(q[settled], [wrench])
     assert np.abs(true).max() > 20.0
-    assert r[max(r)] == pytest.approx(true, abs=0.05)
+    assert r[settled] == pytest.approx(true, abs=0.05)
     # measured − model is what the environment takes off the actuators
     left = by_stamp(residuals.messages, 'effort')
     assert left[max(left)] == pytest.approx(-true, abs=0.1)

@@ -67,7 +67,7 @@ class Page(NamedTuple):
 @dataclass
 class LoopRun:
     """
-    What was done; `start_ns` is the stamp at which the motion starts, 0 before it is sent.
+    Result of one run; `start_ns` is the stamp at which the motion starts, 0 before it is sent.
 
     `received` and `lost` are the numbers of messages that the recorder has written, and missed.
     """

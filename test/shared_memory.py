@@ -1,0 +1,58 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Shared memory of Fast DDS that killed processes leave behind, and its removal.
+
+Fast DDS 2.14 makes files in /dev/shm for each segment, `fastrtps_<id>`, and for each port,
+`fastrtps_port<number>`: the memory, its locks (`_el`, `_sl`), and a mutex of the port
+(`sem.…_mutex`). A process that is killed does not delete them.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import re
+
+DIRECTORY = Path('/dev/shm')
+_NAME = re.compile(r'(?:sem\.)?(fastrtps_(?:port\d+|[0-9a-z]{16}))(?:_el|_sl|_mutex)?')
+_MAPPED = re.compile(rf'{DIRECTORY}/(\S+)')
+
+
+def remove_orphans() -> list[str]:
+    """Delete the segments and ports of which no process uses any file; return their files."""
+    groups: defaultdict[str, list[Path]] = defaultdict(list)
+    for path in DIRECTORY.glob('*fastrtps_*'):
+        match = _NAME.fullmatch(path.name)
+        if match:
+            groups[match[1]].append(path)
+    used = {name for process in Path('/proc').glob('[0-9]*') for name in files_in_use(process)}
+    removed = [path for group in groups.values()
+               if used.isdisjoint(path.name for path in group) for path in group]
+    for path in removed:
+        path.unlink(missing_ok=True)
+    return [path.name for path in removed]
+
+
+def files_in_use(process: Path) -> Iterator[str]:
+    """Yield the names of the files in DIRECTORY that a process, /proc/<id>, has mapped or open."""
+    try:
+        yield from _MAPPED.findall((process / 'maps').read_text(encoding='utf-8'))
+        for descriptor in (process / 'fd').iterdir():
+            target = os.readlink(descriptor)
+            if target.startswith(f'{DIRECTORY}/'):
+                yield Path(target).name
+    except OSError:  # it has ended, or belongs to another user
+        return
