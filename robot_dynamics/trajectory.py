@@ -183,26 +183,37 @@ class ActiveTrajectory:
         start_ns: int,
         arrival_ns: int,
         state_before: Reference,
+        lead_in: Sequence[TrajectoryPoint] = (),
     ) -> None:
-        """Take all times as nanoseconds of the clock that `sample` is asked with."""
+        """
+        Take all times as nanoseconds of the clock that `sample` is asked with.
+
+        The points of `lead_in`, with times [s] from the arrival, replace those of the trajectory
+        up to the last of them.
+        """
         self.trajectory = trajectory
         self.start_ns = start_ns
         self._arrival_ns = arrival_ns
         self._state_before = state_before
-        self._times = [start_ns + nanoseconds(p.time_from_start) for p in trajectory.points]
+        self._times = [start_ns + t for t in trajectory.times_ns]
         self._points = list(trajectory.points)
+        self._lead_in = lead_in
+        if lead_in:
+            before = [arrival_ns + nanoseconds(p.time_from_start) for p in lead_in]
+            rest = bisect_right(self._times, before[-1])
+            self._times[:rest], self._points[:rest] = before, lead_in
         self.end_ns = self._times[-1]
         if arrival_ns < self._times[0]:
             self._times.insert(0, arrival_ns)
             self._points.insert(0, TrajectoryPoint(0.0, *state_before))
-        self._final = _held(trajectory)
+        self._final = _held(self._points[-1], trajectory.is_set_point and not lead_in)
         self._segment: Segment | None = None
 
     def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
         """Return the same with all its times lower by `shift_ns`."""
         return ActiveTrajectory(
             self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
-            self._state_before)
+            self._state_before, self._lead_in)
 
     def sample(self, now_ns: int) -> Reference:
         """
@@ -243,11 +254,11 @@ class ActiveTrajectory:
             _coefficients(p0, p1, duration))
 
 
-def _held(trajectory: JointTrajectory) -> Reference:
-    last = trajectory.points[-1]
+def _held(last: TrajectoryPoint, is_moving: bool) -> Reference:
+    """Return what is held after the last point, at rest unless `is_moving`."""
     zero = np.zeros_like(last.position)
     zero.setflags(write=False)
-    if not trajectory.is_set_point:
+    if not is_moving:
         return Reference(last.position, zero, zero)
     return Reference(
         last.position,
@@ -305,18 +316,28 @@ class TrajectoryFollower:
         Raises TrajectoryError for other joints or an end in the past, and InvalidInputError for
         a measured state that is no state; what was in force then stays so.
         """
-        if trajectory.joint_names != self.joint_names:
-            raise TrajectoryError(
-                f'joint_names is {list(trajectory.joint_names)}, expected '
-                f'{list(self.joint_names)}, in this order')
+        self.check_joints(trajectory)
         max_age_ns = self._max_age_ns if trajectory.is_set_point else 0
         check_end_in_future(trajectory, stamp_ns, now_ns, max_age_ns)
         state = self._state_at(now_ns, position, velocity)
         state = state._replace(position=self._turned(
             state.position, trajectory.points[0].position))
         start_ns = now_ns if stamp_ns == 0 else stamp_ns
-        self.active = ActiveTrajectory(trajectory, start_ns, now_ns, state)
+        self.active = self._entered(trajectory, start_ns, now_ns, state)
         return self.active
+
+    def check_joints(self, trajectory: JointTrajectory) -> None:
+        """Raise TrajectoryError for joints other than those of the arm, in its order."""
+        if trajectory.joint_names != self.joint_names:
+            raise TrajectoryError(
+                f'joint_names is {list(trajectory.joint_names)}, expected '
+                f'{list(self.joint_names)}, in this order')
+
+    def _entered(
+        self, trajectory: JointTrajectory, start_ns: int, now_ns: int, state: Reference,
+    ) -> ActiveTrajectory:
+        """Return the trajectory as it is followed from `state` on."""
+        return ActiveTrajectory(trajectory, start_ns, now_ns, state)
 
     def sample(self, now_ns: int) -> Reference | None:
         """Return the reference at `now_ns`, or None while there is no trajectory."""

@@ -24,6 +24,7 @@ The rules are those of `joint_trajectory_controller` (ros2_controllers, branch j
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,11 @@ class JointTrajectory:
     def duration(self) -> float:
         """The time of the last point [s]."""
         return self.points[-1].time_from_start
+
+    @cached_property
+    def times_ns(self) -> list[int]:
+        """The times of the points in whole nanoseconds."""
+        return [nanoseconds(point.time_from_start) for point in self.points]
 
     @property
     def is_set_point(self) -> bool:

@@ -1,0 +1,150 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Limits of velocity, acceleration and jerk for references that an arm can follow.
+
+The equation of motion M(q) q̈ + C(q, q̇) q̇ + g(q) = τ limits the acceleration by what the effort
+limits leave after gravity, and the jerk by the rate limit of the effort: M(q) q⃛ ≈ τ̇. Both are
+evaluated at poses over the whole workspace, so that one set of limits holds everywhere:
+
+    Σ_k |M_ik(q)| a_k <= β (τ_i − |g_i(q)|),    Σ_k |M_ik(q)| j_k <= β τ̇_i    for all i, q.
+
+The rest, 1 − β, is for feedback, friction and velocity-dependent torques.
+"""
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.regressor import random_states
+from robot_dynamics.sticking import BoolArray
+from robot_dynamics.validation import FloatArray
+
+VELOCITY_SHARE = 0.5
+"""Largest reference velocity as a share of the URDF's limit."""
+EFFORT_SHARE = 0.5
+"""β: share of the remaining effort, and of its rate, that acceleration and jerk may take."""
+LEAST_SHARE = 0.1
+"""
+Share of the effort limit that gravity has to leave; poses in which it does not are left out.
+
+The arm cannot be held there, and so does not get there. The limits are scaled by the share of the
+poses that remain, so that a load does not increase them.
+"""
+DEFAULT_VELOCITY = 1.0
+"""[rad/s] or [m/s] of a joint without a velocity limit."""
+SPEED_UP_TIME = 0.2
+"""[s] in which a joint reaches its reference velocity at the earliest."""
+JERK_TIME = 0.05
+"""[s] in which a joint reaches its reference acceleration at the earliest."""
+SLOWEST_SHARE = 1e-3
+"""Smallest acceleration and jerk, as shares of what the two times above give."""
+_POSES = 40
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """
+    Limits of the reference of n joints, each (n,), in rad or m, and s.
+
+    `lower` and `upper` limit the position and may be infinite; `velocity`, `acceleration` and
+    `jerk` are positive and finite.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+    share: float = 1.0
+    """Share of the velocities at which the whole motion is possible."""
+
+    def slower(self, share: float) -> 'MotionLimits':
+        """Return the limits of the same motions in 1/share times their duration."""
+        return MotionLimits(
+            self.lower, self.upper, share * self.velocity, share**2 * self.acceleration,
+            share**3 * self.jerk, share)
+
+    @property
+    def of_stop(self) -> 'MotionLimits':
+        """The limits of a stop, in 1/share times its duration: its initial velocity is given."""
+        return replace(
+            self, acceleration=self.acceleration / self.share, jerk=self.jerk / self.share**2)
+
+
+class WorkspaceInertia:
+    """M(q) and g(q) of one arm at sampled poses of its workspace."""
+
+    def __init__(self, dynamics: ArmDynamics) -> None:
+        body = dynamics.rigid_body
+        poses = random_states(dynamics.arm, _POSES)[0]
+        n = dynamics.arm.joint_count
+        self.arm = dynamics.arm
+        self.mass: FloatArray = np.array([np.abs(body.mass_matrix(q)) for q in poses])
+        self.mass = self.mass.reshape(-1, n, n)
+        self.gravity: FloatArray = np.array([np.abs(body.gravity(q)) for q in poses])
+        self.gravity = self.gravity.reshape(-1, n)
+
+    def heavier(self, other: 'WorkspaceInertia') -> 'WorkspaceInertia':
+        """Return the larger values at each pose, for a load that is being changed."""
+        both = object.__new__(WorkspaceInertia)
+        both.arm = self.arm
+        both.mass = np.maximum(self.mass, other.mass)
+        both.gravity = np.maximum(self.gravity, other.gravity)
+        return both
+
+    def largest(self) -> FloatArray:
+        """Return max over the poses of |M|, (n, n) [kg·m²] or [kg]."""
+        return np.asarray(self.mass.max(axis=0, initial=0.0))
+
+    def row_sums(self) -> FloatArray:
+        """Return max over the poses of Σ_k |M_ik|, (n,) [kg·m²] or [kg]."""
+        return np.asarray(self.mass.sum(axis=2).max(axis=0, initial=0.0))
+
+    def motion_limits(self, effort: FloatArray, effort_rate: FloatArray) -> MotionLimits:
+        """
+        Return the limits of a reference that the effort can follow.
+
+        `effort` (n,) [N·m] or [N] and `effort_rate` (n,) [N·m/s] or [N/s] are the limits of the
+        command, infinite for none.
+        """
+        limits = self.arm.limits
+        remaining = np.maximum(effort - self.gravity, LEAST_SHARE * effort)
+        is_held: BoolArray = np.all(self.gravity <= (1.0 - LEAST_SHARE) * effort, axis=1)
+        if is_held.any():
+            remaining[~is_held] = math.inf
+            remaining *= float(is_held.mean())
+        velocity = np.where(
+            np.isfinite(limits.velocity), VELOCITY_SHARE * limits.velocity, DEFAULT_VELOCITY)
+        acceleration = self._largest(EFFORT_SHARE * remaining, velocity / SPEED_UP_TIME)
+        rate = np.broadcast_to(effort_rate, remaining.shape)
+        jerk = self._largest(EFFORT_SHARE * rate, acceleration / JERK_TIME)
+        return MotionLimits(limits.lower, limits.upper, velocity, acceleration, jerk)
+
+    def _largest(self, available: FloatArray, most: FloatArray) -> FloatArray:
+        """
+        Return x (n,) with |M| x <= available (poses, n), and at most `most` (n,).
+
+        The proportions are those of what each joint could do without the others.
+        """
+        own = np.diagonal(self.mass, axis1=1, axis2=2)
+        alone = np.min(available / np.maximum(own, 1e-9), axis=0, initial=math.inf)
+        x = np.minimum(alone, most)
+        needed = self.mass @ x
+        with np.errstate(divide='ignore', invalid='ignore'):
+            share = np.min(np.where(needed > 0.0, available / needed, math.inf), initial=1.0)
+        return np.asarray(np.maximum(share * x, SLOWEST_SHARE * most))

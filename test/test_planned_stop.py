@@ -1,0 +1,236 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A reference that is lost at speed: the arm stops along its path, within its limits."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.control import make_gains
+from robot_dynamics.controller import Controller, ControllerOptions
+from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.reference_generator import ReferenceGenerator
+from robot_dynamics.trajectory import (
+    quintic_point_to_point,
+    quintic_via_points,
+    Reference,
+)
+from robot_dynamics.trajectory_checks import nanoseconds
+from robot_dynamics.validation import FloatArray
+from robots import robot_urdf
+
+NAMES = ('a', 'b')
+SECOND = 1_000_000_000
+NOW = 1_790_000_000 * SECOND
+ZERO = np.zeros(2)
+LIMITS = MotionLimits(*np.full((2, 5), (-10.0, 10.0, 1.0, 5.0, 90.0)).T)
+CURVE = quintic_via_points(
+    NAMES, [0.0, 1.0, 2.0, 3.0, 4.0],
+    [[0.0, 0.0], [0.5, 0.6], [1.2, 0.4], [1.5, -0.4], [0.8, -0.6]])
+
+TOLERANCE = 1.25
+"""Ratio of acceleration and jerk to their limits on a path that is itself accelerated; 1.2."""
+
+laws = settings(deadline=None, derandomize=True, max_examples=25)
+
+
+def ns(t: float) -> int:
+    return NOW + nanoseconds(t)
+
+
+def samples(one: ReferenceGenerator, times: FloatArray) -> Reference:
+    rows = [one.sample(ns(t)) for t in times.tolist()]
+    return Reference(*(np.array(x) for x in zip(*(r for r in rows if r is not None))))
+
+
+def end_of(one: ReferenceGenerator) -> float:
+    assert one.active is not None
+    return (one.active.end_ns - NOW) / SECOND
+
+
+def distance_to_curve(q: FloatArray, curve: FloatArray) -> FloatArray:
+    """Return the distances (m,) of points (m, 2) to the line through `curve` (k, 2)."""
+    d = np.diff(curve, axis=0)
+    rest = q[:, np.newaxis] - curve[:-1]
+    share = np.clip((rest * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-30), 0.0, 1.0)
+    away = np.linalg.norm(rest - share[..., np.newaxis] * d, axis=2)
+    return np.asarray(away.min(axis=1))
+
+
+# --- along a path --------------------------------------------------------------------------------
+
+@laws
+@given(st.floats(0.05, 3.9))
+def test_a_stop_stays_on_a_curved_path_and_only_slows_down(t: float) -> None:
+    one = ReferenceGenerator(NAMES, (), LIMITS)
+    one.start(CURVE, NOW, ZERO, ZERO)
+    curve = samples(one, np.linspace(t, min(t + 2.0, 4.0), 2000)).position
+    before = one.sample(ns(t))
+    assert before is not None
+    one.stop(ns(t), ZERO, ZERO)
+    for old, new in zip(before, one.sample(ns(t)) or ()):
+        assert new == pytest.approx(old, abs=1e-9)
+    end = end_of(one)
+    found = samples(one, np.linspace(t, end, 200))
+    assert distance_to_curve(found.position, curve).max() < 1e-4
+    assert not found.velocity[-1].any()
+    assert one.sample(ns(end + 10.0)) is not None
+    assert np.abs(found.acceleration).max() <= TOLERANCE * 5.0
+    jerk = np.abs(np.diff(found.acceleration, axis=0)).max() * 200.0 / (end - t)
+    assert jerk <= TOLERANCE * 90.0
+    # A trajectory that becomes faster does so for a short while; then its speed only decreases.
+    speed = np.linalg.norm(found.velocity, axis=1)
+    peak = int(np.argmax(speed))
+    assert peak <= 80
+    assert (np.diff(speed[peak:]) <= 1e-6).all()
+    assert speed[peak] <= speed[0] + 0.2 * (end - t) * np.abs(before.acceleration).max() + 1e-9
+
+
+@laws
+@given(st.floats(0.2, 3.5), st.floats(0.05, 0.95))
+def test_a_second_stop_during_a_stop_ends_no_later_than_twice_as_long(
+    t: float, share: float,
+) -> None:
+    one = ReferenceGenerator(NAMES, (), LIMITS)
+    one.start(CURVE, NOW, ZERO, ZERO)
+    one.stop(ns(t), ZERO, ZERO)
+    first = end_of(one)
+    again = t + share * (first - t)
+    one.stop(ns(again), ZERO, ZERO)
+    assert end_of(one) - t <= 2.0 * (first - t) + 0.1
+    found = samples(one, np.linspace(again, end_of(one), 100))
+    assert np.abs(found.acceleration).max() <= 2.0 * TOLERANCE * 5.0
+    assert not found.velocity[-1].any()
+
+
+# --- from a measured state -----------------------------------------------------------------------
+
+@laws
+@given(st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4))
+def test_a_stop_from_a_measured_state_is_within_the_limits(state: list[float]) -> None:
+    one, q, v = ReferenceGenerator(NAMES, (), LIMITS), np.array(state[:2]), np.array(state[2:])
+    one.stop(NOW, q, v)
+    found = samples(one, np.linspace(0.0, end_of(one), 200))
+    assert found.position[0].tolist() == q.tolist()
+    assert found.velocity[0] == pytest.approx(v, abs=1e-12)
+    assert (np.abs(found.velocity) <= np.abs(v) + 1e-9).all()
+    assert np.abs(found.acceleration).max() <= 1.001 * 5.0
+    jerk = np.abs(np.diff(found.acceleration, axis=0)).max() * 199.0 / end_of(one)
+    assert jerk <= 1.001 * 90.0
+    assert not found.velocity[-1].any()
+
+
+def test_a_stop_at_rest_holds_the_position() -> None:
+    one, q = ReferenceGenerator(NAMES, (), LIMITS), np.array((0.3, -0.7))
+    one.stop(NOW, q, ZERO)
+    found = samples(one, np.linspace(0.0, 0.1, 20))
+    assert found.position == pytest.approx(np.tile(q, (20, 1)), abs=1e-12)
+
+
+def test_a_stop_without_limits_holds_the_position_at_once() -> None:
+    one = ReferenceGenerator(NAMES, (), None)
+    one.start(CURVE, NOW, ZERO, ZERO)
+    before = one.sample(ns(1.0))
+    assert before is not None
+    one.stop(ns(1.0), ZERO, ZERO)
+    after = one.sample(ns(1.5))
+    assert after is not None
+    assert after.position.tolist() == before.position.tolist()
+    assert not after.velocity.any()
+
+
+# --- the UR10 at 1 rad/s -------------------------------------------------------------------------
+
+@pytest.mark.parametrize('along_path', [False, True])
+@pytest.mark.parametrize('pose', [
+    (0.0, -1.0, 1.0, 0.0, 0.5, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, -0.5, 0.5, 0.5, 1.5, 0.0),
+])
+def test_the_ur10_at_1_rad_per_s_stops_within_03_rad_and_54_percent_of_its_effort(
+    along_path: bool, pose: tuple[float, ...],
+) -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    dynamics, effort = ArmDynamics(arm), arm.limits.effort
+    limits = WorkspaceInertia(dynamics).motion_limits(effort, effort / 0.1)
+    one = ReferenceGenerator(arm.joint_names, (), limits)
+    q, v = np.array(pose), np.eye(6)[0]
+    t = 0.0
+    if along_path:
+        goal = q + 3.0 * v
+        one.start(quintic_point_to_point(arm.joint_names, q, goal, 5.625), NOW, q, 0.0 * v)
+        t = 0.5 * 5.625
+        q = q + 1.5 * v
+    one.stop(ns(t), q, v)
+    found = samples(one, np.linspace(t, end_of(one), 200))
+    assert found.velocity[0] == pytest.approx(v, abs=1e-9)
+    way = np.abs(found.position[-1] - q)
+    torque = dynamics.inverse_dynamics_batch(*found)
+    gravity = dynamics.inverse_dynamics_batch(
+        found.position, 0.0 * found.velocity, 0.0 * found.velocity)
+    assert way[0] <= 0.3  # 0.14 rad were measured, and 37 % of the effort, 19 % without gravity
+    assert way[1:].max() <= 1e-9
+    assert (np.abs(torque - gravity) / effort).max() <= 0.54
+    if np.abs(gravity / effort).max() < 0.3:
+        assert (np.abs(torque) / effort).max() <= 0.54
+
+
+# --- the controller ------------------------------------------------------------------------------
+
+def controller(**options: Any) -> Controller:
+    arm = load_arm(default_arm_urdf())
+    return Controller(arm, ControllerOptions(
+        make_gains(arm.joint_names), conditions_references=True, stops_and_holds=True,
+        effort_rate=arm.limits.effort / 0.1, **options))
+
+
+def test_a_controller_that_is_stopped_on_a_path_follows_it_to_rest_and_holds() -> None:
+    one, names = controller(), ('joint1', 'joint2')
+    one.update(NOW, ZERO, ZERO)
+    one.follow(quintic_point_to_point(names, ZERO, [1.0, 0.5], 3.0), 0)
+    before = one.update(ns(1.5), ZERO, ZERO).reference
+    assert before is not None
+    assert 'along the reference' in one.stop()
+    after = one.update(ns(1.5), ZERO, ZERO).reference
+    assert after is not None
+    assert after.velocity == pytest.approx(before.velocity)
+    held = one.update(ns(5.0), ZERO, ZERO).reference
+    assert held is not None
+    assert not held.velocity.any()
+    assert (held.position > before.position).all()
+    assert held.position[0] / held.position[1] == pytest.approx(2.0, rel=1e-4)
+
+
+def test_a_controller_stops_from_the_next_measured_state() -> None:
+    one, q, v = controller(), np.array((0.3, 0.2)), np.array((1.0, -0.5))
+    one.update(NOW, q, v)
+    one.stop_from_state()
+    assert not one.has_reference
+    reference = one.update(ns(0.01), q + 0.01 * v, v).reference
+    assert reference is not None
+    assert reference.position == pytest.approx(q + 0.01 * v)
+    assert reference.velocity == pytest.approx(v)
+
+
+@pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
+def test_another_command_does_not_stop_from_the_next_state(command: str) -> None:
+    one = controller(command=command)
+    one.update(NOW, ZERO, ZERO)
+    one.stop_from_state()
+    assert one.update(ns(0.01), ZERO, ZERO).reference is None
