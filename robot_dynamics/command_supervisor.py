@@ -18,13 +18,15 @@ When efforts go out, and how they end: the supervisor of the command.
     inactive -> waiting for the first state -> running <-> fault
     running or fault -> stopping -> inactive
 
-The first effort to an arm is what holds it; after a fault the fault action runs its course, and
-once states are good again the command comes back by itself, except after a fault that is latched.
+The first effort to an arm is what holds it. In a fault each valid state is answered by what holds
+the arm, with damping; the fault action begins when there are no valid states any more. The command
+resumes automatically once the cause has ended, except after a fault that is latched.
 Efforts of a fault action and of a ramp keep to the rate limit as all others do, so that a ramp of
 a large effort may take longer than the ramp time. No two efforts in a row differ by more.
 Times are of a steady clock, so that a clock that stops or jumps changes nothing.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -47,13 +49,18 @@ class Mode(Enum):
 
 @dataclass(frozen=True)
 class SafetyOptions:
-    """Times [s]; `fault_margin` [rad] or [m] past a position limit that is a fault."""
+    """
+    Times [s]; `fault_margin` [rad] or [m] past a position limit that is a fault.
+
+    `overspeed` is the multiple of a velocity limit that is a fault, infinite for none.
+    """
 
     state_timeout: float = 0.05
     fault_action: str = FAULT_ACTIONS[0]
     hold_time: float = 1.0
     ramp_time: float = 0.5
     fault_margin: float = 0.0087
+    overspeed: float = 1.2
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ class CommandSupervisor:
         self.fault_count = 0
         self.guarded: GuardedEffort | None = None
         """What the limits did to the last effort, while running."""
-        self._hold = np.zeros(len(joint_names))
+        self._hold = self._braked = np.zeros(len(joint_names))
         self._last_state = self._last_output = self._since = 0.0
         self._good = 0
 
@@ -109,13 +116,26 @@ class CommandSupervisor:
         elif self.mode is not Mode.STOPPING:
             self._begin(Mode.STOPPING, now)
 
-    def reset(self) -> str:
-        """Forget a latched fault; return in words what was reset."""
-        if self.fault is None or not (self.is_latched or self.mode is Mode.FAULT):
-            return 'there is no fault'
-        self.fault = replace(self.fault, latched=False)
+    def reset(self) -> tuple[bool, str]:
+        """
+        Reset a latched fault whose cause has ended; return success and a message.
+
+        A fault that is not latched ends automatically.
+        """
+        fault = self.fault
+        if fault is None or not (self.is_latched or self.mode is Mode.FAULT):
+            return False, 'there is no fault'
+        if not fault.latched:
+            return False, (
+                f'{fault.name} persists: {fault.words}; it ends automatically after '
+                f'{fault.recovery} valid joint states')
+        if self.mode is Mode.FAULT and not self._good:
+            return False, (
+                f'{fault.name} persists: {fault.words}; no valid joint state has been received '
+                'since')
+        self.fault = replace(fault, latched=False)
         self._good = 0
-        return f'reset {self.fault.name}: {self.fault.words}'
+        return True, f'reset {fault.name}: {fault.words}'
 
     def fail(self, now: float, fault: Fault) -> None:
         """Begin the fault action; a fault in force gives way to one that is harder to leave."""
@@ -131,26 +151,36 @@ class CommandSupervisor:
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
-        hold: FloatArray, dt: float | None = None,
+        hold: FloatArray, dt: float | None = None, brake: Callable[[], FloatArray] | None = None,
+        fault: Fault | None = None,
     ) -> FloatArray | None:
         """
-        Return the effort that answers a good state; `hold` (n,) is what holds the arm.
+        Return the effort that answers a valid state; `hold` (n,) is what holds the arm.
 
-        The state is dt [s] after the one before by their stamps; None where these do not tell.
+        The state is dt [s] after the one before by their stamps, None if unknown. `fault` is one
+        that was found with this state. `brake` returns `hold` with damping, for a fault.
         """
+        limits = self._guard.limits
+        is_near, is_too_fast = limits.is_near(q), limits.is_too_fast(v)
+        cause = self._timeout(now) if self.mode is Mode.RUNNING else None
         self._last_state, self._hold = now, hold
-        is_near = self._guard.limits.is_near(q)
         beyond = self._beyond_a_limit(q) if is_near else None
-        if beyond is not None:
-            self.fail(now, beyond)
+        if beyond is None and is_too_fast and v is not None:
+            beyond = self._overspeed(v)
+        cause = beyond or fault or cause
+        if cause is not None:
+            self.fail(now, cause)
         elif self.mode is Mode.WAITING:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have gone out since that state
+        if self.mode is Mode.FAULT:
+            return self._hold_on(now, hold if brake is None else brake())
         if self.mode is not Mode.RUNNING:
             return self._action(now)
         self.guarded = self._guard.apply(
-            command, hold, q, v, now - self._last_output if dt is None else dt, is_near)
+            command, hold, q, v, now - self._last_output if dt is None else dt, is_near,
+            is_too_fast)
         self._last_output = now
         return self.guarded.effort
 
@@ -160,11 +190,25 @@ class CommandSupervisor:
 
     def tick(self, now: float) -> FloatArray | None:
         """Return what is due without a state: nothing, or the next effort of a fault action."""
-        if self.mode is Mode.RUNNING and now - self._last_state > self.options.state_timeout:
-            self.fail(now, Fault(
-                'state_timeout', f'no valid joint state for {self.options.state_timeout:g} s '
-                '(state_timeout)'))
+        timeout = self._timeout(now) if self.mode is Mode.RUNNING else None
+        if timeout is not None:
+            self.fail(now, timeout)
         return self._action(now)
+
+    def _timeout(self, now: float) -> Fault | None:
+        limit = self.options.state_timeout
+        if now - self._last_state <= limit:
+            return None
+        return Fault('state_timeout', f'no valid joint state for {limit:g} s (state_timeout)')
+
+    def _hold_on(self, now: float, hold: FloatArray) -> FloatArray | None:
+        """Answer a valid state in a fault: hold the arm, and let the fault action start later."""
+        self._since, self._braked = now + self.options.state_timeout, hold
+        if self._guard.last is None:  # no effort has begun, or the action has ended
+            return None
+        effort = self._guard.approach(hold, now - self._last_output)
+        self._last_output = now
+        return effort
 
     @property
     def is_latched(self) -> bool:
@@ -191,7 +235,7 @@ class CommandSupervisor:
         """How long [s] a ramp from the last effort to zero takes."""
         last, rate = self._guard.last, self._guard.limits.rate
         return max(
-            self.options.ramp_time, 0.0 if last is None else float(np.abs(last).max()) / rate)
+            self.options.ramp_time, 0.0 if last is None else float(np.max(np.abs(last) / rate)))
 
     # ------------------------------------------------------------------ what ends an effort
 
@@ -201,7 +245,7 @@ class CommandSupervisor:
         return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
 
     def _begin(self, mode: Mode, now: float) -> None:
-        self.mode, self._since = mode, now
+        self.mode, self._since, self._braked = mode, now, self._hold
 
     def _action(self, now: float) -> FloatArray | None:
         """Return the next effort of the fault action, or of the ramp of `deactivate`."""
@@ -209,14 +253,14 @@ class CommandSupervisor:
         if self.mode not in (Mode.FAULT, Mode.STOPPING) or last is None:
             return None
         action = self.options.fault_action if self.mode is Mode.FAULT else 'ramp_to_zero'
-        if action == 'stop_publishing':
+        passed = now - self._since
+        if action == 'stop_publishing' and passed >= 0.0:
             self._finish()
             return None
-        passed = now - self._since
-        if action == 'hold_gravity_then_ramp':
-            passed -= self.options.hold_time
-        goal = self._share_left(passed) * self._hold
-        if action == 'ramp_to_zero':  # of what went out only what holds, so that it never grows
+        if action == 'hold_gravity_then_ramp' and passed >= 0.0:
+            passed = max(passed - self.options.hold_time, 0.0)
+        goal = self._braked if passed < 0.0 else self._share_left(passed) * self._hold
+        if action == 'ramp_to_zero' and passed >= 0.0:  # toward zero only
             goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
         effort = self._guard.approach(goal, now - self._last_output)
         self._last_output = now
@@ -246,3 +290,13 @@ class CommandSupervisor:
         return Fault(
             'position_limit', f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
             f'limit, expected at most {margin:g} (position_fault_margin)', recovery=5)
+
+    def _overspeed(self, v: FloatArray) -> Fault | None:
+        limit, factor = self._guard.limits.velocity, self.options.overspeed
+        ratio = np.abs(v) / limit
+        j = int(np.argmax(ratio))
+        if not ratio[j] > factor:
+            return None
+        return Fault(
+            'overspeed', f'velocity of {self._names[j]!r} is {v[j]:g}, {ratio[j]:.3g} times its '
+            f'limit, expected at most {factor:g} times (overspeed_factor)')

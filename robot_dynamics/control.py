@@ -111,8 +111,13 @@ class ErrorFeedback:
     The position error of a continuous joint is taken the short way round.
     """
 
-    def __init__(self, gains: Gains, joint_kinds: Sequence[str]) -> None:
+    def __init__(
+        self, gains: Gains, joint_kinds: Sequence[str], largest_error: FloatArray | None = None,
+    ) -> None:
+        """`largest_error` (n,) [rad] or [m] is the limit of the position error, None for none."""
         self.gains = gains
+        self.largest_error = (
+            np.full(len(gains.kp), np.inf) if largest_error is None else largest_error)
         self.ratio = gains.ratio
         """K_p/K_d (n,) [1/s], 0 where K_d is 0."""
         self.turns = [kind == 'continuous' for kind in joint_kinds]
@@ -131,6 +136,17 @@ class ErrorFeedback:
         q_ref, v_ref, a_ref = reference
         e = self.position_error(q_ref, q)
         return a_ref + self.gains.kd * (v_ref - v) + self.gains.kp * e
+
+    def is_far(self, reference: FloatArray, q: FloatArray) -> bool:
+        """Return whether the position error of any joint exceeds its limit."""
+        return bool((np.abs(self.position_error(reference, q)) > self.largest_error).any())
+
+    def scaled(self, share: float) -> 'ErrorFeedback':
+        """Return the feedback at this share of its bandwidth, with the same damping ratio."""
+        gains = Gains(share**2 * self.gains.kp, share * self.gains.kd)
+        scaled = ErrorFeedback(gains, (), self.largest_error)
+        scaled.turns, scaled._continuous = self.turns, self._continuous
+        return scaled
 
     def reference_velocity(self, reference: Reference, q: FloatArray) -> FloatArray:
         """Return v_r = q̇_ref + K_p/K_d e, (n,) [rad/s] or [m/s]; q̇_ref where K_d is 0."""

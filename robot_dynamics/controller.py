@@ -33,23 +33,32 @@ from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, Gains
 from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.path_conditioning import feasible_trajectory
 from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
-from robot_dynamics.regressor import random_states
+from robot_dynamics.reference_generator import ReferenceGenerator
 from robot_dynamics.soft_gains import crossover, share_of_gains
+from robot_dynamics.stable_gains import StateQuality, UNKNOWN
 from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
-from robot_dynamics.trajectory import (
-    ActiveTrajectory,
-    JointTrajectory,
-    Reference,
-    TrajectoryFollower,
-)
+from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
 from robot_dynamics.validation import FloatArray, largest
 
 BoolArray = npt.NDArray[np.bool_]
 COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
-_POSES = 30
+FOLLOWING = COMMAND_MODES[0]
+"""The command that follows a reference."""
 FRICTION_MODES = ('reference', 'measured', 'none')
+
+
+ERROR_TIME = 0.3
+"""[s]: the limit of the following error is the way at the velocity limit in this time."""
+DEFAULT_ERROR = 0.5
+"""[rad] or [m], limit of the following error of a joint without a velocity limit."""
+FAULT_DAMPING = 0.5
+"""Share of K_d with which a joint is damped in a fault."""
+_NS = 1e-9
+_STEP = 1.1
 
 
 class NonFiniteEffortError(InvalidInputError):
@@ -76,6 +85,10 @@ class ControlOutput(NamedTuple):
     share_of_gains: float = 1.0
     sample: Callable[[], Reference] | None = None
     terms: EffortTerms | None = None
+    velocity: FloatArray | None = None
+    """The velocity (n,) that was used, measured or differentiated (`stable_gains`)."""
+    is_far: bool = False
+    """Whether the following error of a joint exceeds its limit."""
 
     @property
     def reference(self) -> Reference | None:
@@ -93,10 +106,22 @@ class ControllerOptions:
     """The command is clamped to this share of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
     """The velocity at which computed torque compensates friction; see `control`."""
-    effort_rate: float = math.inf
-    """How fast [N·m/s] or [N/s] the command may change on its way out."""
+    effort_rate: FloatArray | float = math.inf
+    """Largest rate of change of the command [N·m/s] or [N/s], (n,) or one for all joints."""
     semantics: EffortSemantics = EffortSemantics()
     """What the robot adds to the command by itself is left out of it."""
+    softens_gains: bool = False
+    """Scale the feedback down for errors whose effort the rate limit would delay."""
+    conditions_references: bool = False
+    """Follow references within the limits of the arm; see `reference_generator`."""
+    slows_down: bool = False
+    """Slow an infeasible trajectory down instead of rejecting it."""
+    stops_and_holds: bool = False
+    """Stop and hold where a reference ends early; otherwise compensate gravity alone."""
+    following_error: FloatArray | None = None
+    """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
+    stream_timeout: float = 0.1
+    """[s] for which a set-point with a velocity is followed."""
 
 
 class Controller:
@@ -111,12 +136,22 @@ class Controller:
         self.arm = arm
         self._lock = threading.Lock()
         self._bare_dynamics = self._dynamics = ArmDynamics(arm)
-        self._inertia = _largest_inertia(self._dynamics)
+        self._workspace = WorkspaceInertia(self._dynamics)
+        self._planning = ArmDynamics(arm)
+        """For the thread that calls `follow`."""
         self._transition: PayloadTransition | None = None
         continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
                       if kind == 'continuous']
-        self._follower = TrajectoryFollower(arm.joint_names, continuous)
-        self._waiting: tuple[JointTrajectory, int] | None = None
+        self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
+        self._stops_next = False
+        self._is_stopped = False
+        self.slowness = 1.0
+        """Factor by which the last trajectory was slowed down."""
+        self._quality = StateQuality(arm.joint_kinds)
+        self._rated_period = 0.0
+        self._mass = self._workspace.largest()
+        self.rate_share = 1.0
+        """Share of the natural frequency that the rate and the noise of the states allow."""
         self._state: tuple[int, FloatArray, FloatArray] | None = None
         self._tracking: SegmentTracking | None = None
         self._answered: _Answered | None = None
@@ -125,32 +160,87 @@ class Controller:
         self._zero.setflags(write=False)
         self._no_joint = np.zeros(arm.joint_count, dtype=bool)
         self._no_joint.setflags(write=False)
-        self.expired = 0
-        """Trajectories that waited for the first state and were over when it came."""
+        self._motion_limits: MotionLimits | None = None
+        self._options = options
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
-        """Take over gains, mode and limits."""
-        feedback = ErrorFeedback(options.gains, self.arm.joint_kinds)
+        """Take over gains, mode and limits; another mode ends the reference."""
+        feedback = ErrorFeedback(
+            options.gains, self.arm.joint_kinds, self._largest_error(options.following_error))
         limit = self.arm.limits.effort.copy()  # infinite where there is none, at any scale
         limit[np.isfinite(limit)] *= options.effort_scale
         with self._lock:
+            if options.command != self._options.command:
+                self._follower.clear()
+                self._stops_next = self._is_stopped = False
             self._options, self._feedback, self._effort_limit = options, feedback, limit
+            self._full_feedback = feedback
             self._least_limit = float(limit.min(initial=np.inf))
-            omega = crossover(options.gains)
-            self._prompt_effort = options.effort_rate / omega if omega > 0.0 else math.inf
+            self._limit_motion()
+            self._adapt_gains()
+
+    def _largest_error(self, limit: FloatArray | None) -> FloatArray:
+        if limit is not None:
+            return np.where(limit > 0.0, limit, math.inf)
+        v = self.arm.limits.velocity
+        return np.where(np.isfinite(v), ERROR_TIME * v, DEFAULT_ERROR)
+
+    def _limit_motion(self) -> None:
+        """Derive from arm, load and options how fast references may be and gains can act."""
+        options = self._options
+        rate = np.broadcast_to(options.effort_rate, self._effort_limit.shape)
+        self._motion_limits = self._workspace.motion_limits(
+            self._effort_limit, rate) if options.conditions_references else None
+        self._scale_motion()
+        self._follower.stream_timeout = options.stream_timeout
+        omega = crossover(options.gains)
+        self._prompt_effort = rate / omega if omega > 0.0 and options.softens_gains else (
+            np.full_like(rate, math.inf))
+        self._mass = self._workspace.largest()
+        inertia = np.maximum(self._workspace.row_sums(), 1e-12)
+        self._prompt_feedback = float((self._prompt_effort / inertia).min(initial=math.inf))
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """
         Follow a trajectory from `stamp_ns`, 0 for now, where now is the newest state's stamp.
 
-        Before the first state it waits for that. Raises TrajectoryError where it ended already.
+        Raises TrajectoryError where nothing can be followed, the trajectory has ended already,
+        or the arm cannot follow it.
         """
+        self._check_follows()
+        slowness = 1.0
+        if self._follower.limits is not None and not trajectory.is_set_point:
+            self._follower.check_joints(trajectory)
+            trajectory, slowness = feasible_trajectory(
+                self._planning, trajectory, self._follower.limits, self._options.effort_scale,
+                self._options.slows_down)
         with self._lock:
-            if self._state is None:
-                self._waiting = (trajectory, stamp_ns)
-            else:
-                self._follower.start(trajectory, *self._state, stamp_ns=stamp_ns)
+            self._follower.start(trajectory, *self._check_follows(), stamp_ns=stamp_ns)
+            self._stops_next = self._is_stopped = False
+            self.slowness = slowness
+
+    def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
+        """Return the last state; raise TrajectoryError where nothing can be followed from it."""
+        if self._options.command != FOLLOWING:
+            raise TrajectoryError(
+                f'command is {self._options.command!r}, expected {FOLLOWING!r}: nothing is '
+                'followed')
+        if self._state is None:
+            raise TrajectoryError(
+                'no joint state with velocities has been received, so that there is no state to '
+                'start from')
+        return self._state
+
+    def stop(self) -> str:
+        """Stop along the path in force, or from the measured state, and hold; return a report."""
+        with self._lock:
+            if self._options.command == 'none' or self._state is None:
+                return 'nothing to stop: the node does not command the arm'
+            path = 'along the reference' if self._follower.active else 'from the measured state'
+            self._follower.stop(*self._state)
+            self._stops_next, self._is_stopped = False, True
+            return f'stopping {path}, then holding the position'
 
     @property
     def loaded_arm(self) -> ArmModel:
@@ -159,14 +249,34 @@ class Controller:
 
     @property
     def has_reference(self) -> bool:
-        """Tell whether there is one to follow, now or from the first state on."""
-        return self._waiting is not None or self._follower.active is not None
+        """Whether a reference is followed."""
+        return self._follower.active is not None
 
     def forget_reference(self) -> None:
-        """Follow nothing from now on."""
+        """Follow nothing; without feedback, until the next trajectory or stop."""
         with self._lock:
-            self._waiting = None
             self._follower.clear()
+            self._stops_next = self._is_stopped = False
+
+    def restart_states(self) -> None:
+        """Take the next state as a first one: it need not follow from the last."""
+        with self._lock:
+            self._state = None
+
+    def stop_from_state(self) -> None:
+        """Forget the reference; stop from the next measured state and hold, if so chosen."""
+        with self._lock:
+            self._follower.clear()
+            self._stops_next = (
+                self._options.stops_and_holds and self._options.command == FOLLOWING)
+
+    def stop_on_path(self) -> None:
+        """Stop along the reference and hold, if so chosen; otherwise forget the reference."""
+        with self._lock:
+            if self._options.stops_and_holds and self._state is not None:
+                self._follower.stop(*self._state)
+            else:
+                self._follower.clear()
 
     def shift_time(self, shift_ns: int) -> None:
         """Follow on as before where the stamps of states go on lower by `shift_ns`."""
@@ -182,18 +292,19 @@ class Controller:
 
         `when_done` is called with it when it is in force: at once for no transition.
         """
+        planning = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
+        workspace = WorkspaceInertia(planning)
         if transition_time == 0.0:
-            dynamics = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
-            inertia = _largest_inertia(dynamics)
+            dynamics = ArmDynamics(planning.arm)
             with self._lock:
                 self._dynamics, self._transition = dynamics, None
-                self._inertia = inertia
+                self._planning, self._workspace = planning, workspace
+                self._limit_motion()
             when_done(payload)
             return
-        inertia = _largest_inertia(
-            ArmDynamics(self.arm.with_payloads([payload] if payload else [])))
         with self._lock:
-            self._inertia = max(self._inertia, inertia)
+            self._planning, self._workspace = planning, workspace.heavier(self._workspace)
+            self._limit_motion()
             self._transition = PayloadTransition(
                 self._dynamics.arm.payloads, payload, transition_time, when_done)
 
@@ -225,29 +336,30 @@ class Controller:
         dynamics, zero = self._dynamics, self._zero
         gravity = dynamics.rigid_body.gravity(q)
         friction, a, computed_torque, sample = zero, zero, None, None
-        wanted, share = None, 1.0
-        if v is not None:
-            self._state = (stamp_ns, q, v)
-            if self._waiting is not None:
-                self._start_waiting()
+        wanted, share, is_far = None, self.rate_share, False
+        if v is None:
+            self._lose_velocity()
+        else:
+            v = self._take_state(stamp_ns, q, v)
             active = self._follower.active
             if active is not None:
                 sample = partial(active.sample, stamp_ns)
-                a, v_r, feedback = self._track(active, stamp_ns, q, v)
+                a, v_r, feedback, is_far = self._track(active, stamp_ns, q, v)
                 computed_torque = wanted = dynamics.rigid_body.inverse_dynamics(q, v, a)
                 if not dynamics.is_frictionless:
                     friction = self._friction(v_r, v, computed_torque)
                     computed_torque = wanted = computed_torque + friction
-                if feedback * self._inertia > self._prompt_effort:
-                    a_soft, share = self._softened(active.sample(stamp_ns), q, v, a)
-                    if share < 1.0:
-                        a = a_soft
+                if feedback > self._prompt_feedback:
+                    a_soft, soft = self._softened(active.sample(stamp_ns), q, v, a)
+                    if soft < 1.0:
+                        a, share = a_soft, soft * share
                         wanted = dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
         gravity_peak = largest(gravity)
         peak = 0.0 if computed_torque is None else largest(computed_torque)
         if not (gravity_peak < math.inf and peak < math.inf):
             raise _not_finite(q, gravity, computed_torque)
-        follows = computed_torque is not None and self._options.command == 'computed_torque'
+        follows = computed_torque is not None and (
+            self._options.command == FOLLOWING or self._is_stopped)
         bare = dynamics is self._bare_dynamics
         robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
         robot = self._options.semantics
@@ -263,14 +375,14 @@ class Controller:
         if self._options.command == 'none':
             command, clamped = None, self._no_joint
         elif follows and wanted is not None:
-            peak = largest(wanted) if share < 1.0 else peak
+            peak = peak if wanted is computed_torque else largest(wanted)
             is_free = own is _NOTHING and peak <= self._least_limit
             command, clamped = (wanted, self._no_joint) if is_free else (
-                self._bounded(own.taken_off(wanted), own))
+                self._bounded(own.taken_off(wanted), own, hold))
         self._answered = dynamics, q, v, a, gravity, friction, follows, own
         return ControlOutput(
             gravity, robot_gravity, computed_torque, command, hold, clamped,
-            share if follows else 1.0, sample)
+            share if follows else 1.0, sample, velocity=v, is_far=is_far)
 
     def _terms(self) -> EffortTerms | None:
         if self._answered is None:
@@ -288,21 +400,63 @@ class Controller:
         # An energy beyond all numbers is no reason to withhold the effort.
         return terms if all(np.isfinite(part).all() for part in terms) else None
 
-    def _bounded(self, command: FloatArray, own: '_Own') -> tuple[FloatArray, BoolArray]:
+    def _bounded(
+        self, command: FloatArray, own: '_Own', hold: FloatArray | None = None,
+    ) -> tuple[FloatArray, BoolArray]:
         """
         Return the command within its limit, so that the effort at the joints is within theirs.
 
         The latter is the command and the gravity that the robot adds. (Friction that it adds is
-        lost on the way.) Where gravity alone is beyond the limit, the command need not push
-        against it: it may be 0, or take load off.
+        neglected.) Where gravity alone is beyond the limit, the command need not push against it:
+        it may be 0, or take load off. A scale of the effort limits that is too low for `hold`,
+        the command that holds the arm, extends to it; without `hold` the scale does not apply.
         """
-        low, high = -self._effort_limit, self._effort_limit
+        limit = self.arm.limits.effort
+        low, high = -limit, limit
+        if hold is not None:
+            low = np.maximum(low, np.minimum(-self._effort_limit, hold))
+            high = np.minimum(high, np.maximum(self._effort_limit, hold))
         if own.gravity is not None:
-            limit = self.arm.limits.effort
             low = np.maximum(low, np.minimum(-limit - own.gravity, 0.0))
             high = np.minimum(high, np.maximum(limit - own.gravity, 0.0))
         bounded = np.minimum(np.maximum(command, low), high)
         return bounded, bounded != command
+
+    @property
+    def quality(self) -> str:
+        """A description of the joint states, from which `rate_share` follows."""
+        return str(self._quality)
+
+    @property
+    def knows_quality(self) -> bool:
+        """Whether enough joint states have been received for `rate_share` to be meaningful."""
+        return self._quality.is_known
+
+    @property
+    def workspace(self) -> WorkspaceInertia:
+        """M(q) and g(q) over the workspace, with the load."""
+        return self._workspace
+
+    def following_error(self, output: ControlOutput, q: FloatArray) -> str:
+        """Return which joint exceeds its limit of the following error most, and by how much."""
+        reference = output.reference
+        if reference is None:
+            return ''
+        limit = self._feedback.largest_error
+        e = self._feedback.position_error(reference.position, q)
+        j = int(np.argmax(np.abs(e) / limit))
+        return (f'position of {self.arm.joint_names[j]!r} is {abs(e[j]):.3g} from its reference, '
+                f'expected at most {limit[j]:.3g} (following_error_limit)')
+
+    def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
+        """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
+        if v is None:
+            return hold
+        with self._lock, np.errstate(over='ignore', invalid='ignore'):
+            M, limit = self._dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
+            damping = M @ (FAULT_DAMPING * self._feedback.gains.kd * v)
+            braked = np.clip(hold - damping, np.minimum(-limit, hold), np.maximum(limit, hold))
+            return braked if np.isfinite(braked).all() else hold
 
     def _track(
         self, active: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
@@ -313,7 +467,8 @@ class Controller:
             a = feedback.acceleration(reference, q, v)
             return Tracked(
                 a, feedback.reference_velocity(reference, q),
-                float(np.abs(a - reference.acceleration).max(initial=0.0)))
+                float(np.abs(a - reference.acceleration).max(initial=0.0)),
+                feedback.is_far(reference.position, q))
         tracking = self._tracking
         if tracking is None or tracking.segment is not segment or (
                 tracking.feedback is not feedback):
@@ -337,14 +492,48 @@ class Controller:
             return dynamics.friction_effort(v_r, load, smooth=True)
         return dynamics.friction_effort(v, load) if mode == 'measured' else self._zero
 
-    def _start_waiting(self) -> None:
-        if self._waiting is None or self._state is None:
+    def _take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Take over a state; start the stop that waits for it; return the velocity to use."""
+        if self._options.softens_gains:
+            dt = 0.0 if self._state is None else _NS * (stamp_ns - self._state[0])
+            v = self._quality.velocity(dt, q, v)
+            if self._quality.is_due or dt > _STEP * self._rated_period:
+                self._rated_period = self._quality.period
+                self._adapt_gains()
+        self._state = stamp_ns, q, v
+        if self._stops_next:
+            self._stops_next = False
+            self._follower.stop(stamp_ns, q, v)
+        return v
+
+    def _lose_velocity(self) -> None:
+        """Without velocities nothing is followed, and no motion can start."""
+        if self._follower.active is not None:
+            self._stops_next = self._options.stops_and_holds
+            self._follower.clear()
+        self._state = None
+
+    def _scale_motion(self) -> None:
+        """Slow references down in proportion to the bandwidth of the feedback."""
+        limits, share = self._motion_limits, self.rate_share
+        if not self._quality.is_known:
+            share = min(1.0, share / UNKNOWN)
+        self._follower.limits = None if limits is None else limits.slower(share)
+
+    def _adapt_gains(self) -> None:
+        """Lower the gains to what period and noise of the states, and the rate limit, allow."""
+        options, share = self._options, 1.0
+        if options.softens_gains:
+            share = self._quality.stable_share(
+                options.gains, self._mass,
+                np.broadcast_to(options.effort_rate, self._effort_limit.shape))
+        is_scaled = self._feedback is not self._full_feedback
+        if share < 1.0 and is_scaled and 1.0 / _STEP < share / self.rate_share < _STEP:
             return
-        (trajectory, start_ns), self._waiting = self._waiting, None
-        try:
-            self._follower.start(trajectory, *self._state, stamp_ns=start_ns)
-        except TrajectoryError:  # over before the first state came: nothing to follow
-            self.expired += 1
+        self.rate_share = share
+        self._scale_motion()
+        self._feedback = self._full_feedback.scaled(share) if share < 1.0 else (
+            self._full_feedback)
 
     def _advance_payload(self, transition: PayloadTransition, stamp_ns: int) -> None:
         self._dynamics = ArmDynamics(self.arm.with_payloads(transition.payloads(stamp_ns)))
@@ -381,13 +570,6 @@ _NOTHING = _Own(None, None)
 # dynamics, q, v, a, gravity, friction, whether it follows the reference, the robot's own share
 _Answered = tuple[
     ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray, FloatArray, bool, _Own]
-
-
-def _largest_inertia(dynamics: ArmDynamics) -> float:
-    """Return what |M(q) a| is at most for accelerations up to 1, at poses here and there."""
-    poses = random_states(dynamics.arm, _POSES)[0]
-    return max((float(np.abs(dynamics.rigid_body.mass_matrix(q)).sum(axis=1).max(initial=0.0))
-                for q in poses), default=0.0)
 
 
 def _not_finite(

@@ -48,14 +48,15 @@ class GuardLimits:
     Limits of n joints.
 
     `lower`, `upper` (n,) [rad] or [m] and `velocity` (n,) [rad/s] or [m/s], infinite where there
-    is none; `margin` [rad] or [m] before a position limit; `rate` [N·m/s] or [N/s].
+    is none; `margin` [rad] or [m] before a position limit; `rate` [N·m/s] or [N/s], (n,) or one
+    for all joints.
     """
 
     lower: FloatArray
     upper: FloatArray
     velocity: FloatArray
     margin: float
-    rate: float
+    rate: FloatArray | float
 
     @cached_property
     def soft_lower(self) -> FloatArray:
@@ -83,6 +84,16 @@ class GuardLimits:
         return self.soft_lower.tolist(), self.soft_upper.tolist(), self.velocity.tolist()
 
     @cached_property
+    def least_rate(self) -> float:
+        """Return the smallest rate of all joints."""
+        return float(np.min(self.rate))
+
+    @cached_property
+    def joint_rates(self) -> FloatArray:
+        """Return the rate of each joint, (n,)."""
+        return np.array(np.broadcast_to(self.rate, self.lower.shape))
+
+    @cached_property
     def no_joint(self) -> BoolArray:
         """Return False for each joint, (n,)."""
         return np.zeros(len(self.lower), dtype=bool)
@@ -107,12 +118,12 @@ class EffortGuard:
 
     def apply(
         self, effort: FloatArray, hold: FloatArray, q: FloatArray, v: FloatArray | None,
-        dt: float, is_near: bool | None = None,
+        dt: float, is_near: bool | None = None, is_too_fast: bool | None = None,
     ) -> GuardedEffort:
         """
         Return what may go out dt [s] after the last effort.
 
-        `is_near` is what the limits say to q, where that was asked already.
+        `is_near` and `is_too_fast` are results of the limits for q and v, None to compute them.
 
         `hold` (n,) is what holds the arm still, and the first effort; `effort`, q and v are (n,).
         Without a velocity (None) its limit does not act.
@@ -120,7 +131,8 @@ class EffortGuard:
         limits = self.limits
         by_position = by_velocity = by_rate = limits.no_joint
         allowed = effort
-        if (limits.is_near(q) if is_near is None else is_near) or limits.is_too_fast(v):
+        if (limits.is_near(q) if is_near is None else is_near) or (
+                limits.is_too_fast(v) if is_too_fast is None else is_too_fast):
             push = effort - hold
             by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
                 (push < 0.0) & (q < limits.soft_lower))
@@ -129,17 +141,34 @@ class EffortGuard:
             allowed = np.where(by_position | by_velocity, hold, effort)
         if self.last is None:
             self.last, dt = hold, 0.0
-        moved = self.approach(allowed, dt)
+        moved = self.approach(allowed, dt, in_proportion=allowed is effort)
         if moved is not allowed:
             by_rate = moved != allowed
         return GuardedEffort(moved, by_position, by_velocity, by_rate)
 
-    def approach(self, effort: FloatArray, dt: float) -> FloatArray:
-        """Return the way to `effort` (n,) that the rate limit allows dt [s] after the last one."""
-        last = effort if self.last is None else self.last
-        step = self.limits.rate * min(max(dt, 0.0), LONGEST_STEP)
-        if math.dist(effort.tolist(), last.tolist()) <= step:  # and so no joint changes by more
+    def approach(
+        self, effort: FloatArray, dt: float, in_proportion: bool = True,
+    ) -> FloatArray:
+        """
+        Return the part of the way to `effort` (n,) that the rate limit allows in dt [s].
+
+        All joints change `in_proportion`: an effort between two that accelerate the arm as
+        intended does so as well, whereas one joint that lags behind the others would be
+        accelerated by their inertia torques. Otherwise each changes as fast as it may.
+        """
+        last, dt = self.last, min(max(dt, 0.0), LONGEST_STEP)
+        if last is None:
             self.last = effort
-        else:
-            self.last = np.minimum(np.maximum(effort, last - step), last + step)
+            return effort
+        distance = math.dist(effort.tolist(), last.tolist())
+        if distance <= self.limits.least_rate * dt:  # and so no joint changes by more
+            self.last = effort
+            return effort
+        change, rate = effort - last, self.limits.joint_rates
+        if not in_proportion:
+            self.last = last + np.clip(change, -rate * dt, rate * dt)
+            return self.last
+        with np.errstate(over='ignore'):
+            longest = float(np.max(np.abs(change) / rate))
+        self.last = effort if longest <= dt else last + (dt / longest) * change
         return self.last

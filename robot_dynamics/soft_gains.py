@@ -41,14 +41,16 @@ def crossover(gains: Gains) -> float:
     return float((K_d + slow).max(initial=0.0))
 
 
-def share_of_gains(proportional: FloatArray, damping: FloatArray, rate: float) -> float:
+def share_of_gains(
+    proportional: FloatArray, damping: FloatArray, rate: FloatArray | float,
+) -> float:
     """
     Return s in (0, 1] for the efforts M K_p e and M K_d ė, each (n,) [N·m] or [N].
 
-    `rate` is the largest change of effort by ω_c [N·m] or [N].
+    `rate` is the largest change of effort by ω_c [N·m] or [N], (n,) or one for all joints.
     """
     def is_too_fast(s: float) -> bool:
-        return bool(s * np.abs(s * s * proportional + s * damping).max(initial=0.0) > rate)
+        return bool((s * np.abs(s * s * proportional + s * damping) > rate).any())
 
     if not is_too_fast(1.0):
         return 1.0

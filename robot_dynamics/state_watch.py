@@ -162,7 +162,7 @@ class StateWatch:
         if stamp == self._stamp:
             return Judgement(False)
         dt = 1e-9 * (stamp - self._stamp)
-        if dt > LONGEST_GAP:
+        if stamp - self._stamp > _LONGEST_GAP_NS:
             return Judgement(True, restart='stamp jumped ahead')
         if dt > 0.0 and self._has_hardly_moved(q):
             return Judgement(True, dt)

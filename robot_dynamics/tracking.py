@@ -37,12 +37,13 @@ class Tracked(NamedTuple):
 
     `acceleration` q̈_ref + K_d ė + K_p e [rad/s² or m/s²], and `velocity` q̇_ref + K_p/K_d e
     [rad/s or m/s], q̇_ref where K_d is 0: that of which friction is compensated. `feedback` is the
-    largest of |K_d ė + K_p e|.
+    largest of |K_d ė + K_p e|, and `is_far` tells whether an error e exceeds its limit.
     """
 
     acceleration: FloatArray
     velocity: FloatArray
     feedback: float
+    is_far: bool = False
 
 
 class SegmentTracking:
@@ -55,13 +56,14 @@ class SegmentTracking:
             segment.coefficients[:, k * n:(k + 1) * n].T.tolist() for k in range(3))
         self._joints = list(zip(
             position, velocity, acceleration, feedback.gains.kp.tolist(),
-            feedback.gains.kd.tolist(), feedback.ratio.tolist(), feedback.turns))
+            feedback.gains.kd.tolist(), feedback.ratio.tolist(), feedback.turns,
+            feedback.largest_error.tolist()))
 
     def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> Tracked:
         """Return what tracking asks for at the state (q, v), each (n,), while it is in force."""
         s = self.segment.share(now_ns)
-        a, v_r, largest = [], [], 0.0
-        for (p, d, dd, K_p, K_d, ratio, turns), q_j, v_j in zip(
+        a, v_r, largest, is_far = [], [], 0.0, False
+        for (p, d, dd, K_p, K_d, ratio, turns, e_max), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):
             p0, p1, p2, p3, p4, p5 = p
             d0, d1, d2, d3, d4, _ = d
@@ -69,10 +71,12 @@ class SegmentTracking:
             e = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))) - q_j
             if turns and not -pi < e <= pi:
                 e = wrap_angle(e)
+            if not -e_max <= e <= e_max:
+                is_far = True
             v_ref = d0 + s * (d1 + s * (d2 + s * (d3 + s * d4)))
             feedback = K_d * (v_ref - v_j) + K_p * e
             a.append(dd0 + s * (dd1 + s * (dd2 + s * dd3)) + feedback)
             v_r.append(v_ref + ratio * e)
             if not -largest <= feedback <= largest:
                 largest = feedback if feedback > 0.0 else -feedback
-        return Tracked(np.array(a), np.array(v_r), largest)
+        return Tracked(np.array(a), np.array(v_r), largest, is_far)

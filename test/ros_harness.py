@@ -51,6 +51,15 @@ RESEND_PERIOD = 0.5
 DYNAMICS = 'robot_dynamics.ros.dynamics_node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
+EXACT = {
+    'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0],
+    'overspeed_factor': 0.0}
+"""
+With these the command is the control law for the reference as it was sent, at any state rate.
+
+Tests of the defaults of these parameters are those of references, of limits and of interruptions.
+"""
+
 NO_SHARED_MEMORY = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 """
@@ -96,13 +105,13 @@ class NodeProcess:
         `prefix` is a command that runs a command and becomes it, so that signals reach the node.
 
         A `patient` dynamics node takes no fault from a test that is slow to send states, or from
-        a simulated arm that a busy machine makes run late, and lets efforts change at any rate.
+        a simulated arm that a busy machine makes run late, lets efforts change at any rate, and
+        follows references with the gains that are set (`EXACT`).
         """
         if patient and module == DYNAMICS:
             parameters = {
                 'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05,
-                'effort_rate_limit': 1e9,
-                **(parameters or {})}
+                'effort_rate_limit': 1e9, **EXACT, **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [*prefix, sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:

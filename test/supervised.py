@@ -35,26 +35,32 @@ TROUBLE = Fault('trouble', 'something went wrong')
 LATCHED = Fault('broken', 'something is wrong', latched=True)
 
 
-def limits(rate: float = RATE, reach: float = np.inf) -> GuardLimits:
-    return GuardLimits(np.full(2, -reach), np.full(2, reach), np.full(2, np.inf), 0.01, rate)
+def limits(
+    rate: float = RATE, reach: float = np.inf, velocity: float = np.inf,
+) -> GuardLimits:
+    return GuardLimits(np.full(2, -reach), np.full(2, reach), np.full(2, velocity), 0.01, rate)
 
 
-def make(reach: float = np.inf, rate: float = RATE, **options: Any) -> CommandSupervisor:
-    return CommandSupervisor(NAMES, limits(rate, reach), SafetyOptions(**options))
+def make(
+    reach: float = np.inf, rate: float = RATE, velocity: float = np.inf, **options: Any,
+) -> CommandSupervisor:
+    return CommandSupervisor(NAMES, limits(rate, reach, velocity), SafetyOptions(**options))
 
 
 def answer(
     one: CommandSupervisor, now: float, command: np.ndarray = HOLD, hold: np.ndarray = HOLD,
-    q: Sequence[float] = (0.0, 0.0), dt: float | None = None,
+    q: Sequence[float] = (0.0, 0.0), dt: float | None = None, v: Sequence[float] = (0.0, 0.0),
 ) -> list[float] | None:
-    """Tell of a good state at rest; return the effort as a list, None for none."""
-    effort = one.answer(now, np.array(q), np.zeros(2), command, hold, dt)
+    """Give it a valid state; return the effort as a list, None for none."""
+    effort = one.answer(now, np.array(q), np.array(v), command, hold, dt)
     return None if effort is None else list(effort)
 
 
-def running(command: np.ndarray = HOLD, **options: Any) -> CommandSupervisor:
+def running(
+    command: np.ndarray = HOLD, reach: float = 1.0, **options: Any,
+) -> CommandSupervisor:
     """Return one that has let `command` out at the time START."""
-    one = make(**options)
+    one = make(reach, **options)
     one.activate()
     for k in range(1001):
         effort = answer(one, START + (k - 1000) * PERIOD, command)

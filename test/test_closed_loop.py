@@ -14,7 +14,8 @@
 
 """Both nodes together: the loop that closes without hardware."""
 
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, ExitStack
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -82,6 +83,66 @@ def send(client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: 
     client.node.destroy_publisher(publisher)
 
 
+class Gate:
+    """
+    Relays the states of an arm in lock-step to `dynamics`, and holds them at a simulated time.
+
+    Nothing is followed before the first state, and the nodes wait for no sender. So the arm waits
+    at the gate until the trajectory has arrived, and this is at the same simulated time each run.
+    """
+
+    TOPIC = 'gated_states'
+    HELD_AT = 100_000_000
+    """[ns], simulated time of the state at which the arm waits."""
+
+    def __init__(self, client: RosClient, namespace: str) -> None:
+        self._client, self._namespace = client, namespace
+        self._passed: JointState | None = None
+        self._is_open = False
+        self._references = client.collect(JointState, f'{namespace}/dynamics/reference')
+        self._references.wait_matched()
+        self._publisher = client.publisher(JointState, f'{namespace}/{self.TOPIC}')
+        self._states = client.node.create_subscription(
+            JointState, f'{namespace}/joint_states', self._relay, 10)
+
+    def _relay(self, state: JointState) -> None:
+        if self._is_open or stamp_from_ros(state.header.stamp) <= self.HELD_AT:
+            self._passed = state
+            self._publisher.publish(state)
+
+    def follow(self, trajectory: JointTrajectory, stamp: float) -> None:
+        """Send a trajectory that starts at a simulated time, and open once it is followed."""
+        wait_until(lambda: self._passed is not None and (
+            stamp_from_ros(self._passed.header.stamp) == self.HELD_AT), 'the state', LONG)
+        send(self._client, self._namespace, trajectory, stamp)
+        # The arm ignores the effort of a state that it had an effort for.
+        self._client.answer_to(self._publisher, self._passed, self._references)
+        self._is_open = True
+
+    def close(self) -> None:
+        """Forget the topics."""
+        self._references.close()
+        self._client.node.destroy_subscription(self._states)
+        self._client.node.destroy_publisher(self._publisher)
+
+
+@contextmanager
+def gated(
+    client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: float,
+    arm: Mapping[str, Any], **parameters: Any,
+) -> Iterator[None]:
+    """Run both nodes along a trajectory that starts at a simulated time."""
+    with NodeProcess(
+            DYNAMICS, parameters, namespace=namespace, remaps={'joint_states': Gate.TOPIC}):
+        gate = Gate(client, namespace)
+        try:
+            with simulated_arm(namespace, **arm):
+                gate.follow(trajectory, stamp)
+                yield
+        finally:
+            gate.close()
+
+
 # --- standing still ------------------------------------------------------------------------------
 
 def drift(states: list[Any], pose: list[float]) -> float:
@@ -135,13 +196,17 @@ def reference_at(path: JointTrajectory, t: float) -> np.ndarray:
     return np.asarray(q0 + (10 * s**3 - 15 * s**4 + 6 * s**5) * (q1 - q0))
 
 
-def test_computed_torque_follows_a_quintic(client: RosClient) -> None:
+# Velocity and acceleration of the trajectory are feasible, so that it is followed as it is.
+DEFAULTS = {'condition_references': True, 'soften_gains': True, 'effort_rate_limit': 0.0,
+            'overspeed_factor': 1.2, 'following_error_limit': []}
+
+
+@pytest.mark.parametrize('law', [{}, DEFAULTS], ids=['exact', 'defaults'])
+def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any]) -> None:
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
     with client.collect(JointState, '/follow/joint_states') as states, \
-            NodeProcess(DYNAMICS, namespace='/follow'):
-        send(client, '/follow', path, 0.5)
-        with simulated_arm('/follow', rate=500.0):
-            seen = until(states, 3.5)
+            gated(client, '/follow', path, 0.5, {'rate': 500.0}, **law):
+        seen = until(states, 3.5)
     errors = [
         np.abs(reference_at(path, 1e-9 * stamp_from_ros(m.header.stamp) - 0.5) - m.position).max()
         for m in seen]
@@ -158,14 +223,15 @@ def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient)
     back = JointTrajectory(
         NAMES, (quintic_point_to_point(NAMES, START, START, 2.0).points[-1],))
     with client.collect(JointState, '/replace/effort_command') as efforts, \
-            NodeProcess(DYNAMICS, namespace='/replace'):
+            NodeProcess(DYNAMICS, namespace='/replace'), simulated_arm('/replace'):
+        efforts.wait_for()  # nothing is followed before the first state
         send(client, '/replace', there, 0.0)
-        with simulated_arm('/replace'):
-            efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9, LONG)
-            send(client, '/replace', back, 0.0)
-            efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > 0.6e9 and (
-                m.effort == pytest.approx(hold, abs=0.05)), LONG)
-            commands = sorted(efforts.messages, key=lambda m: stamp_from_ros(m.header.stamp))
+        moving = stamp_from_ros(efforts.wait_for(
+            lambda m: np.abs(m.effort - hold).max() > 5.0, LONG).header.stamp)
+        send(client, '/replace', back, 0.0)
+        efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > moving + 2.5e9 and (
+            m.effort == pytest.approx(hold, abs=0.05)), LONG)
+        commands = sorted(efforts.messages, key=lambda m: stamp_from_ros(m.header.stamp))
     jumps = [
         np.abs(np.array(b.effort) - a.effort).max() for a, b in zip(commands, commands[1:])
         if stamp_from_ros(b.header.stamp) - stamp_from_ros(a.header.stamp) == round(1e9 / RATE)]
@@ -189,13 +255,9 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
     with ExitStack() as stack:
         collectors = [stack.enter_context(
             client.collect(JointState, f'{namespace}/joint_states')) for namespace in seeds]
-        stack.enter_context(running(*(
-            NodeProcess(DYNAMICS, namespace=namespace) for namespace in seeds)))
-        for namespace in seeds:
-            send(client, namespace, path, 0.5)
-        stack.enter_context(running(*(
-            simulated_arm(namespace, position_noise=1e-4, velocity_noise=1e-3, seed=seed)
-            for namespace, seed in seeds.items())))
+        for namespace, seed in seeds.items():
+            stack.enter_context(gated(client, namespace, path, 0.5, {
+                'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}))
         first, again, other = (
             [content(state) for state in until(collector, 2.0)] for collector in collectors)
     # an observer may miss a message; what both saw has to be the same

@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.command_supervisor import Fault, Mode, SafetyOptions
+from robot_dynamics.command_supervisor import Fault, FAULT_ACTIONS, Mode, SafetyOptions
 from supervised import (
     answer,
     course,
@@ -55,7 +55,8 @@ def test_the_first_effort_is_what_holds_the_arm() -> None:
     assert answer(one, START, PUSH) == HOLD.tolist()
     assert one.mode is Mode.RUNNING
     assert one.is_commanding
-    assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + [2.0, -2.0])
+    step = (PUSH - HOLD) * RATE * PERIOD / np.abs(PUSH - HOLD).max()
+    assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + step)
     assert one.guarded is not None
     assert one.guarded.by_rate.tolist() == [True, True]
 
@@ -155,10 +156,11 @@ def test_a_latched_fault_waits_for_a_reset() -> None:
         answer(one, START + k * PERIOD)
         assert one.mode is Mode.FAULT
         assert one.is_latched
-    assert answer(one, START + 5.0) is None
-    assert one.reset() == 'reset broken: something is wrong'
+    course(one, START + 4.0)
+    assert answer(one, START + 8.0) is None
+    assert one.reset() == (True, 'reset broken: something is wrong')
     assert one.mode is Mode.FAULT
-    assert answer(one, START + 5.1, PUSH) == HOLD.tolist()
+    assert answer(one, START + 8.01, PUSH) == HOLD.tolist()
     assert one.mode is Mode.RUNNING
 
 
@@ -193,13 +195,97 @@ def test_after_a_reset_as_many_good_states_as_ever_are_wanted() -> None:
     assert modes == [Mode.FAULT, Mode.FAULT, Mode.RUNNING]
 
 
-def test_a_reset_says_where_there_is_nothing_to_reset() -> None:
-    assert make().reset() == 'there is no fault'
+def test_a_reset_without_a_fault_fails() -> None:
+    assert make().reset() == (False, 'there is no fault')
     one = running()
-    assert one.reset() == 'there is no fault'
+    assert one.reset() == (False, 'there is no fault')
     one.fail(START, TROUBLE)
     answer(one, START + 0.01)
-    assert one.reset() == 'there is no fault'  # it is over
+    assert one.reset() == (False, 'there is no fault')  # it has ended
+
+
+def test_a_reset_fails_while_the_cause_persists() -> None:
+    one = running()
+    one.fail(START, LATCHED)
+    done, message = one.reset()
+    assert not done
+    assert 'broken persists: something is wrong' in message
+    answer(one, START + 0.01)
+    assert one.reset()[0]
+
+
+def test_a_fault_that_is_not_latched_ends_automatically_and_not_by_a_reset() -> None:
+    one = running()
+    one.fail(START, TROUBLE)
+    done, message = one.reset()
+    assert not done
+    assert 'ends automatically after 1 valid joint states' in message
+
+
+# --- valid states in a fault ---------------------------------------------------------------------
+
+@pytest.mark.parametrize('action', FAULT_ACTIONS)
+def test_while_states_are_valid_a_fault_holds_the_arm_indefinitely(action: str) -> None:
+    one = running(PUSH, fault_action=action)
+    for k in range(1, 5001):
+        effort = answer(one, START + k * PERIOD, PUSH, q=(0.0, 1.2))
+        assert effort is not None
+        assert one.tick(START + (k + 0.5) * PERIOD) is not None
+    assert one.mode is Mode.FAULT
+    assert effort == pytest.approx(HOLD)
+
+
+def test_a_stray_message_in_a_hundred_does_not_end_the_hold() -> None:
+    one = running(fault_action='ramp_to_zero')
+    for k in range(1, 3001):
+        if k % 100 == 0:
+            one.fail(START + k * PERIOD, Fault('several', 'words', recovery=100))
+        effort = answer(one, START + k * PERIOD)
+        assert effort == pytest.approx(HOLD)
+
+
+def test_the_hold_in_a_fault_is_damped() -> None:
+    one = running()
+    damped = HOLD - [1.0, 2.0]
+    effort = one.answer(
+        START + 0.1, np.array([0.0, 1.2]), np.ones(2), PUSH, HOLD, 0.1, lambda: damped)
+    assert one.mode is Mode.FAULT
+    assert effort == pytest.approx(damped)
+
+
+def test_overspeed_is_a_fault_that_ends_with_it() -> None:
+    one = make(velocity=2.0)
+    one.activate()
+    assert answer(one, START, v=(0.0, 2.3)) is not None
+    assert one.mode is Mode.RUNNING
+    answer(one, START + PERIOD, v=(0.0, -2.5))
+    assert one.mode is Mode.FAULT
+    assert one.fault is not None
+    assert one.fault.name == 'overspeed'
+    assert "velocity of 'elbow' is -2.5, 1.25 times its limit" in one.fault.words
+    answer(one, START + 2 * PERIOD, v=(0.0, -2.0))
+    assert one.mode is Mode.RUNNING
+
+
+def test_a_fault_found_with_a_state_is_answered_by_the_hold() -> None:
+    one = running(PUSH)
+    for k in range(1, 100):
+        effort = one.answer(
+            START + k * PERIOD, np.zeros(2), np.zeros(2), PUSH, HOLD, PERIOD, None, TROUBLE)
+    assert effort == pytest.approx(HOLD)
+    assert one.mode is Mode.FAULT
+    assert one.fault_count == 1
+
+
+def test_a_stall_of_the_process_is_noticed_by_the_next_state() -> None:
+    """The watch thread may have been stalled, too."""
+    one = running(PUSH)
+    effort = answer(one, START + 2.0 * one.options.state_timeout, PUSH)
+    assert one.fault is not None
+    assert one.fault.name == 'state_timeout'
+    assert one.fault_count == 1
+    assert one.mode is Mode.FAULT
+    assert effort is not None
 
 
 # --- the end -------------------------------------------------------------------------------------

@@ -58,6 +58,7 @@ def run(
     motion = make_reference_motion(ARM, seconds).trajectory
     controller = Controller(model, ControllerOptions(
         make_gains(ARM.joint_names), friction_compensation=mode))
+    controller.update(1, motion.points[0].position, np.zeros(2))  # nothing is followed before
     controller.follow(motion, 1)
     simulation = ArmSimulation(with_friction(1.0), motion.points[0].position)
     simulation.release()

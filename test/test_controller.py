@@ -103,9 +103,13 @@ def test_the_anchor_of_the_planar_arm() -> None:
 def test_the_mode_chooses_the_command_alone(mode: str) -> None:
     controller = make_controller(command=mode)
     controller.update(NOW, Q, V)
-    controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
+    if mode == 'computed_torque':
+        controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
+    else:
+        with pytest.raises(TrajectoryError, match=f"command is '{mode}', expected 'computed_t"):
+            controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
     output = controller.update(NOW, Q, V)
-    assert output.computed_torque is not None
+    assert (output.computed_torque is not None) == (mode == 'computed_torque')
     assert not output.clamped.any()
     if mode == 'none':
         assert output.command is None
@@ -135,19 +139,27 @@ def test_without_a_velocity_there_is_gravity_compensation_alone() -> None:
     output = controller.update(NOW, Q, None)
     assert output.computed_torque is None
     assert command(output).tolist() == output.gravity_compensation.tolist()
-    assert controller.update(NOW, Q, V).computed_torque is not None
+    assert controller.update(NOW, Q, V).computed_torque is None  # nothing is resumed
 
 
-def test_a_trajectory_waits_for_a_state_with_a_velocity() -> None:
+def test_a_trajectory_before_a_state_with_a_velocity_is_rejected() -> None:
     controller = make_controller()
-    controller.follow(quintic_point_to_point(NAMES, [0.8, 0.5], [1.2, 0.1], 2.0), 0)
-    assert controller.update(NOW, Q, None).reference is None
-    reference = controller.update(NOW + SECOND, Q, ZERO).reference
-    assert reference is not None
-    assert reference.position == pytest.approx([0.8, 0.5])  # it starts now
-    halfway = controller.update(NOW + 2 * SECOND, Q, ZERO).reference
-    assert halfway is not None
-    assert halfway.position == pytest.approx([1.0, 0.3])
+    for _ in range(2):
+        with pytest.raises(TrajectoryError, match='no joint state with velocities'):
+            controller.follow(quintic_point_to_point(NAMES, Q, [1.2, 0.1], 2.0), 0)
+        assert controller.update(NOW, Q, None).reference is None
+
+
+@pytest.mark.parametrize('mode', ['gravity_compensation', 'none'])
+def test_another_command_ends_the_reference(mode: str) -> None:
+    controller = make_controller()
+    controller.update(NOW, Q, ZERO)
+    controller.follow(set_point([1.0, 0.2]), 0)
+    controller.set_options(options(controller.arm, command=mode))
+    controller.set_options(options(controller.arm))
+    output = controller.update(NOW, Q, ZERO)
+    assert output.reference is None
+    assert command(output).tolist() == output.hold.tolist()
 
 
 def test_efforts_that_are_not_finite_are_refused() -> None:
@@ -170,8 +182,10 @@ def test_the_command_is_clamped_to_a_share_of_the_limits(scale: float) -> None:
     assert output.clamped.tolist() == [True, True]
     assert output.computed_torque is not None
     assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # as computed, for who asks
-    assert command(output).tolist() == (
-        scale * np.array([150.0, 60.0]) * np.sign(output.computed_torque)).tolist()
+    share = scale * np.array([150.0, 60.0])  # extended to what holds the arm
+    low, high = np.minimum(-share, output.hold), np.maximum(share, output.hold)
+    assert command(output).tolist() == np.clip(output.computed_torque, low, high).tolist()
+    assert output.hold.tolist() == output.gravity_compensation.tolist()
 
 
 def test_within_the_limits_nothing_is_clamped() -> None:

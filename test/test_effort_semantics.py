@@ -189,15 +189,22 @@ LIMIT = np.array([150.0, 60.0])
 def test_joint_and_command_keep_within_their_limits(
     compensates: tuple[str, ...], scale: float, target: Any,
 ) -> None:
-    """The effort at the joint within the limit of the URDF, the command within its share of it."""
+    """
+    The effort at the joint is within the limit of the URDF, the command within its share of it.
+
+    A share that is too low for what holds the arm extends to it, so that the arm is not dropped.
+    """
     output = update(make_controller(compensates, effort_scale=scale), target)
     assert output.command is not None
     assert output.terms is not None
     added = G if compensates else ZERO
-    assert (np.abs(output.command) <= scale * LIMIT + 1e-9).all()
+    hold = G - added
+    assert output.hold == pytest.approx(hold)
+    low, high = np.minimum(-scale * LIMIT, hold), np.maximum(scale * LIMIT, hold)
+    assert ((low - 1e-9 <= output.command) & (output.command <= high + 1e-9)).all()
     assert (np.abs(output.command + added) <= LIMIT + 1e-9).all()
     wanted = output.terms.effort
-    inside = (np.abs(wanted) <= scale * LIMIT) & (np.abs(wanted + added) <= LIMIT)
+    inside = (low <= wanted) & (wanted <= high) & (np.abs(wanted + added) <= LIMIT)
     assert output.command[inside] == pytest.approx(output.terms.effort[inside])
     assert output.clamped.tolist() == (~inside).tolist()
 

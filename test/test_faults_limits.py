@@ -17,8 +17,8 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, figure_of, G, Q, QUICK
-from fault_stimuli import check_rate, NO_STREAM, RATE, wait_states
+from fault_bench import fault_bench, FaultBench, figure_of, G, Q
+from fault_stimuli import check_rate, DIRECT, NO_STREAM
 from fault_table import fault
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ MARGIN = 0.0087
 @pytest.fixture(scope='module')
 def limited_arm(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands an arm with limits, as tests leave it."""
-    parameters = {**NO_STREAM, 'robot_description': URDF}
+    parameters = {**NO_STREAM, **DIRECT, 'robot_description': URDF}
     with fault_bench(client, '/faults_limits', parameters) as one:
         yield one
 
@@ -55,7 +55,7 @@ def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
     """Return it with the arm at rest at `Q`, and check afterwards that it holds it there again."""
     limited_arm.check_alive()
     yield limited_arm
-    limited_arm.set_parameters(effort_scale=1.0, effort_rate_limit=RATE)
+    limited_arm.set_parameters(effort_scale=1.0, effort_rate_limit=0.0)
     limited_arm.hold = G
     limited_arm.driver.q, limited_arm.driver.v = list(Q), [0.0, 0.0]
     limited_arm.set_point(Q)
@@ -124,8 +124,8 @@ def test_a_position_limit_ahead(
 
 @pytest.mark.parametrize(('joint', 'position', 'told'), [
     pytest.param(joint, position, told, id=words, marks=fault(
-        GROUP, f'a joint {words}', 'fault `position_limit` that names joint and way: the effort '
-        'holds, ramps to zero and ends; back by itself after five good states'))
+        GROUP, f'a joint {words}', 'fault `position_limit` that names joint and distance: the arm '
+        'is held as long as joint states are valid; ends automatically after five good states'))
     for words, joint, position, told in (
         ('0.009 rad past its upper limit', 0, UPPER + 0.009,
          "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
@@ -135,15 +135,16 @@ def test_a_position_past_its_limit(
     bench: FaultBench, joint: int, position: float, told: str,
 ) -> None:
     before = bench.known('command', 'faults: position_limit')
-    bench.set_parameters(hold_time=60.0)  # however long the way to g(q) takes
     bench.driver.q[joint] = position
     assert told in bench.wait_fault('position_limit').message
     wait_effort(bench, gravity(bench.driver.q))
-    bench.set_parameters(hold_time=QUICK['hold_time'])
-    bench.wait_silent()
-    shown = len(bench.efforts.messages)
-    wait_states(bench, 50)
-    assert len(bench.efforts.messages) == shown
+    bench.efforts.clear()
+    for message in bench.efforts.wait_count(200):  # for longer than hold_time and ramp_time
+        assert message.effort == pytest.approx(gravity(bench.driver.q), abs=1e-6)
+    assert 'position_limit' in bench.status('command').message
+    bench.driver.v[joint] = speed = -1.0 if position > 0.0 else 1.0  # back toward the limit
+    bench.efforts.wait_for(lambda message: (  # is damped
+        speed * (message.effort[joint] - gravity(bench.driver.q)[joint]) < -1.0))
     assert bench.known('command', 'faults: position_limit') == before + 1
 
 

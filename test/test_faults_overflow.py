@@ -17,7 +17,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, figure_of
+from fault_bench import fault_bench, FaultBench, figure_of, G
 from fault_stimuli import NO_STREAM, wait_states
 from fault_table import fault
 import pytest
@@ -29,8 +29,9 @@ GROUP = 'Efforts that are not finite'
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands the default arm."""
-    with fault_bench(client, '/faults_overflow', NO_STREAM) as one:
+    """Return a node that commands the default arm, by the velocity that is measured."""
+    with fault_bench(
+            client, '/faults_overflow', {**NO_STREAM, 'soften_gains': False}) as one:
         yield one
 
 
@@ -40,7 +41,8 @@ def reset(bench: FaultBench) -> Any:
 
 
 @fault(GROUP, 'a reference, and a velocity of 10²⁰⁰ rad/s, at which the computed torque overflows',
-       'not published; fault `non_finite`, which good states do not end; `~/reset_fault` does')
+       'not published; fault `non_finite`, which valid states do not end; `~/reset_fault` does, '
+       'once states are valid')
 def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.check_alive()
     bench.set_point(bench.driver.q)
@@ -50,7 +52,12 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     assert 'are not finite' in status.message
     assert 'waits for ~/reset_fault' in status.message
     bench.wait_dropped('no finite effort')
+    answer = reset(bench)
+    assert not answer.success
+    assert answer.message.startswith('non_finite persists: ')
     bench.driver.v = [0.0, 0.0]
+    bench.efforts.clear()
+    bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))
     wait_states(bench, 100)
     assert bench.status('command').message.startswith('fault non_finite')
     assert figure_of(bench.status('command'), 'faults: non_finite') == 1

@@ -79,7 +79,7 @@ def test_the_driver_falls_silent(bench: FaultBench, seen: Any, action: str) -> N
         if words:
             seen(words)
         bench.check_alive()
-        bench.node.wait_for_log('Joint states are good again')
+        bench.node.wait_for_log('The fault has ended: commanding again')
     finally:
         bench.set_parameters(fault_action='hold_gravity_then_ramp')
 
@@ -178,4 +178,4 @@ def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
              f'the effort is {step:.1f} N·m away')
         bench.check_alive()
     finally:
-        bench.set_parameters(**STEADY, effort_rate_limit=1000.0)
+        bench.set_parameters(**STEADY, effort_rate_limit=0.0)

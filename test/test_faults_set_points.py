@@ -16,6 +16,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import cycle
 import time
 from typing import Any
@@ -23,7 +24,7 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, check_rate, from_now, SetPoints
+from fault_stimuli import altered, check_rate, DIRECT, from_now, SetPoints
 from fault_table import fault
 import numpy as np
 import pytest
@@ -45,6 +46,14 @@ LIMITS = 150.0, 60.0
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
     with fault_bench(client, '/faults_set_points', NEVER) as one:
+        yield one
+
+
+@pytest.fixture(scope='module')
+def direct(client: RosClient) -> Iterator[FaultBench]:
+    """Return another one, whose set-points reach the control law as they are, while they come."""
+    with fault_bench(client, '/faults_direct', {
+            **NEVER, **DIRECT, 'reference_loss': 'gravity_compensation'}) as one:
         yield one
 
 
@@ -78,10 +87,40 @@ def wait_now(bench: FaultBench, predicate: Callable[[Any], bool]) -> float:
     return next(t for t, message in bench.efforts.since(0.0) if predicate(message))
 
 
-@fault(GROUP, 'set-points at 50 Hz that fall silent',
+def has_paused(status: DiagnosticStatus, more_than: int) -> bool:
+    """Return whether more streams than so many have paused."""
+    return figure_of(status, 'streams that paused') > more_than
+
+
+@fault(GROUP, 'set-points at 50 Hz that pause, `reference_loss: hold`',
+       'followed for `reference_timeout` (0.5 s in this test), then a planned stop, and the '
+       'position is held; reported and counted; followed again from the next set-point on')
+def test_a_stream_that_pauses(bench: FaultBench) -> None:
+    bench.check_alive()
+    for _ in range(2):
+        before = bench.known('reference', 'streams that paused')
+        with SetPoints(bench, lambda: GOAL) as stream:
+            wait_now(bench, lambda message: not is_gravity(message))
+            wait_until(lambda: stream.sent >= 10, 'ten set-points')
+        bench.wait_status('reference', lambda status: status.message == 'following')
+        with short_timeout(bench):
+            status = bench.wait_status('reference', partial(has_paused, more_than=before))
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == (
+            'ended early: the stream of set-points paused for more than reference_timeout')
+        bench.efforts.clear()  # the arm of this test is still away from its reference
+        assert not any(map(is_gravity, bench.efforts.wait_count(100)))
+    assert 'The stream of set-points paused' in bench.node.log
+    rest(bench)
+
+
+@fault(GROUP, 'set-points at 50 Hz that pause, `reference_loss: gravity_compensation`',
        'followed for `reference_timeout` (0.5 s in this test), then gravity compensation, told '
        'and counted; followed again from the next set-point on')
-def test_a_stream_that_falls_silent(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+def test_a_stream_that_pauses_for_hand_guiding(
+    bench: FaultBench, seen: Callable[[str], Any],
+) -> None:
+    bench.set_parameters(reference_loss='gravity_compensation')
     bench.check_alive()
     before = bench.known('reference', 'streams that paused')
     with SetPoints(bench, lambda: GOAL) as stream:
@@ -99,6 +138,7 @@ def test_a_stream_that_falls_silent(bench: FaultBench, seen: Callable[[str], Any
         wait_until(lambda: stream.sent >= 10, 'ten set-points')
     with short_timeout(bench):
         wait_now(bench, is_gravity)
+    bench.set_parameters(reference_loss='hold')
     rest(bench)
 
 
@@ -116,8 +156,8 @@ def test_one_set_point_is_held(bench: FaultBench) -> None:
 
 
 @fault(GROUP, 'joint states without velocities',
-       'gravity compensation, told; `~/computed_torque` falls silent; the reference is followed '
-       'again when velocities come back')
+       'gravity compensation, and the reference ends, reported; a set-point is rejected; nothing '
+       'on `~/computed_torque`; when velocities are back, the position is held')
 def test_states_without_velocities(bench: FaultBench) -> None:
     rest(bench)
     with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
@@ -127,25 +167,36 @@ def test_states_without_velocities(bench: FaultBench) -> None:
             'reference', lambda status: 'no velocity' in status.message)
         assert status.level == DiagnosticStatus.WARN
         bench.set_point(GOAL)
+        bench.wait_status('reference', lambda status: any(
+            'no joint state with velocities' in value.value for value in status.values))
         moment = from_now(bench)
         bench.efforts.clear()
         bench.efforts.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
         assert all(map(is_gravity, bench.efforts.wait_count(50)))
         assert not [m for m in torques.messages if nanoseconds_of(m.header.stamp) >= moment]
+        bench.efforts.clear()
         bench.driver.go_on()
-        wait_now(bench, lambda message: not is_gravity(message))
+        torques.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
+        torques.clear()
+        assert all(map(is_gravity, torques.wait_count(50)))
+        assert all(map(is_gravity, bench.efforts.messages))
     rest(bench)
+
+
+JUMPS = (
+    ('a set-point 2 rad away', {'q': [Q[0] + 2.0, Q[1] - 2.0]}),
+    ('a set-point with a velocity of 1e9 rad/s', {'q': Q, 'velocities': [1e9, -1e9]}),
+    ('a set-point with an acceleration of 1e9 rad/s^2', {
+        'q': Q, 'velocities': [0.0, 0.0], 'accelerations': [-1e9, 1e9]}))
 
 
 @pytest.mark.parametrize('more', [
     pytest.param(more, id=words, marks=fault(
-        GROUP, words, 'no effort beyond the effort limits, nor faster than `effort_rate_limit`'))
-    for words, more in (
-        ('a set-point 2 rad away', {'q': [Q[0] + 2.0, Q[1] - 2.0]}),
-        ('a set-point with a velocity of 1e9 rad/s', {'q': Q, 'velocities': [1e9, -1e9]}),
-        ('a set-point with an acceleration of 1e9 rad/s^2', {
-            'q': Q, 'velocities': [0.0, 0.0], 'accelerations': [-1e9, 1e9]}))])
-def test_a_set_point_that_jumps(bench: FaultBench, more: dict[str, Any]) -> None:
+        GROUP, f'{words}, `condition_references: false`',
+        'no effort beyond the effort limits, nor faster than `effort_rate_limit`'))
+    for words, more in JUMPS])
+def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> None:
+    bench = direct
     bench.check_alive()
     before = bench.known('command', 'held back by effort rate')
     bench.set_point(**more)
@@ -160,11 +211,12 @@ def test_a_set_point_that_jumps(bench: FaultBench, more: dict[str, Any]) -> None
     rest(bench)
 
 
-@fault(GROUP, 'set-points that jump by 4 rad, 50 times a second',
+@fault(GROUP, 'set-points that jump by 4 rad, 50 times a second, `condition_references: false`',
        'no effort beyond the effort limits, nor faster than `effort_rate_limit`')
 def test_set_points_that_jump_all_the_time(
-    bench: FaultBench, seen: Callable[[str], Any],
+    direct: FaultBench, seen: Callable[[str], Any],
 ) -> None:
+    bench = direct
     bench.check_alive()
     poses = cycle(([Q[0] + 2.0, Q[1]], [Q[0] - 2.0, Q[1]]))
     with SetPoints(bench, lambda: next(poses)) as stream:
@@ -176,4 +228,32 @@ def test_set_points_that_jump_all_the_time(
     assert (np.abs(efforts) <= LIMITS).all()
     check_rate(bench.efforts)
     seen(f'efforts of joint1 between {efforts[:, 0].min():.0f} and {efforts[:, 0].max():.0f} N m')
+    rest(bench)
+
+
+@pytest.mark.parametrize('more', [
+    pytest.param(more, id=words, marks=fault(
+        GROUP, f'{words}, by default', 'rejected, or approached within all limits of the arm: '
+        'the effort changes no faster than `effort_rate_limit` and stays below its limits'))
+    for words, more in JUMPS])
+def test_a_set_point_far_away(bench: FaultBench, more: dict[str, Any]) -> None:
+    rest(bench)
+    before = bench.figure('reference', 'refused')
+    with bench.client.collect(JointState, bench.name('reference'), KEEP_MANY) as references:
+        references.wait_matched()
+        references.wait_for()
+        bench.set_point(**more)
+        wait_until(
+            lambda: bench.figure('reference', 'refused') > before
+            or any(any(m.velocity) for m in references.messages), 'a reaction')
+        bench.efforts.wait_count(len(bench.efforts.messages) + 200)
+        for one, other in zip(references.messages, references.messages[1:]):
+            dt = 1e-9 * (nanoseconds_of(other.header.stamp) - nanoseconds_of(one.header.stamp))
+            step = np.abs(np.subtract(other.position, one.position))
+            assert (step <= 10.0 * dt + 1e-6).all()  # the velocity limit of both joints
+            assert (np.abs(other.velocity) <= 10.0 + 1e-6).all()
+    bench.check_efforts()
+    messages = bench.efforts.messages
+    assert all((np.abs(message.effort) <= LIMITS).all() for message in messages)
+    check_rate(bench.efforts)
     rest(bench)

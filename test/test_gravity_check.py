@@ -301,6 +301,7 @@ def closed_loop(
         simulation.set_payload(make_payload('tool0', load))
     simulation.release()
     if reference is not None:
+        controller.update(1, *simulation.state)  # nothing is followed before the first state
         controller.follow(reference, 0)
     command = None
     for k in range(round(seconds * 200)):

@@ -64,6 +64,8 @@ LAYERS = {
         'effort_residual',
         'mcap_salvage', 'message_types', 'parameter_file', 'recorded_topic', 'recording_files',
         'recording_writer', 'sqlite_salvage', 'stored_file',
+        'motion_limits', 'path_conditioning', 'point_to_point', 'reference_generator',
+        'loop_warnings', 'stable_gains',
         'gear_modes', 'gravity_capability', 'identification', 'inertia_survey', 'joint_forces',
         'limit_warnings', 'model_check', 'motion', 'motion_events', 'plant',
         'plotting', 'recording', 'reference_motion', 'robot_side', 'simulation', 'soft_gains',

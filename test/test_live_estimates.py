@@ -92,6 +92,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
                     **ROBOT, 'rate': RATE, 'lock_step': True, 'initial_position': START},
                     namespace='/pushed')):
         wrenches = client.publisher(WrenchStamped, '/pushed/simulated_arm/external_wrench')
+        states.wait_for(lambda m: any(m.effort), LONG)  # nothing is followed before the first
         holding = client.publisher(JointTrajectory, '/pushed/dynamics/joint_trajectory')
         holding.publish(JointTrajectory(joint_names=NAMES, points=[
             JointTrajectoryPoint(positions=START, velocities=[0.0, 0.0])]))

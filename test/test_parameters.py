@@ -27,7 +27,7 @@ from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters import ParameterSpec, Type
 from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -155,8 +155,13 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
     usual = client.get_parameter(NODE, 'state_timeout')
     client.set_parameters(NODE, {'state_timeout': 10.0})  # states come one by one
-    with client.collect(JointState, f'{NODE}/computed_torque') as torques:
+    client.set_parameters(NODE, EXACT)  # also of the tests that follow, which use the arm alone
+    with client.collect(JointState, f'{NODE}/computed_torque') as torques, \
+            client.collect(JointState, f'{NODE}/gravity_compensation') as gravity:
         torques.wait_matched()
+        gravity.wait_matched()
+        state.header.stamp.sec = 1
+        client.answer_to(states, state, gravity)  # nothing is followed before the first state
 
         def torque() -> Any:
             state.header.stamp.sec += 1
@@ -164,7 +169,6 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
 
         trajectories.publish(JointTrajectory(joint_names=NAMES, points=[
             JointTrajectoryPoint(positions=(q + error).tolist())]))
-        state.header.stamp.sec = 1
         client.ask(states, state, torques, lambda _: True)
         assert torque() == pytest.approx(M @ (400.0 * error) + g)
         for values, kp in (

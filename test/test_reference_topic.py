@@ -44,17 +44,18 @@ def state(nanoseconds: int, **fields: Any) -> JointState:
     return message
 
 
-@pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation'])
+@pytest.mark.parametrize('reaction', ['hold', 'gravity_compensation'])
 def test_it_is_the_trajectory_at_the_stamp_of_the_state(
-    client: RosClient, command: str,
+    client: RosClient, reaction: str,
 ) -> None:
     """In the node's order of joints, whatever order the trajectory has."""
     trajectory = quintic_via_points(
         NAMES, [0.0, 1.0, 2.5], [Q, [Q[0] + 0.7, Q[1] - 0.4], [Q[0] - 0.3, Q[1] + 0.2]])
     rest = Reference(np.array(Q), np.zeros(2), np.zeros(2))
     expected = ActiveTrajectory(trajectory, START, START, rest)
-    namespace = f'/reference_{command}'
-    with NodeProcess(DYNAMICS, {'joints': NAMES[::-1], 'command': command}, namespace=namespace), \
+    namespace = f'/reference_{reaction}'
+    parameters = {'joints': NAMES[::-1], 'reference_loss': reaction}
+    with NodeProcess(DYNAMICS, parameters, namespace=namespace), \
             client.collect(JointState, f'{namespace}/dynamics/reference') as references:
         references.wait_matched()
         states = client.publisher(JointState, f'{namespace}/joint_states', 1)
@@ -77,20 +78,32 @@ def test_it_is_the_trajectory_at_the_stamp_of_the_state(
                 assert found.velocity == pytest.approx(velocity[::-1], abs=1e-12)
                 assert list(found.effort) == []
             assert list(found.velocity) == [0.0, 0.0]  # the end is held
-            # without a velocity nothing is followed
+            # without a velocity nothing is followed, and the trajectory has ended
             client.answer_to(states, state(ns + 1_000_000, velocity=[]), gravity)
-            client.answer_to(states, state(ns + 2_000_000), references)
+            if reaction == 'hold':  # then the measured position
+                found = client.answer_to(states, state(ns + 2_000_000), references)
+                assert list(found.position) == Q[::-1]
+                assert list(found.velocity) == [0.0, 0.0]
+            else:
+                client.answer_to(states, state(ns + 2_000_000), gravity)
+                client.answer_to(states, state(ns + 3_000_000), gravity)
     stamps = [nanoseconds_of(message.header.stamp) for message in references.messages]
     assert START - 1_000_000_000 not in stamps
     assert ns + 1_000_000 not in stamps
+    assert (max(stamps) > ns) == (reaction == 'hold')
 
 
 # --- no reference --------------------------------------------------------------------------------
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with real safety, without a reference, as tests leave it."""
-    with fault_bench(client, '/referred', NEVER) as one:
+    """
+    Return a node with real safety, without a reference, as tests leave it.
+
+    It holds nothing once a reference has ended; with `hold` there is a reference from then on.
+    """
+    with fault_bench(
+            client, '/referred', {**NEVER, 'reference_loss': 'gravity_compensation'}) as one:
         yield one
 
 
@@ -124,12 +137,19 @@ def check_silent(bench: FaultBench, references: Collector) -> None:
 
 
 def check_followed(references: Collector, moment: int) -> None:
-    """Check that references from this time [ns] on are `GOAL`, and that there are some."""
-    wait_until(lambda: bool(after(references, moment)), 'a reference')
-    for message in after(references, moment):
+    """Check that references from this time [ns] on go from `Q` to `GOAL`, and stay there."""
+    def is_there(message: JointState) -> bool:
+        return list(message.velocity) == [0.0, 0.0] and (
+            message.position == pytest.approx(GOAL, abs=1e-9))
+
+    wait_until(lambda: any(map(is_there, after(references, moment))), 'a reference at its goal')
+    messages = after(references, moment)
+    there = next(i for i, message in enumerate(messages) if is_there(message))
+    assert all(map(is_there, messages[there:]))
+    for message in messages:
         assert list(message.name) == NAMES
-        assert list(message.position) == GOAL
-        assert list(message.velocity) == [0.0, 0.0]
+        assert Q[0] - 1e-9 <= message.position[0] <= GOAL[0] + 1e-9
+        assert message.position[1] == pytest.approx(Q[1], abs=1e-9)
 
 
 def check_stream(bench: FaultBench, references: Collector) -> None:

@@ -70,7 +70,11 @@ CASES = {
     'infinite': Case({'ramp_time': INF}, r'ramp_time.* inf'),
     'no time at all': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
     'negative time': Case({'hold_time': -1.0}, r'hold_time.* -1'),
-    'no rate': Case({'effort_rate_limit': 0.0}, r'effort_rate_limit.* 0\.0'),
+    'negative rate': Case({'effort_rate_limit': -1.0}, r'effort_rate_limit.* -1'),
+    'unknown reaction': Case({'reference_loss': 'drop'}, r"reference_loss is 'drop', expected"),
+    'following errors without an order': Case(
+        {'following_error_limit': [1.0, 2.0]},
+        r'following_error_limit has 2 values, .*but the parameter joints'),
     'unknown fault action': Case({'fault_action': 'pray'}, "fault_action is 'pray', expected"),
     'not a number in an array': Case({'gains.kd': [NAN]}, r'gains\.kd\[0\] is nan'),
     'too large in an array': Case({'gains.kd': [1e9]}, r'gains\.kd\[0\] is 1e\+09'),

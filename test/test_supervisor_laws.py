@@ -137,8 +137,11 @@ class Supervised(RuleBasedStateMachine):
 
     @rule()
     def reset(self) -> None:
-        assert self.must_be_reset <= self.one.reset().startswith('reset')
-        self.must_be_reset = False
+        done, message = self.one.reset()
+        assert done == message.startswith('reset')
+        assert self.must_be_reset or not done
+        if done:
+            self.must_be_reset = False
 
     @rule(rate=rates, chosen=options)
     def other_options(self, rate: float, chosen: SafetyOptions) -> None:

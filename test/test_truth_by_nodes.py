@@ -26,7 +26,6 @@ import sys
 import children
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.identification import identify
 from robot_dynamics.motion_filter import filter_motion
@@ -63,10 +62,19 @@ NOISE = {'position_noise': 2e-5, 'velocity_noise': 5e-4, 'effort_noise': 0.3, 's
 
 
 class Relay:
-    """Passes each effort on to the arm once its state has arrived here."""
+    """
+    Passes each effort on to the arm once its state has arrived here.
+
+    The one for the state at `HELD_AT` waits for `open`: the trajectory is to arrive at a simulated
+    time that is the same each run, and not before the first state, as it would be rejected.
+    """
+
+    HELD_AT = round(0.5e9 * BEGIN)
+    """[ns]"""
 
     def __init__(self, client: RosClient) -> None:
         self._state = -1
+        self._is_open = False
         self._effort: JointState | None = None
         self._publisher = client.node.create_publisher(JointState, RELAYED, 1)
         client.node.create_subscription(JointState, STATES, self._on_state, 1)
@@ -80,7 +88,17 @@ class Relay:
         self._effort = message
         self._pass_on()
 
+    def wait_held(self) -> None:
+        """Wait until the arm waits."""
+        wait_until(lambda: self._state == self.HELD_AT, 'the state')
+
+    def open(self) -> None:
+        """Pass on all efforts from now on, the first with the state that the arm repeats."""
+        self._is_open = True
+
     def _pass_on(self) -> None:
+        if self._state >= self.HELD_AT and not self._is_open:
+            return
         if self._effort is not None and stamp_from_ros(self._effort.header.stamp) == self._state:
             self._publisher.publish(self._effort)
 
@@ -110,30 +128,26 @@ def recording(
     """Return what was recorded of the motion, while time stood still until all listened."""
     path = tmp_path_factory.mktemp('truth') / 'recording'
     end_ns = round(1e9 * (BEGIN + trajectory.duration + 0.1))
-    parameters = {
-        **TRUTH, 'command': 'none', 'gains.natural_frequency': [8.0], 'effort_check': False}
+    parameters = {**TRUTH, 'gains.natural_frequency': [8.0], 'effort_check': False}
     with RecordingWriter(path) as writer:
         recorder = Recorder(client.node, writer, [TopicSpec(STATES, JointState, stamped=True)])
         count = recorder.counts[STATES]
-        Relay(client)
+        relay = Relay(client)
         with NodeProcess(SIMULATED_ARM, {
                 **TRUTH, **NOISE, 'rate': RATE, 'lock_step': True,
                 'initial_position': trajectory.points[0].position.tolist()},
                 namespace='/truth', remaps={'effort_command': RELAYED}), \
                 NodeProcess(DYNAMICS, parameters, namespace='/truth'):
-            wait_until(lambda: recorder.drain() > 0, 'a state')
+            relay.wait_held()
             message = trajectory_to_ros(trajectory)
             message.header.stamp = stamp_to_ros(round(1e9 * BEGIN))
             publisher = client.publisher(
                 JointTrajectoryMsg, '/truth/dynamics/joint_trajectory')
-            publisher.publish(message)
-            publisher.wait_for_all_acked()
-            client.set_parameters('/truth/dynamics', {'command': 'computed_torque'})
-            # the first effort, as a state that was met without a command is not answered again
-            effort = ArmDynamics(arm).rigid_body.gravity(trajectory.points[0].position)
-            first = JointState(name=TRUTH['joints'], effort=effort.tolist())
-            first.header.stamp = stamp_to_ros(count.stamp_ns)
-            client.publisher(JointState, EFFORTS, subscribers=1).publish(first)
+            with client.collect(JointState, '/truth/dynamics/reference') as references:
+                references.wait_matched()
+                publisher.publish(message)
+                references.wait_for()  # it is followed
+            relay.open()
             wait_until(
                 lambda: recorder.drain() >= 0 and count.stamp_ns >= end_ns, 'the end', LONG)
         recorder.close()

@@ -28,10 +28,11 @@ GROUPS = {
         'gear_friction', 'presliding', 'actuator', 'backlash', 'joint_order'),
     'Planar arms': ('planar', 'planar_chain', 'planar_urdf'),
     'Control and simulation': (
-        'control', 'controller', 'simulation', 'effort_semantics', 'external_effort',
-        'momentum_observer', 'live_residual'),
+        'control', 'controller', 'stable_gains', 'simulation', 'effort_semantics',
+        'external_effort', 'momentum_observer', 'live_residual'),
     'Trajectories': (
-        'trajectory', 'trajectory_file', 'trajectory_efforts', 'reference_motion', 'excitation',
+        'trajectory', 'trajectory_file', 'trajectory_efforts', 'reference_generator',
+        'motion_limits', 'point_to_point', 'path_conditioning', 'reference_motion', 'excitation',
         'evolution_strategy', 'excitation_limits', 'excitation_trajectory', 'fourier_series'),
     'Checks of a model': (
         'model_check', 'model_finding', 'gravity_capability', 'workspace_gravity', 'torque_grid',

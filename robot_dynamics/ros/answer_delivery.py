@@ -69,7 +69,7 @@ class AnswerDelivery:
             type(service).send_response(service, message, header)
             return
         response = _Response(service, message, header, time.monotonic() + LONGEST_WAIT)
-        if self._is_discovered(service):
+        if is_discovered(self._node, service):
             self._attempt(response)
         else:
             self._waiting.append(response)
@@ -88,13 +88,6 @@ class AnswerDelivery:
         expected.discard(number)
         expected.add(number + 1)
         return is_known
-
-    def _is_discovered(self, service: Any) -> bool:
-        """Return whether as many response readers as request writers are discovered."""
-        name = service.service_name
-        writers = self._node.get_publishers_info_by_topic(f'rq{name}Request', no_mangle=True)
-        readers = self._node.get_subscriptions_info_by_topic(f'rr{name}Reply', no_mangle=True)
-        return len(readers) >= len(writers)
 
     def _attempt(self, response: _Response) -> None:
         with warnings.catch_warnings(record=True) as caught:
@@ -115,7 +108,7 @@ class AnswerDelivery:
         waiting, self._waiting = self._waiting, []
         for response in waiting:
             if time.monotonic() >= response.until or (
-                    not response.is_tried and self._is_discovered(response.service)):
+                    not response.is_tried and is_discovered(self._node, response.service)):
                 self._attempt(response)
             else:
                 self._waiting.append(response)
@@ -129,3 +122,11 @@ class AnswerDelivery:
             self._timer.reset()
         elif not self._waiting and self._timer is not None:
             self._timer.cancel()
+
+
+def is_discovered(node: Node, service: Any) -> bool:
+    """Return whether as many response readers as request writers are discovered."""
+    name = service.service_name
+    writers = node.get_publishers_info_by_topic(f'rq{name}Request', no_mangle=True)
+    readers = node.get_subscriptions_info_by_topic(f'rr{name}Reply', no_mangle=True)
+    return len(readers) >= len(writers)

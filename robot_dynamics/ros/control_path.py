@@ -17,6 +17,7 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 import threading
 import time
 from typing import Any
@@ -27,7 +28,7 @@ from robot_dynamics.command_supervisor import Fault, SafetyOptions
 from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
 from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.event_timing import EventTiming
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
@@ -45,9 +46,12 @@ from robot_dynamics.ros.serialized import (
 from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
 from robot_dynamics.trajectory import JointTrajectory
+from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
+EXTERNAL_RECOVERY = 25
+"""Valid states in a row without an excess after which a fault of external effort has ended."""
 CONFLICT_RECOVERY = 100
 """Good states in a row after which publishers that contradicted each other agree again."""
 NEWEST_ONLY = QoSProfile(depth=1)
@@ -67,6 +71,8 @@ class ControlCounters:
     following: bool = False
     lacks_velocity: bool = False
     paused_streams: int = 0
+    interruption: str = ''
+    """Why the last reference ended early, until the next one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +109,9 @@ class ControlPath:
         self.estimates = LiveEstimates(node)
         self.markers = LiveMarkers(node)
         self.estimates.is_external_wanted = lambda: self.markers.is_on
-        self.command = SafeCommand(node, NEWEST_ONLY, self._forget_reference)
+        self.command = SafeCommand(node, NEWEST_ONLY, self._interrupt, self._resume)
+        self._was_interrupted = False
+        self._share = self._reported_share = 1.0
 
     def use(
         self, controller: Controller, watch: StateWatch, check: EffortCheck,
@@ -127,8 +135,16 @@ class ControlPath:
             self.markers.forget()
             self.command.forget()
 
-    def set_limits(self, state_max_age: float, reference_timeout: float) -> None:
-        """Take over how old [s] a state may be, and how long [s] a stream may pause."""
+    def set_limits(
+        self, state_max_age: float, reference_timeout: float,
+        external_effort: FloatArray | None = None,
+    ) -> None:
+        """
+        Take over the largest age of a state [s] and the largest pause of a stream [s].
+
+        `external_effort` (n,) is the limit of the external effort [N·m] or [N], None for none.
+        """
+        self.estimates.external_limit = external_effort
         self._stream.timeout, self._state_max_age = reference_timeout, state_max_age
         if self._served is not None:
             self._served.watch.max_age = state_max_age
@@ -138,14 +154,52 @@ class ControlPath:
         served = self._served
         if served is None:
             raise InvalidInputError('no model yet, so that no trajectory can be followed')
+        self._check_follows()
         served.controller.follow(trajectory, stamp_ns)
+        try:
+            self._check_follows()
+        except TrajectoryError:  # a fault began during the planning
+            served.controller.forget_reference()
+            raise
+        self._was_interrupted = False
         self._stream.arrived(trajectory.is_set_point, time.monotonic())
+        self.counters.interruption = ''
 
-    def _forget_reference(self) -> None:
-        if self._served is not None:
-            self._served.controller.forget_reference()
+    def _check_follows(self) -> None:
+        obstacle = self.command.obstacle
+        if obstacle:
+            raise TrajectoryError(f'nothing can be followed now: {obstacle}')
+
+    def stop(self) -> str:
+        """Stop along the reference, or from the measured state, and hold; return a report."""
+        served, obstacle = self._served, self.command.obstacle
+        if served is not None and obstacle and self.command.is_faulty:
+            self._was_interrupted = True
+            return f'the arm will stop and hold its position after the {obstacle}'
+        if served is None or obstacle:
+            return f'nothing to stop: {obstacle or "no model yet"}'
+        self._stream.end()
+        words = served.controller.stop()
+        self.counters.interruption = '~/stop was called'
+        return words
+
+    def _interrupt(self, reason: str, resumes: bool = True) -> None:
+        """End the reference; the next command starts from the measured state, if it `resumes`."""
+        if self._served is None:
+            return
+        if self._served.controller.has_reference:
+            self._was_interrupted = True
+            self.counters.interruption = reason
+        self._was_interrupted = self._was_interrupted and resumes
+        self._served.controller.forget_reference()
         self._stream.end()
         self.counters.following = False
+
+    def _resume(self) -> None:
+        """Stop from the next measured state and hold, if a reference was interrupted."""
+        if self._served is not None and self._was_interrupted:
+            self._was_interrupted = False
+            self._served.controller.stop_from_state()
 
     def on_state(self, state: SensedState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -187,21 +241,34 @@ class ControlPath:
             state.stamp_ns, time.time_ns(), q, v, self._is_crowded)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
-            self._forget_reference()
+            self._interrupt(f'joint states restarted: {judgement.restart}')
+            served.controller.restart_states()
+            self._resume()
         if judgement.time_shift:
             served.controller.shift_time(judgement.time_shift)
         now = time.monotonic()
         if self._stream.is_over(now):
-            self._forget_reference()
+            self._stream.end()
+            served.controller.stop_on_path()
             self.counters.paused_streams += 1
+            self.counters.interruption = (
+                'the stream of set-points paused for more than reference_timeout')
             self._node.get_logger().warning(
-                'The stream of set-points paused for more than reference_timeout: gravity '
-                'compensation until the next.', throttle_duration_sec=LOG_PERIOD)
+                'The stream of set-points paused for more than reference_timeout; reference_loss '
+                'defines the reaction.', throttle_duration_sec=LOG_PERIOD)
+        if v is None and served.controller.has_reference:
+            self.counters.interruption = 'the joint states have no velocity'
         output = served.controller.answer(judgement.stamp, q, v)
+        if served.controller.rate_share != self._share:
+            self._report_share(served.controller)
         # A simulation in lock-step repeats its state until an effort lets it go on.
         waits = not judgement.is_news and self.command.is_waiting and served.watch.is_other_clock
         if judgement.is_news or waits:
-            command = self.command.answer(state.stamp, q, v, output, judgement.dt)
+            command = self.command.answer(
+                state.stamp, q, output.velocity, output, judgement.dt,
+                partial(served.controller.braked, q, output.velocity, output.hold),
+                Fault('following_error', served.controller.following_error(output, q))
+                if output.is_far else None)
         else:
             command = self.command.repeat(state.stamp)
         if judgement.is_news:
@@ -210,6 +277,9 @@ class ControlPath:
             self.counters.repeated += 1
         self._publish(state, served, output)
         self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
+        joint = self.estimates.excess()
+        if joint is not None:
+            self._fail_by_external_effort(served, joint)
         if self.markers.is_on:
             self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
         self.counters.states += 1
@@ -219,6 +289,26 @@ class ControlPath:
             served.check.look(
                 served.reader, state, q, v, output.robot_gravity,
                 command if self.command.has_listeners() else None)
+
+    def _fail_by_external_effort(self, served: _Served, j: int) -> None:
+        effort, limit = self.estimates.external_effort, self.estimates.external_limit
+        if effort is not None and limit is not None:
+            self.command.fail(Fault(
+                'external_effort', f'external effort at {served.names[j]!r} is {effort[j]:.3g}, '
+                f'expected at most {limit[j]:.3g} (external_effort_limit)',
+                recovery=EXTERNAL_RECOVERY))
+
+    def _report_share(self, controller: Controller) -> None:
+        """Log how far the gains are lowered, when that has changed much."""
+        share = self._share = controller.rate_share
+        if not controller.knows_quality or (
+                0.8 < share / self._reported_share < 1.25 and share < 1.0):
+            return
+        if share != self._reported_share:
+            self._node.get_logger().info(
+                f'Gains and references at {share:.2f} of their bandwidth: {controller.quality}.',
+                throttle_duration_sec=LOG_PERIOD)
+        self._reported_share = share
 
     def _is_crowded(self) -> bool:
         return self.count_publishers() > 1

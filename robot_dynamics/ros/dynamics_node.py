@@ -19,16 +19,23 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import InertiaStamped
+import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.controller import Controller
+from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.loop_warnings import loop_warnings
 from robot_dynamics.payload import Payload
 from robot_dynamics.ros.control_path import ControlPath
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
-from robot_dynamics.ros.dynamics_parameters import options_from, SPECS
+from robot_dynamics.ros.dynamics_parameters import (
+    GAINS,
+    optional_limits,
+    options_from,
+    SPECS,
+)
 from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.effort_check import EffortCheck
@@ -51,6 +58,7 @@ from robot_dynamics.ros.robot_description import (
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.serialized import JointStateDecoder
+from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.state_watch import StateWatch
 from robot_dynamics.urdf import parse_urdf
 from sensor_msgs.msg import JointState
@@ -59,6 +67,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
+"""Parameters that decide whether the loop is stable."""
 NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -86,6 +96,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path = ControlPath(self)
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
+        self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10,
             refuse=self._refuse_trajectory)
@@ -116,10 +127,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def destroy_node(self) -> None:
         """Ramp the effort out, stop the control path, then the rest."""
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
+        urgent = getattr(self, '_stop_service', None)
         if path is not None:
             path.command.close()
         if loop is not None:
             loop.stop()
+        if urgent is not None:
+            urgent.close()
         super().destroy_node()
 
     # ------------------------------------------------------------------ lifecycle
@@ -168,8 +182,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _reset_fault(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = self._path.command.reset()
-        response.success = response.message.startswith('reset')
+        response.success, response.message = self._path.command.reset()
+        return response
+
+    def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = True, self._path.stop()
+        self.get_logger().info(f'~/stop: {response.message}')
         return response
 
     # ------------------------------------------------------------------ the model
@@ -244,15 +262,20 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.use(
             controller, watch, check, estimates, guard_limits(values, arm),
             safety_options(values))
-        self._path.set_limits(values['state_max_age'], values['reference_timeout'])
+        self._limit_path(values, arm)
         self._path.markers.use(controller, parse_urdf(xml).root_link)
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
         self._effort_check, self._estimates = check, estimates
         self._payload_in_force(None)
+        self._warn_of_loop(controller, options)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
             self.get_logger().info(f'Joint {name!r} is locked at {position:g}')
+
+    def _warn_of_loop(self, controller: Controller, options: ControllerOptions) -> None:
+        for warning in loop_warnings(controller.workspace, options):
+            self.get_logger().warning(warning)
 
     def _payload_in_force(self, payload: Payload | None) -> None:
         message = payload_to_ros(payload)
@@ -273,10 +296,19 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if self._estimates is not None:
             self._estimates.set_bandwidths(values)
         if self._controller is not None and self._arm is not None:
-            self._controller.set_options(options_from(values, self._arm))
+            options = options_from(values, self._arm)
+            self._controller.set_options(options)
+            if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
+                self._warn_of_loop(self._controller, options)
             self._path.command.set_options(
                 guard_limits(values, self._arm), safety_options(values))
-            self._path.set_limits(values['state_max_age'], values['reference_timeout'])
+            self._limit_path(values, self._arm)
+
+    def _limit_path(self, values: Values, arm: ArmModel) -> None:
+        limit = optional_limits('external_effort_limit', values, arm)
+        self._path.set_limits(
+            values['state_max_age'], values['reference_timeout'],
+            None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))
 
     # ------------------------------------------------------------------ the reference
 
@@ -320,12 +352,14 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _reference_status(self) -> Status:
         counters, controller = self._path.counters, self._controller
         level, words = WARN if self._refusal else OK, 'following' if counters.following else 'none'
-        if counters.lacks_velocity and controller is not None and controller.has_reference:
-            level, words = WARN, 'not followed, as joint states have no velocity'
+        if counters.interruption:
+            level, words = WARN, f'ended early: {counters.interruption}'
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self._refusal,
             'streams that paused': counters.paused_streams,
-            'over before the first state': controller.expired if controller else 0})
+            'slowed down by': 1.0 if controller is None else round(controller.slowness, 3),
+            'share of the gains that the state rate allows':
+                1.0 if controller is None else round(controller.rate_share, 3)})
 
 
 def main(args: Sequence[str] | None = None) -> int:

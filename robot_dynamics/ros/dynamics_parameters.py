@@ -14,13 +14,12 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
-import math
-
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
+    per_joint,
 )
 from robot_dynamics.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
 from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
@@ -35,7 +34,8 @@ from robot_dynamics.ros.robot_description import (
     GEAR_FRICTION_SPECS,
     semantics_from_parameters,
 )
-from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
+from robot_dynamics.ros.safety_parameters import effort_rates, SAFETY_SPECS
+from robot_dynamics.validation import FloatArray
 
 SPECS = (
     *DESCRIPTION_SPECS,
@@ -62,9 +62,9 @@ SPECS = (
         'gains.kd', Type.DOUBLE_ARRAY, [],
         'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
-        'soften_gains', Type.BOOL, False,
-        'Slow the feedback down for large errors, as far as effort_rate_limit can follow; '
-        'without, a reference that steps far can let the arm oscillate ever wider.'),
+        'soften_gains', Type.BOOL, True,
+        'Scale the gains down to what the rate of the joint states allows, and for large errors '
+        'to what effort_rate_limit allows; without, a disturbance can make the arm oscillate.'),
     ParameterSpec(
         'friction_compensation', Type.STRING, 'reference',
         'The velocity at which computed torque compensates friction: reference (that of the '
@@ -103,10 +103,18 @@ GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
-    for name in GAINS:
+    for name in (*GAINS, 'following_error_limit', 'external_effort_limit'):
         check_order_is_given(values, name, arm)
+    optional_limits('external_effort_limit', values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
-        values['effort_rate_limit'] if values['soften_gains'] else math.inf,
-        semantics_from_parameters(values))
+        effort_rates(values, arm), semantics_from_parameters(values), values['soften_gains'],
+        values['condition_references'], values['infeasible_trajectory'] == 'slow_down',
+        values['reference_loss'] == 'hold',
+        optional_limits('following_error_limit', values, arm), values['reference_timeout'])
+
+
+def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
+    """Return a limit per joint (n,), None where the parameter is empty."""
+    return per_joint(name, values[name], arm.joint_names) if values[name] else None

@@ -132,6 +132,8 @@ class LiveEstimates:
         """Tells whether somebody beside the subscribers needs the external effort."""
         self.external_effort: FloatArray | None = None
         """That of the newest state (n,), where it is estimated."""
+        self.external_limit: FloatArray | None = None
+        """Limit of the external effort (n,) [N·m] or [N], infinite for none; None for no joint."""
         self._restarts: Counter[str] = Counter()
 
     def use(self, estimates: Estimates) -> None:
@@ -150,7 +152,9 @@ class LiveEstimates:
         """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
         external, residual = self._publishers
         is_heard = external.get_subscription_count() > 0
-        wanted = is_heard or self.is_external_wanted(), residual.get_subscription_count() > 0
+        is_limited = self.external_limit is not None
+        wanted = (is_heard or is_limited or self.is_external_wanted(),
+                  residual.get_subscription_count() > 0)
         estimates = self._estimates
         if estimates is None or not any(wanted):
             self._rest()
@@ -158,9 +162,17 @@ class LiveEstimates:
             try:
                 self._take(estimates, wanted, reader, state, q, v, judgement, robot_gravity)
             except RobotDynamicsError as error:
-                self._lack(str(error), is_heard or wanted[1])
+                self._lack(str(error), is_heard or is_limited or wanted[1])
             except Exception as error:  # an estimate may fail, the control path may not
-                self._lack(repr(error), is_heard or wanted[1])
+                self._lack(repr(error), is_heard or is_limited or wanted[1])
+
+    def excess(self) -> int | None:
+        """Return the joint whose external effort exceeds its limit most, None for none."""
+        if self.external_limit is None or self.external_effort is None:
+            return None
+        ratio = np.abs(self.external_effort) / self.external_limit
+        j = int(np.argmax(ratio))
+        return j if ratio[j] > 1.0 else None
 
     def _rest(self) -> None:
         self._is_on, self._is_lacking, self._words = False, False, UNHEARD

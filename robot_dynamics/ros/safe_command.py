@@ -69,9 +69,20 @@ class CommandCounters:
 class SafeCommand:
     """Publishes efforts for one arm as its supervisor lets them out; safe for several threads."""
 
-    def __init__(self, node: Node, qos: QoSProfile, when_faulty: Callable[[], None]) -> None:
-        """`when_faulty` is called when a fault begins, to forget the reference."""
-        self._node, self._when_faulty = node, when_faulty
+    def __init__(
+        self, node: Node, qos: QoSProfile, when_interrupted: Callable[[str, bool], None],
+        when_recovered: Callable[[], None],
+    ) -> None:
+        """
+        Report interruptions of the reference.
+
+        `when_interrupted` is called when nothing can be followed any more, with the reason and
+        whether commands resume automatically.
+
+        `when_recovered` is called when commands resume after a fault.
+        """
+        self._node, self._when_interrupted = node, when_interrupted
+        self._when_recovered = when_recovered
         self.counters = CommandCounters()
         self._command = self._publisher(JointState, 'effort_command', qos)
         self._send = self._command.handle.publish_raw
@@ -157,6 +168,26 @@ class SafeCommand:
             return self._is_active and self._supervisor is not None and self._supervisor.mode in (
                 Mode.INACTIVE, Mode.WAITING)
 
+    @property
+    def obstacle(self) -> str:
+        """The reason why no reference can be followed now, empty if one can."""
+        with self._lock:
+            supervisor = self._supervisor
+            mode = Mode.INACTIVE if supervisor is None else supervisor.mode
+            if not self._is_active:
+                return 'the node is not active'
+            if mode is Mode.FAULT and supervisor is not None and supervisor.fault is not None:
+                return f'fault {supervisor.fault.name}: {supervisor.fault.words}'
+            if mode is Mode.STOPPING:
+                return 'the command is being ramped to zero'
+            return ''
+
+    @property
+    def is_faulty(self) -> bool:
+        """Whether a fault is active."""
+        with self._lock:
+            return self._supervisor is not None and self._supervisor.mode is Mode.FAULT
+
     def has_listeners(self) -> bool:
         """Tell whether anybody gets the command."""
         return bool(
@@ -175,6 +206,7 @@ class SafeCommand:
         """Begin to ramp the effort out."""
         with self._changed:
             self._is_active = False
+            self._when_interrupted('the node was deactivated', False)
             if self._supervisor is not None:
                 self._supervisor.deactivate(time.monotonic())
             self._changed.notify()
@@ -188,16 +220,17 @@ class SafeCommand:
                 self._changed.wait_for(
                     lambda: supervisor.mode is Mode.INACTIVE, supervisor.time_to_stop + END_SLACK)
 
-    def reset(self) -> str:
-        """Forget a latched fault; return what was reset, in words."""
+    def reset(self) -> tuple[bool, str]:
+        """Reset a latched fault whose cause has ended; return success and a message."""
         with self._changed:
-            if self._supervisor is None:
-                fault, self._latched = self._latched, None
-                words = 'there is no fault' if fault is None else f'reset {fault.name}'
+            if self._supervisor is not None:
+                done, words = self._supervisor.reset()
             else:
-                words = self._supervisor.reset()
-            self._node.get_logger().info(f'Asked to reset: {words}')
-            return words
+                fault, self._latched = self._latched, None
+                done, words = fault is not None, (
+                    'there is no fault' if fault is None else f'reset {fault.name}')
+            self._node.get_logger().info(f'~/reset_fault: {words}')
+            return done, words
 
     def close(self) -> None:
         """Ramp out and end the thread, before the node is destroyed."""
@@ -211,11 +244,12 @@ class SafeCommand:
 
     def answer(
         self, stamp: bytes, q: FloatArray, v: FloatArray | None, output: ControlOutput,
-        dt: float | None,
+        dt: float | None, brake: Callable[[], FloatArray], fault: Fault | None = None,
     ) -> FloatArray | None:
         """
         Publish the effort that answers a state dt [s] after the last; return it, if any.
 
+        `brake` returns what holds the arm, with damping; `fault` was found with this state.
         Where no command is wanted any more, the effort ramps out, as at deactivation.
         """
         with self._lock:
@@ -232,7 +266,8 @@ class SafeCommand:
             if self._is_active and supervisor.mode is Mode.INACTIVE:
                 supervisor.activate()
             self._stamp = stamp
-            effort = supervisor.answer(now, q, v, output.command, output.hold, dt)
+            effort = supervisor.answer(
+                now, q, v, output.command, output.hold, dt, brake, fault)
             self._publish(effort)
             self._count(output)
             self._look_for_faults()
@@ -319,14 +354,16 @@ class SafeCommand:
         if supervisor.fault_count != self._faults_seen and supervisor.fault is not None:
             self._faults_seen = supervisor.fault_count
             self.counters.faults[supervisor.fault.name] += 1
-            self._when_faulty()
+            self._when_interrupted(
+                f'fault {supervisor.fault.name}: {supervisor.fault.words}', True)
             self._node.get_logger().error(
-                f'{supervisor.options.fault_action}: {supervisor.fault.words}',
+                f'Fault {supervisor.fault.name}: {supervisor.fault.words}',
                 throttle_duration_sec=LOG_PERIOD)
         if self._mode_seen is Mode.FAULT and supervisor.mode is Mode.RUNNING:
+            self._when_recovered()
             self._node.get_logger().info(
-                'Joint states are good again: commanding gravity compensation until a reference '
-                'arrives.', throttle_duration_sec=LOG_PERIOD)
+                'The fault has ended: commanding again, from the measured state.',
+                throttle_duration_sec=LOG_PERIOD)
         if self._mode_seen is not supervisor.mode:
             self._mode_seen = supervisor.mode
             self.when_changed()

@@ -14,10 +14,21 @@
 
 """The parameters of `dynamics` that say what may go out, and what happens when it may not."""
 
+import math
+
+import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.command_supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+from robot_dynamics.validation import FloatArray
+
+FULL_EFFORT_TIME = 0.1
+"""[s] in which the command may change by the effort limit of a joint, by default."""
+DEFAULT_EFFORT_RATE = 1000.0
+"""[N·m/s] or [N/s], likewise, of a joint without an effort limit."""
+REFERENCE_LOSS = ('hold', 'gravity_compensation')
+INFEASIBLE_TRAJECTORY = ('reject', 'slow_down')
 
 SAFETY_SPECS = (
     ParameterSpec(
@@ -42,11 +53,38 @@ SAFETY_SPECS = (
         minimum=0.0, maximum=60.0),
     ParameterSpec(
         'reference_timeout', Type.DOUBLE, 0.1,
-        'Pause of a stream of set-points after which there is no reference [s].',
+        'Pause of a stream of set-points after which reference_loss takes effect [s].',
         minimum=0.001, maximum=60.0),
     ParameterSpec(
-        'effort_rate_limit', Type.DOUBLE, 1000.0,
-        'Fastest change of effort_command [N m/s] or [N/s].', minimum=1e-3, maximum=1e9),
+        'reference_loss', Type.STRING, REFERENCE_LOSS[0],
+        'Reaction to a reference that ends early (fault, paused stream, restart of the joint '
+        'states): hold (stop within the limits and hold the position) or gravity_compensation '
+        '(no feedback, for hand guiding).', choices=REFERENCE_LOSS),
+    ParameterSpec(
+        'condition_references', Type.BOOL, True,
+        'Follow every reference within velocity, acceleration and jerk limits that the arm can '
+        'follow; without, a step of the reference is a step of the effort.'),
+    ParameterSpec(
+        'infeasible_trajectory', Type.STRING, INFEASIBLE_TRAJECTORY[0],
+        'A trajectory with velocities that exceeds a limit of the arm is rejected (reject) or '
+        'executed slower (slow_down).', choices=INFEASIBLE_TRAJECTORY),
+    ParameterSpec(
+        'following_error_limit', Type.DOUBLE_ARRAY, [],
+        'Distance [rad] or [m] between position and reference that is a fault, one for all '
+        'joints or one per joint, 0 for none; empty for 0.3 s at the velocity limit.',
+        minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'overspeed_factor', Type.DOUBLE, 1.2,
+        'Multiple of a velocity limit of the URDF that is a fault, 0 for none.',
+        minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'external_effort_limit', Type.DOUBLE_ARRAY, [],
+        'External effort [N m] or [N] that is a fault, one for all joints or one per joint, 0 or '
+        'empty for none; see ~/external_effort.', minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'effort_rate_limit', Type.DOUBLE, 0.0,
+        'Largest rate of change of effort_command [N m/s] or [N/s] of every joint; 0 for the '
+        'effort limit of each joint in 0.1 s.', minimum=0.0, maximum=1e9),
     ParameterSpec(
         'position_margin', Type.DOUBLE, 0.01,
         'Distance before a position limit [rad] or [m] from which no effort pushes on toward it.',
@@ -58,16 +96,26 @@ SAFETY_SPECS = (
 )
 
 
+def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
+    """Return the largest rates of change of the command, (n,) [N·m/s] or [N/s]."""
+    rate = values['effort_rate_limit']
+    if rate > 0.0:
+        return np.full(arm.joint_count, rate)
+    limit = arm.limits.effort
+    return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
+
+
 def guard_limits(values: Values, arm: ArmModel) -> GuardLimits:
     """Return the limits of this arm's efforts."""
     limits = arm.limits
     return GuardLimits(
         limits.lower, limits.upper, limits.velocity, values['position_margin'],
-        values['effort_rate_limit'])
+        effort_rates(values, arm))
 
 
 def safety_options(values: Values) -> SafetyOptions:
     """Return what the supervisor goes by."""
     return SafetyOptions(
         values['state_timeout'], values['fault_action'], values['hold_time'],
-        values['ramp_time'], values['position_fault_margin'])
+        values['ramp_time'], values['position_fault_margin'],
+        values['overspeed_factor'] or math.inf)

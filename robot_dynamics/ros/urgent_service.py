@@ -1,0 +1,82 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A service with a thread of its own, which answers while the executor is busy.
+
+The executor of a node runs one callback at a time, so that a request would wait for the end of a
+long one.
+"""
+
+from collections.abc import Callable
+import threading
+import time
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from robot_dynamics.ros.answer_delivery import is_discovered, LONGEST_WAIT
+from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD, TURN
+
+_PAUSE = 0.02
+"""[s] between two queries of the graph while a response waits for its reader."""
+
+
+class UrgentService:
+    """A service of a node whose callback runs in a thread; the callback must be thread-safe."""
+
+    def __init__(
+        self, node: Node, srv_type: Any, name: str, callback: Callable[[Any, Any], Any],
+    ) -> None:
+        """Take a `callback` that gets the request and a response to fill, and returns it."""
+        self._node, self._type = node, srv_type
+        self._service = node.create_service(
+            srv_type, name, callback, callback_group=LEFT_TO_THE_LOOP)
+        self._ends = False
+        self._thread = threading.Thread(target=self._run, name=f'{name} service', daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, before the node is destroyed."""
+        self._ends = True
+        self._thread.join()
+
+    def _run(self) -> None:
+        wait_set = rclpy_implementation.WaitSet(0, 0, 0, 0, 1, 0, self._node.context.handle)
+        while self._is_needed():
+            wait_set.clear_entities()
+            wait_set.add_service(self._service.handle)
+            wait_set.wait(TURN)
+            try:
+                if self._is_needed() and wait_set.get_ready_entities('service'):
+                    self._answer()
+            except Exception as error:  # a request that cannot be read must not end the thread
+                if self._is_needed():
+                    self._node.get_logger().error(
+                        f'{self._service.service_name}: {error!r}',
+                        throttle_duration_sec=LOG_PERIOD)
+
+    def _is_needed(self) -> bool:
+        return not self._ends and self._node.context.ok()
+
+    def _answer(self) -> None:
+        request, header = self._service.handle.service_take_request(self._type.Request)
+        if header is None:
+            return
+        response = self._service.callback(request, self._type.Response())
+        until = time.monotonic() + LONGEST_WAIT
+        while (self._is_needed() and time.monotonic() < until
+               and not is_discovered(self._node, self._service)):
+            time.sleep(_PAUSE)
+        type(self._service).send_response(self._service, response, header)

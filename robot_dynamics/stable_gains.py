@@ -1,0 +1,180 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Which velocity the feedback uses, and at which share of its bandwidth it is stable.
+
+PD feedback with natural frequency ω and damping ratio 1 crosses over at ω_x = √(2 + √5) ω, with a
+phase margin of 76°. Two delays reduce the margin:
+
+- sampling and transport: half a period of the states, and LOOP_DELAY;
+- the rate limit of the effort. Noise σ of the velocity is amplified to M K_d σ. Where that exceeds
+  what the limit τ̇ lets through, the limit acts as a low-pass of the time constant
+  M K_d σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal noise.
+
+The bandwidth is scaled by the share s, with K_p s² and K_d s, so that each phase lag at s ω_x
+stays below its bound. A measured velocity whose noise would lower the gains is replaced by the
+difference of the measured positions, half a period later, if that has less noise.
+"""
+
+from collections.abc import Sequence
+import math
+
+import numpy as np
+from robot_dynamics.control import Gains, wrap_to_pi
+from robot_dynamics.validation import FloatArray
+
+LOOP_DELAY = 0.008
+"""[s] allowed for transport and computation, in addition to half a period."""
+DELAY_LAG = 0.5
+"""[rad] of phase that sampling and transport may take at the crossover."""
+NOISE_LAG = 0.1
+"""[rad] of phase that the rate limit may take at the crossover."""
+CROSSOVER = math.sqrt(2.0 + math.sqrt(5.0))
+LESS = 0.5
+"""Share of the noise of the measured velocity that the difference of positions must be below."""
+_SLEW = math.sqrt(2.0 / math.pi)
+LEAST = 0.05
+"""Smallest share; with noise that asks for less, the loop is no longer stable."""
+UNKNOWN = 0.5
+"""Part of the share that is used until the quality of the states is known."""
+_FORGETTING = 0.02
+_TURN, _FEW = 16, 6
+"""States between two evaluations, and before the first one; few are enough without noise."""
+_QUIET = 3.0
+"""Share that the noise permits if there is hardly any."""
+
+
+class Noise:
+    """Running estimate of the standard deviation of white noise on a signal (n,)."""
+
+    def __init__(self, n: int) -> None:
+        self._before = self._last = self._variance = np.zeros(n)
+        self._count = 0
+
+    def take(self, x: FloatArray) -> None:
+        """Take a sample; the second difference has six times the variance, and hardly motion."""
+        d = x - 2.0 * self._last + self._before
+        self._before, self._last = self._last, x
+        self._count += 1
+        if self._count > 2:
+            share = max(_FORGETTING, 1.0 / (self._count - 2))
+            self._variance = self._variance + share * (d * d / 6.0 - self._variance)
+
+    @property
+    def deviation(self) -> FloatArray:
+        """The standard deviation, (n,)."""
+        return np.asarray(np.sqrt(self._variance))
+
+
+class StateQuality:
+    """The period of the states and the noise of their velocities; and the better velocity."""
+
+    def __init__(self, joint_kinds: Sequence[str]) -> None:
+        n = len(joint_kinds)
+        self.period = 0.0
+        """[s]; follows a longer period at once, and a shorter one in about 50 states."""
+        self.differs = False
+        """Whether the velocity is the difference of positions."""
+        self._measured, self._difference = Noise(n), Noise(n)
+        self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
+        self._q: FloatArray | None = None
+        self._count = 0
+        self._is_noisy = True
+        self.is_known = False
+        """Whether enough states have been received; fewer suffice without noise."""
+
+    def velocity(self, dt: float, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the velocity to use at a state dt [s] after the last, (n,) each."""
+        last, self._q = self._q, q
+        if dt <= 0.0 or last is None:
+            return v
+        rest = self.period - dt
+        self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
+        self._measured.take(v)
+        self._count += 1
+        if not self._is_noisy:
+            return v
+        moved = q - last
+        if self._turns.any():
+            moved = np.where(self._turns, wrap_to_pi(moved), moved)
+        difference = moved / dt
+        self._difference.take(difference)
+        if not self.is_known:
+            self.differs = bool(
+                LESS * self._difference.deviation.sum() < self._measured.deviation.sum())
+        return difference if self.differs else v
+
+    def __str__(self) -> str:
+        noise = float(self._measured.deviation.max(initial=0.0))
+        source = 'differences of the positions' if self.differs else 'measured velocities'
+        return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
+                f'{noise:.2g} per second, {source} in use')
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the gains should be evaluated again."""
+        return not self.is_known or self._count % _TURN == 0
+
+    def stable_share(
+        self, gains: Gains, mass: FloatArray, effort_rate: FloatArray,
+    ) -> float:
+        """
+        Return the share s in (0, 1] of the bandwidth at which the feedback is stable.
+
+        `mass` (n, n) is the largest |M|; `effort_rate` (n,) [N·m/s] or [N/s], infinite for none.
+        Chooses the velocity as well.
+        """
+        omega = _natural_frequency(gains)
+        if omega == 0.0:
+            return 1.0
+
+        def largest_share(noise: FloatArray) -> float:
+            effort = np.sqrt((mass * (gains.kd * noise)) ** 2 @ np.ones(len(noise)))
+            lag = CROSSOVER * omega * float(np.max(effort / (_SLEW * effort_rate), initial=0.0))
+            return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
+
+        measured = self._measured.deviation
+        if not np.isfinite(measured).all():  # after velocities that no arm has
+            self._measured = Noise(len(measured))
+            self._count, self.is_known, self.differs = 0, False, False
+            measured = self._measured.deviation
+        share, delay = largest_share(measured), 0.5 * self.period + LOOP_DELAY
+        self.is_known = self._count >= (_TURN if share < _QUIET else _FEW)
+        was_noisy, self._is_noisy = self._is_noisy, share < 1.0 or not self.is_known
+        if not self.is_known:
+            share = math.inf
+        elif self._is_noisy and was_noisy:
+            of_difference = largest_share(self._difference.deviation)
+            self.differs = self.differs or LESS * of_difference**2 > share**2
+            if self.differs:
+                share, delay = of_difference, delay + 0.5 * self.period
+        else:
+            self.differs = False
+        share = max(min(share, DELAY_LAG / (CROSSOVER * omega * delay), 1.0), LEAST)
+        return share if self.is_known else UNKNOWN * share
+
+
+def slowest_rate(gains: Gains) -> float:
+    """Return the rate of the joint states [Hz] below which these gains are lowered; 0 for none."""
+    omega = _natural_frequency(gains)
+    if omega == 0.0:
+        return 0.0
+    period = 2.0 * (DELAY_LAG / (CROSSOVER * omega) - LOOP_DELAY)
+    return 1.0 / period if period > 0.0 else math.inf
+
+
+def _natural_frequency(gains: Gains) -> float:
+    return max(math.sqrt(float(gains.kp.max(initial=0.0))),
+               0.5 * float(gains.kd.max(initial=0.0)))

@@ -1,0 +1,555 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What ends a reference, on real nodes with default parameters, and what the command is afterwards.
+
+After each interruption the effort stays near what holds the arm where it is measured, whatever was
+followed before and whatever was sent meanwhile.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+import math
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, nanoseconds_of, Q
+from fault_stimuli import altered, RATE, SetPoints, wait_states
+from fault_table import fault
+from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics_interfaces.srv import InverseDynamicsBatch
+from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+GROUP = 'Interruptions of a reference'
+HELD = 'the effort stays within 5 N m of what holds the arm where it is measured'
+LIMIT = 2.5
+"""[rad]: position limits of both joints."""
+URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
+    '<limit ', f'<limit lower="{-LIMIT}" upper="{LIMIT}" ')
+BODY = ArmDynamics(load_arm(URDF)).rigid_body
+NEAR = 5.0
+"""[N m], by which efforts after an interruption may differ from what holds the arm."""
+ELSEWHERE = [0.2, 1.1]
+"""[rad]: where the arm is moved by hand."""
+FAR = [Q[0] + 1.0, Q[1] - 1.0]
+STREAM = {'reference_timeout': 60.0}
+"""During a stream: no pause of it on a loaded machine ends it."""
+PAUSE = 0.3
+"""[s] of `reference_timeout` once a stream has ended."""
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node with default parameters for an arm with limits, as tests leave it."""
+    with fault_bench(client, '/interruptions', {'robot_description': URDF}) as one:
+        yield one
+
+
+@pytest.fixture
+def arm(bench: FaultBench) -> Iterator[FaultBench]:
+    """Return it with the arm at rest at `Q`, which it follows, and tidy up afterwards."""
+    bench.set_parameters(command='computed_torque', soften_gains=True)
+    bench.check_alive()
+    follow(bench, Q)
+    yield bench
+    bench.driver.v = [0.0, 0.0]
+    bench.driver.go_on()
+    bench.set_parameters(command='computed_torque')
+    bench.set_parameters(command='gravity_compensation')  # a change ends what is followed or held
+    move_by_hand(bench, Q)
+    bench.check_alive()
+
+
+def gravity(q: Sequence[float]) -> Any:
+    """Return what holds the arm at q [N m]."""
+    return BODY.gravity(np.array(q))
+
+
+def follow(bench: FaultBench, q: Sequence[float]) -> None:
+    """Let the node follow a set-point."""
+    bench.set_point(q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+
+
+def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
+    """Let the driver report a motion to q, in steps that an arm can make, and rest there."""
+    begin = np.array(bench.driver.q)
+    steps = math.ceil(float(np.abs(np.subtract(q, begin)).max()) / 0.01)
+    for k in range(1, steps + 1):
+        bench.driver.q = (begin + k / steps * np.subtract(q, begin)).tolist()
+        wait_states(bench, 1)
+    wait_states(bench, 2)
+
+
+def trajectory_to(q: Sequence[float]) -> JointTrajectory:
+    """Return a trajectory of two points that leads far away in 2 s."""
+    return JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
+        for one, sec in ((Q, 0), (q, 2))])
+
+
+def wait_rejected(bench: FaultBench, reason: str) -> None:
+    """Send a trajectory and a set-point; wait until diagnostics have the reason of a rejection."""
+    before = bench.figure('reference', 'refused')
+    bench.trajectories.publish(trajectory_to(FAR))
+    bench.set_point(FAR)
+    status = bench.wait_status(
+        'reference', lambda status: figure_of(status, 'refused') >= before + 2)
+    assert status.level == DiagnosticStatus.WARN
+    refusal, = (v.value for v in status.values if v.key == 'refusal of the latest')
+    assert reason in refusal
+
+
+def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
+    """Check that all efforts since the last `clear`, and so many, are near what holds the arm."""
+    messages = bench.efforts.wait_count(count)
+    hold = gravity(q)
+    for message in messages:
+        assert (np.abs(message.effort - hold) <= NEAR).all(), message
+    assert messages[-1].effort == pytest.approx(hold, abs=1e-6)
+
+
+# --- trajectories that are sent while nothing can be followed ------------------------------------
+
+@fault(GROUP, 'a trajectory and a set-point during an outage of the joint states',
+       f'rejected with the fault as the reason; after recovery {HELD}')
+def test_an_outage(arm: FaultBench) -> None:
+    arm.driver.be_quiet()
+    arm.wait_state_timeout()
+    status = arm.next_status('reference')
+    assert status.message.startswith('ended early: fault state_timeout: no valid joint state')
+    wait_rejected(arm, 'nothing can be followed now: fault state_timeout')
+    arm.wait_silent()  # the fault action has ended
+    arm.efforts.clear()
+    arm.driver.q = list(ELSEWHERE)  # nothing is known of the motion meanwhile
+    arm.driver.go_on()
+    check_held(arm, ELSEWHERE)
+    assert arm.next_status('reference').message.startswith('ended early: ')
+    follow(arm, ELSEWHERE)  # a later one is followed
+
+
+@fault(GROUP, 'a trajectory and a set-point in a fault `position_limit`',
+       f'rejected with the fault as the reason; during the fault and after it {HELD}')
+def test_a_position_limit(arm: FaultBench) -> None:
+    arm.set_parameters(command='gravity_compensation')
+    arm.set_parameters(command='computed_torque')  # the arm can be moved by hand
+    beyond = [LIMIT + 0.02, Q[1]]
+    move_by_hand(arm, beyond)
+    assert "position of 'joint1' is 2.5" in arm.wait_fault('position_limit').message
+    wait_rejected(arm, 'nothing can be followed now: fault position_limit')
+    arm.efforts.clear()
+    check_held(arm, beyond)
+    inside = [LIMIT - 0.1, Q[1]]
+    move_by_hand(arm, inside)
+    arm.wait_running()
+    arm.efforts.clear()
+    check_held(arm, inside)
+
+
+@fault(GROUP, 'a trajectory and a set-point before `~/reset_fault` of a latched fault',
+       f'rejected with the fault as the reason; before the reset and after it {HELD}')
+def test_a_latched_fault(arm: FaultBench) -> None:
+    arm.set_parameters(soften_gains=False)  # so that the measured velocity is used as it is
+    arm.driver.v = [1e200, 1e200]
+    arm.wait_fault('non_finite')
+    arm.driver.v = [0.0, 0.0]
+    wait_states(arm, 5)
+    wait_rejected(arm, 'nothing can be followed now: fault non_finite')
+    arm.efforts.clear()
+    arm.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+    arm.efforts.clear()
+    check_held(arm, Q)
+    response = arm.client.call(Trigger, arm.name('reset_fault'))
+    assert response.success, response.message
+    check_held(arm, Q, len(arm.efforts.messages) + 200)
+    arm.wait_status('command', lambda status: status.level != DiagnosticStatus.ERROR)
+
+
+# --- an arm that is moved by hand ----------------------------------------------------------------
+
+def change_state(bench: FaultBench, transition: int) -> None:
+    """Make a transition of the lifecycle."""
+    response = bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(
+        transition=Transition(id=transition)))
+    assert response.success
+
+
+@fault(GROUP, 'deactivation, the arm is moved by hand, activation',
+       f'a trajectory that is sent in between is rejected; after activation {HELD}')
+def test_deactivation(arm: FaultBench) -> None:
+    change_state(arm, DEACTIVATE)
+    assert arm.next_status('reference').message == 'ended early: the node was deactivated'
+    move_by_hand(arm, ELSEWHERE)
+    wait_rejected(arm, 'nothing can be followed now: the node is not active')
+    arm.efforts.clear()
+    change_state(arm, ACTIVATE)
+    assert arm.efforts.wait_for().effort == pytest.approx(gravity(ELSEWHERE), abs=1e-6)
+    check_held(arm, ELSEWHERE)
+
+
+@pytest.mark.parametrize('command', [
+    pytest.param(command, marks=fault(
+        GROUP, f'`command: {command}`, the arm is moved by hand, `command: computed_torque`',
+        f'a trajectory that is sent in between is rejected; afterwards {HELD}'))
+    for command in ('gravity_compensation', 'none')])
+def test_another_command(arm: FaultBench, command: str) -> None:
+    arm.set_parameters(command=command)
+    if command == 'none':
+        arm.wait_silent()
+    move_by_hand(arm, ELSEWHERE)
+    wait_rejected(arm, f"command is '{command}', expected 'computed_torque'")
+    if command != 'none':
+        arm.efforts.clear()
+        arm.efforts.wait_for(
+            lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    arm.efforts.clear()
+    arm.set_parameters(command='computed_torque')
+    check_held(arm, ELSEWHERE)
+
+
+@fault(GROUP, 'velocities are absent, the arm is moved by hand, velocities are back',
+       f'a trajectory that is sent in between is rejected; afterwards {HELD}')
+def test_velocities_that_are_absent(arm: FaultBench) -> None:
+    arm.driver.change = altered(velocity=[])
+    arm.wait_status('reference', lambda status: (
+        status.message == 'ended early: the joint states have no velocity'))
+    move_by_hand(arm, ELSEWHERE)
+    wait_rejected(arm, 'no joint state with velocities has been received')
+    arm.efforts.clear()
+    arm.efforts.wait_for(
+        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    arm.efforts.clear()
+    arm.driver.go_on()
+    with arm.client.collect(JointState, arm.name('reference')) as references:
+        reference = references.wait_for()  # velocities are back, and the position is held
+    assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
+    check_held(arm, ELSEWHERE)
+
+
+# --- a planned stop ------------------------------------------------------------------------------
+
+class IdealArm:
+    """Lets the driver report that the arm is where its newest reference is."""
+
+    def __init__(self, bench: FaultBench) -> None:
+        self._bench = bench
+        self.references: Collector = bench.client.collect(JointState, bench.name('reference'))
+        self.references.wait_matched()
+
+    def __enter__(self) -> 'IdealArm':
+        self._bench.driver.change = self._track
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bench.driver.q = self._track(self._bench.driver.message()).position.tolist()
+        self._bench.driver.go_on()
+        self.references.close()
+
+    def _track(self, message: JointState) -> JointState:
+        newest = self.references.messages[-1:]
+        for reference in newest:
+            message.position, message.velocity = reference.position, reference.velocity
+        return message
+
+    def wait_moving(self) -> JointState:
+        """Return a reference that moves, from now on."""
+        self.references.clear()
+        moving: JointState = self.references.wait_for(
+            lambda m: np.abs(m.velocity).max() > 0.05, LONG)
+        self.references.clear()
+        return moving
+
+    def check_stopped(self) -> list[float]:
+        """Check that the reference comes to rest without a jump, and stays; return where."""
+        rest = self.references.wait_for(lambda m: not any(m.velocity), LONG)
+        count = len(self.references.messages) + 100
+        messages = self.references.wait_count(count, LONG)
+        there = next(i for i, m in enumerate(messages) if m is rest)
+        for message in messages[there:]:
+            assert not any(message.velocity)
+            assert message.position == pytest.approx(rest.position, abs=1e-12)
+        for one, other in zip(messages, messages[1:]):
+            dt = 1e-9 * (nanoseconds_of(other.header.stamp) - nanoseconds_of(one.header.stamp))
+            step = np.abs(np.subtract(other.position, one.position))
+            assert (step <= 5.0 * dt + 1e-6).all()  # half the velocity limit
+        return list(rest.position)
+
+
+def stop(bench: FaultBench) -> Any:
+    """Call `~/stop`; return the response."""
+    response = bench.client.call(Trigger, bench.name('stop'))
+    assert response.success
+    return response
+
+
+def is_between(q: Sequence[float], one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether a position is on the straight path between two others, not at its end."""
+    share = np.subtract(q, one) / np.subtract(other, one)
+    return bool(np.ptp(share) < 1e-3 and 0.0 < share[0] < 0.99)
+
+
+SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]
+
+
+def slow_trajectory() -> JointTrajectory:
+    """Return a trajectory of a straight path that takes longer than any test should."""
+    return JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
+        for one, sec in ((Q, 0), (SLOW_GOAL, 10))])
+
+
+@fault(GROUP, '`~/stop` while a trajectory is followed',
+       'a planned stop on its path, then the position is held, reported until the next reference')
+def test_stop_on_a_trajectory(arm: FaultBench) -> None:
+    with IdealArm(arm) as ideal:
+        arm.trajectories.publish(slow_trajectory())
+        ideal.wait_moving()
+        response = stop(arm)
+        assert response.message == 'stopping along the reference, then holding the position'
+        where = ideal.check_stopped()
+        assert is_between(where, Q, SLOW_GOAL)
+        arm.efforts.clear()
+        check_held(arm, where)
+        status = arm.next_status('reference')
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == 'ended early: ~/stop was called'
+        follow(arm, where)  # the next reference
+
+
+@fault(GROUP, '`~/stop` without a reference', 'a planned stop from the measured state; it is held')
+def test_stop_without_a_reference(arm: FaultBench) -> None:
+    arm.set_parameters(command='gravity_compensation')
+    move_by_hand(arm, ELSEWHERE)
+    response = stop(arm)
+    assert response.message == (
+        'stopping from the measured state, then holding the position')
+    arm.efforts.clear()
+    arm.efforts.wait_for(
+        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    with arm.client.collect(JointState, arm.name('reference')) as references:
+        reference = references.wait_for()
+    assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
+
+
+BATCHES, SAMPLES = 20, 100_000
+
+
+@fault(GROUP, '`~/stop` while 20 batches of 100,000 samples are computed',
+       'answered, and acts, before the batches are')
+def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], Any]) -> None:
+    node = arm.client.node
+    service = node.create_client(InverseDynamicsBatch, arm.name('inverse_dynamics_batch'))
+    answered: list[float] = []
+    try:
+        with RosClient('operator') as operator, IdealArm(arm) as ideal:
+            assert service.wait_for_service(TIMEOUT)
+            # of its own thread, so that no answer of a batch delays the one of ~/stop
+            operator.call(Trigger, arm.name('stop'))
+            arm.trajectories.publish(slow_trajectory())
+            ideal.wait_moving()
+            request = InverseDynamicsBatch.Request(position=np.zeros(2 * SAMPLES))
+            for _ in range(BATCHES):
+                service.call_async(request).add_done_callback(
+                    lambda _: answered.append(time.monotonic()))
+            begun = time.monotonic()
+            response = operator.call(Trigger, arm.name('stop'))
+            seconds, before = time.monotonic() - begun, len(answered)
+            assert response.success
+            assert response.message.startswith('stopping along the reference')
+            wait_until(lambda: len(answered) > before, 'the answer of a later batch', LONG)
+            ideal.check_stopped()
+            seen(f'in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
+    finally:
+        node.destroy_client(service)
+
+
+@fault(GROUP, '`~/stop` while the node is unconfigured or inactive',
+       '`success` true, and the message explains that there is nothing to stop')
+def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
+    with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
+        words = 'nothing to stop: the node is not active'
+        assert one.state() == 'unconfigured'
+        assert stop(one).message == words
+        assert one.change(CONFIGURE)
+        assert stop(one).message == words
+        assert one.change(ACTIVATE)
+        one.check_alive()
+        assert one.change(DEACTIVATE)
+        assert stop(one).message == words
+        one.check_silent()
+
+
+@contextmanager
+def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
+    """Let a stream be over after so many seconds."""
+    bench.set_parameters(reference_timeout=seconds)
+    try:
+        yield
+    finally:
+        bench.set_parameters(reference_timeout=0.1)
+
+
+@fault(GROUP, 'a stream of set-points, each a little further on, that pauses',
+       'a planned stop, then the position is held, reported and counted')
+def test_a_stream_that_pauses(arm: FaultBench) -> None:
+    before = arm.known('reference', 'streams that paused')
+    begin, sent = time.monotonic(), [Q]
+
+    def next_pose() -> list[float]:
+        way = min(0.3 * (time.monotonic() - begin), 0.8)
+        sent.append([Q[0] + way, Q[1] + way])
+        return sent[-1]
+
+    with IdealArm(arm) as ideal, stream_timeout(arm, 60.0):
+        with SetPoints(arm, next_pose) as stream:
+            ideal.wait_moving()
+            wait_until(lambda: stream.sent >= 10, 'ten set-points')
+        arm.set_parameters(reference_timeout=PAUSE)
+        status = arm.wait_status(
+            'reference', lambda status: figure_of(status, 'streams that paused') > before)
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == (
+            'ended early: the stream of set-points paused for more than reference_timeout')
+        where = ideal.check_stopped()
+        assert all(begin < q <= end + 1e-6 for begin, q, end in zip(Q, where, sent[-1]))
+        arm.efforts.clear()
+        check_held(arm, where)
+
+
+# --- faults --------------------------------------------------------------------------------------
+
+@fault(GROUP, '`~/reset_fault` while the cause of a fault persists',
+       '`success` false, with the fault and its cause')
+def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
+    def refusal() -> str:
+        response = arm.client.call(Trigger, arm.name('reset_fault'))
+        assert not response.success
+        return str(response.message)
+
+    assert refusal() == 'there is no fault'
+    arm.driver.be_quiet()
+    arm.wait_state_timeout()
+    message = refusal()
+    assert message.startswith('state_timeout persists: no valid joint state for 0.3 s')
+    assert message.endswith('it ends automatically after 1 valid joint states')
+    arm.driver.go_on()
+    arm.wait_running()
+
+    arm.set_parameters(command='gravity_compensation')
+    move_by_hand(arm, [Q[0], -LIMIT - 0.05])
+    arm.wait_fault('position_limit')
+    message = refusal()
+    assert message.startswith("position_limit persists: position of 'joint2' is -2.5")
+    assert message.endswith('it ends automatically after 5 valid joint states')
+    move_by_hand(arm, Q)
+    arm.wait_running()
+
+    arm.set_parameters(command='computed_torque', soften_gains=False)
+    follow(arm, Q)
+    arm.driver.v = [1e200, 1e200]
+    arm.wait_fault('non_finite')
+    assert refusal().startswith('non_finite persists: the efforts at position [0.785')
+    arm.driver.v = [0.0, 0.0]
+    wait_states(arm, 20)
+    response = arm.client.call(Trigger, arm.name('reset_fault'))
+    assert response.success
+    assert response.message.startswith('reset non_finite: ')
+
+
+@pytest.mark.parametrize('v', [
+    pytest.param(v, marks=fault(
+        GROUP, f'joint velocities of {words} while a reference is followed',
+        'fault `overspeed` that names joint and velocity; g(q) with damping, finite and within '
+        'the limits; ends automatically'))
+    for words, v in (('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
+                     ('-20 and 20 rad/s', [-20.0, 20.0]))])
+def test_overspeed(arm: FaultBench, v: list[float]) -> None:
+    # The position does not change with the velocity, so that the default gains do not trust it.
+    arm.set_parameters(soften_gains=False)
+    before = arm.known('command', 'faults: overspeed')
+    arm.efforts.clear()
+    arm.driver.v = v
+    status = arm.wait_fault('overspeed')
+    assert f"velocity of 'joint1' is {v[0]:g}, " in status.message
+    assert 'expected at most 1.2 times' in status.message
+    assert '(overspeed_factor)' in status.message
+    assert figure_of(status, 'faults: overspeed') == before + 1
+    wait_rejected(arm, 'nothing can be followed now: fault overspeed')
+    # damping against the motion of joint1, and never zero
+    arm.efforts.wait_for(lambda message: v[0] * (message.effort[0] - G[0]) < -50.0)
+    arm.driver.v = [0.0, 0.0]
+    arm.wait_running()
+    wait_until(
+        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'what holds the arm')
+    arm.check_efforts()
+    assert all((np.abs(m.effort) <= [150.0, 60.0]).all() for m in arm.efforts.messages)
+    status = arm.next_status('reference')
+    assert status.message.startswith('ended early: fault overspeed: ')
+    arm.efforts.clear()
+    check_held(arm, Q)
+
+
+@fault(GROUP, 'an arm that does not follow its reference',
+       'fault `following_error` that names joint and distance; the arm is held where it is '
+       'measured; the reference has ended')
+def test_a_following_error(arm: FaultBench) -> None:
+    before = arm.known('command', 'faults: following_error')
+    arm.set_parameters(following_error_limit=[0.05])
+    arm.efforts.clear()
+    arm.set_point([Q[0] + 0.2, Q[1]])  # the driver reports that the arm stays
+    arm.wait_status('command', lambda status: (
+        figure_of(status, 'faults: following_error') == before + 1))
+    status = arm.wait_status(
+        'reference', lambda status: status.message.startswith('ended early: '))
+    assert status.message.startswith(
+        "ended early: fault following_error: position of 'joint1' is 0.05")
+    assert 'from its reference, expected at most 0.05 (following_error_limit)' in status.message
+    arm.wait_running()
+    wait_until(
+        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'what holds the arm')
+    assert (arm.efforts.steps() <= RATE * LONGEST_STEP + 1e-6).all()
+    arm.efforts.clear()
+    check_held(arm, Q)
+    assert arm.figure('command', 'faults: following_error') == before + 1
+    unset = Parameter('following_error_limit', Parameter.Type.DOUBLE_ARRAY, [])
+    arm.set_parameters(following_error_limit=unset)
+
+
+@fault(GROUP, 'velocities of ±1.7·10³⁰⁸ rad/s without a reference',
+       'fault `overspeed`; efforts are finite and within the limits')
+def test_velocities_beyond_numbers(arm: FaultBench) -> None:
+    arm.set_parameters(command='gravity_compensation')
+    arm.efforts.clear()
+    arm.driver.v = [1.7e308, -1.7e308]
+    arm.wait_fault('overspeed')
+    arm.efforts.wait_count(len(arm.efforts.messages) + 20)
+    arm.check_efforts()
+    assert all((np.abs(m.effort) <= [150.0, 60.0]).all() for m in arm.efforts.messages)
+    arm.driver.v = [0.0, 0.0]
+    arm.check_alive()

@@ -1,0 +1,215 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Real nodes at default parameters: set-points of any size are reached within the limits.
+
+The loop runs in lock-step, so that the result does not depend on the machine. All parameters have
+their defaults, except that a slow machine is no fault. `scripts/bench safe_motion` runs thousands
+of cases without ROS.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robots import robot_urdf
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+PANDA = [f'panda_joint{i + 1}' for i in range(7)]
+ARRIVED = 0.005
+"""[rad] from the goal, and [rad/s]."""
+
+
+def urdf_of(name: str) -> str:
+    """Return the description of an arm; the test is skipped if it is not installed."""
+    return default_arm_urdf() if name == 'default' else robot_urdf(name)
+
+
+@contextmanager
+def closed_loop(
+    client: RosClient, namespace: str, urdf: str, joints: list[str], start: np.ndarray,
+    rate: float = 250.0, real_time_factor: float = 0.0, **parameters: Any,
+) -> Iterator[Collector]:
+    """Run both nodes at default parameters in lock-step; return the joint states."""
+    arm = {'robot_description': urdf, 'joints': joints}
+    patience = {'state_timeout': 60.0, 'state_max_age': 0.0}
+    with client.collect(JointState, f'{namespace}/joint_states') as states, running(
+            NodeProcess(DYNAMICS, {**arm, **patience, **parameters}, namespace=namespace,
+                        patient=False),
+            NodeProcess(SIMULATED_ARM, {
+                **arm, 'rate': rate, 'lock_step': True, 'initial_position': start.tolist(),
+                'real_time_factor': real_time_factor},
+                namespace=namespace)):
+        yield states
+
+
+def send(client: RosClient, namespace: str, names: list[str], *points: Any) -> None:
+    """Publish a trajectory of positions at times [s]; wait until it has been received."""
+    message = JointTrajectory(joint_names=names, points=[
+        JointTrajectoryPoint(
+            positions=list(map(float, q)),
+            time_from_start=Duration(sec=int(t), nanosec=round(1e9 * (t % 1.0))))
+        for t, q in points])
+    publisher = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+
+
+def wait_arrived(states: Collector, goal: np.ndarray) -> None:
+    """Wait until the arm rests at a goal."""
+    states.wait_for(
+        lambda m: np.abs(np.array(m.position) - goal).max() < ARRIVED
+        and np.abs(m.velocity).max() < ARRIVED, LONG)
+
+
+@pytest.mark.parametrize('size', [0.1, 2.0])
+@pytest.mark.parametrize(('name', 'rate'), [
+    ('default', 500.0), ('default', 30.0), ('ur10', 250.0), ('panda', 100.0), ('xarm7', 250.0)])
+def test_a_set_point_is_reached_within_the_limits(
+    client: RosClient, name: str, rate: float, size: float,
+) -> None:
+    urdf = urdf_of(name)
+    arm = load_arm(urdf, PANDA if name == 'panda' else [])
+    names, limits = list(arm.joint_names), arm.limits
+    is_bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    start = np.full(len(names), 0.3)
+    start[is_bounded] = 0.5 * (limits.lower[is_bounded] + limits.upper[is_bounded])
+    way = np.where(np.arange(len(names)) % 2 == 0, -size, size)
+    goal = np.clip(start + way, limits.lower + 0.1, limits.upper - 0.1)
+    namespace = f'/safe_{name}_{round(rate)}_{round(10 * size)}'
+    with closed_loop(client, namespace, urdf, names, start, rate) as states:
+        states.wait_count(30, LONG)
+        send(client, namespace, names, (0.0, goal))
+        wait_arrived(states, goal)
+        messages = states.messages
+    q, v = (np.array([getattr(m, field) for m in messages]) for field in ('position', 'velocity'))
+    moved = np.abs(goal - start)
+    assert (np.abs(v) <= limits.velocity).all()
+    assert np.abs(v).max() > 1e-3
+    past = np.maximum(q - np.maximum(start, goal), np.minimum(start, goal) - q)
+    assert (past <= np.maximum(0.05 * moved, 0.01)).all()
+
+
+@pytest.mark.parametrize('moves', [False, True])
+def test_stop_decelerates_and_holds(client: RosClient, moves: bool) -> None:
+    start, goal = np.array([0.3, 0.5]), np.array([2.3, -1.5])
+    namespace, names = f'/stopped_{moves}', ['joint1', 'joint2']
+    with closed_loop(client, namespace, default_arm_urdf(), names, start, 250.0, 1.0) as states:
+        states.wait_count(30, LONG)
+        if moves:  # in at least 30 s of wall time, so that the stop is in time on any machine
+            send(client, namespace, names, (30.0, goal))
+            states.wait_for(lambda m: abs(m.position[0] - start[0]) > 0.1, LONG)
+        response = client.call(Trigger, f'{namespace}/dynamics/stop', Trigger.Request())
+        assert response.success
+        assert ('along the reference' if moves else 'measured state') in response.message
+        stamp = states.messages[-1].header.stamp.sec
+        held = states.wait_for(lambda m: m.header.stamp.sec > stamp + 2, LONG)
+        later = states.wait_for(lambda m: m.header.stamp.sec > stamp + 4, LONG)
+    assert np.abs(held.velocity).max() < 1e-4
+    assert later.position == pytest.approx(held.position, abs=1e-4)
+    assert np.abs(np.array(held.position) - goal).max() > 0.1
+    if not moves:
+        assert held.position == pytest.approx(start, abs=1e-3)
+
+
+def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
+    """docs/safety.md, section "The first command, and every change", step by step."""
+    start, goal = np.array([0.8, 0.5]), np.array([0.85, 0.5])
+    namespace, names = '/first_trial', ['joint1', 'joint2']
+    node = f'{namespace}/dynamics'
+    gravity = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(start)
+
+    def set_parameter(name: str, value: Any) -> None:
+        assert all(result.successful for result in client.set_parameters(node, {name: value}))
+
+    def hold_for(states: Collector, seconds: float) -> None:
+        begin = states.wait_count(1, LONG)[-1].header.stamp
+        end = begin.sec + 1e-9 * begin.nanosec + seconds
+        states.wait_for(lambda m: m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec > end, LONG)
+
+    with closed_loop(client, namespace, default_arm_urdf(), names, start, command='none') as (
+            states), client.collect(JointState, f'{namespace}/effort_command') as efforts:
+        computed = client.wait_for(JointState, f'{node}/gravity_compensation', timeout=LONG)
+        assert computed.effort == pytest.approx(gravity)
+        assert not efforts.messages
+        set_parameter('command', 'gravity_compensation')
+        assert efforts.wait_count(1, LONG)[0].effort == pytest.approx(gravity)
+        for scale in (0.5, 0.05):
+            set_parameter('effort_scale', scale)
+            hold_for(states, 1.0)
+            assert states.messages[-1].position == pytest.approx(start, abs=1e-6)
+        set_parameter('effort_scale', 0.5)
+        set_parameter('command', 'computed_torque')
+        send(client, namespace, names, (0.0, goal))
+        wait_arrived(states, goal)
+        hold_for(states, 2.0)
+        assert states.messages[-1].position == pytest.approx(goal, abs=1e-3)
+        send(client, namespace, names, (0.0, goal + 2.0))
+        states.wait_for(lambda m: m.position[0] > goal[0] + 0.2, LONG)
+        assert client.call(Trigger, f'{node}/stop', Trigger.Request()).success
+        wait_until(lambda: np.abs(states.messages[-1].velocity).max() < 1e-4, 'the stop', TIMEOUT)
+        limits = load_arm(default_arm_urdf()).limits
+        assert all((np.abs(m.velocity) <= limits.velocity).all() for m in states.messages)
+
+
+def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(
+    client: RosClient,
+) -> None:
+    start, limit = np.array([0.3, 0.5]), 15.0
+    namespace, names = '/pushed_beyond', ['joint1', 'joint2']
+    with closed_loop(
+            client, namespace, default_arm_urdf(), names, start,
+            external_effort_limit=[limit]) as states, \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+        states.wait_count(30, LONG)
+        send(client, namespace, names, (0.0, start + 0.2))
+        wait_arrived(states, start + 0.2)
+        wrenches = client.publisher(WrenchStamped, f'{namespace}/simulated_arm/external_wrench')
+        push = WrenchStamped()
+        push.header.frame_id, push.wrench.force.x, push.wrench.force.z = 'tool0', 20.0, 20.0
+        wrenches.publish(push)
+        diagnostics.wait_for(lambda message: any(
+            value.key == 'faults: external_effort' and int(value.value) > 0
+            for status in message.status if status.hardware_id.startswith(namespace.strip('/'))
+            for value in status.values), LONG)
+        push.wrench.force.x = push.wrench.force.z = 0.0
+        wrenches.publish(push)
+        stamp = states.messages[-1].header.stamp.sec
+        held = states.wait_for(lambda m: m.header.stamp.sec > stamp + 5, LONG)
+        later = states.wait_for(lambda m: m.header.stamp.sec > stamp + 7, LONG)
+    assert np.abs(held.velocity).max() < 1e-3
+    assert later.position == pytest.approx(held.position, abs=1e-3)
+    assert np.abs(np.array(held.position) - start - 0.2).max() > 1e-3
