@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`scripts/bench [NAME …]`: run the benchmarks that are named, or all but the long ones."""
+"""
+`scripts/bench [NAME …]`: run the benchmarks that are named, or all but the long ones.
+
+Options that follow `safe_motion` are its own. The status is 1 if a benchmark ends with it.
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -47,19 +51,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         help=f'one of {list(BENCHMARKS)}, all by default; or of {list(LONG_BENCHMARKS)}')
     parser.add_argument(
         '--write', action='store_true', help='put what they print into docs/performance.md')
-    arguments = parser.parse_args(argv)
+    arguments, options = parser.parse_known_args(argv)
     names = arguments.names or list(BENCHMARKS)
+    if options and names != ['safe_motion']:
+        parser.error(f'unknown options {options}, expected them after safe_motion only')
     unknown = [name for name in names if name not in known]
     if unknown:
         parser.error(f'unknown benchmarks {unknown}, expected names out of {list(known)}')
+    status = 0
     for name in names:
         print(f'== {name}', flush=True)
         printed = Both(sys.stdout)
         with redirect_stdout(printed):
-            known[name]()
+            try:
+                known[name](*([options] if options else []))
+            except SystemExit as ended:
+                status = 1
+                if ended.code != 1:  # not a verdict, but --help or a wrong option
+                    raise
         if arguments.write:
             page.write(name, printed.text)
-    return 0
+    return status
 
 
 sys.exit(main())

@@ -27,6 +27,7 @@ from benchmarks import (
     message_profile,
     peers,
     rate,
+    safe_motion,
     simulation,
     start_up,
 )
@@ -47,5 +48,6 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
 }
 LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
     'memory_hour': memory.hour,
+    'safe_motion': safe_motion.main,
 }
 """Run only when they are named."""

@@ -1,0 +1,236 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Safety of the control loop with default parameters, in simulation without ROS.
+
+Arms × kinds of motion × sizes × state rates × delays × velocity noise. Ends with status 1 if any
+run is bad. With options: `scripts/run python -m benchmarks.safe_motion --help`.
+"""
+
+import argparse
+from collections.abc import Callable, Iterable, Iterator, Sequence
+import csv
+import multiprocessing
+import os
+from pathlib import Path
+import sys
+import time
+from typing import Any
+
+from benchmarks.safe_motion_cases import (
+    all_cases,
+    arm_named,
+    ARMS,
+    Case,
+    DEFAULT_ARMS,
+    DELAYS,
+    MOTIONS,
+    PERIODS,
+    PUSH,
+    SIZES,
+)
+from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
+from robot_dynamics.plotting import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    save_figure,
+    SKY,
+    styled_figure,
+    title_axes,
+    VERMILION,
+)
+
+QUICK = 20
+"""`--quick` takes every so many-th case."""
+SHOWN = 10
+"""Bad runs that are listed."""
+STYLES = dict(zip(ARMS, (
+    (BLACK, '-', 'o'), (ORANGE, '-', 's'), (SKY, '-', '^'), (GREEN, '-', 'D'), (BLUE, '-', 'v'),
+    (VERMILION, '--', 'o'), (PURPLE, '--', 's'), (GREY, '--', '^'), (BLACK, '--', 'D'))))
+"""Colour, dash and marker of each arm."""
+
+
+def main(argv: Sequence[str] = ()) -> None:
+    """Run the cases and print the tables; exit with status 1 if any run is bad."""
+    arguments = _parser().parse_args(argv)
+    cases = all_cases(_installed(arguments.arms))[::arguments.quick]
+    start = time.perf_counter()
+    runs = run_all(cases, arguments.jobs)
+    _print_report(runs, time.perf_counter() - start, arguments.jobs)
+    if arguments.csv is not None:
+        write_csv(runs, arguments.csv)
+    if arguments.figure is not None:
+        draw(runs, arguments.figure)
+    if any(outcome.is_bad for _, outcome in runs):
+        raise SystemExit(1)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.safe_motion', description=__doc__)
+    parser.add_argument(
+        '--jobs', type=int, default=os.cpu_count() or 1, metavar='N',
+        help='number of processes, one per core by default')
+    parser.add_argument(
+        '--arms', nargs='+', choices=ARMS, default=list(DEFAULT_ARMS), metavar='ARM',
+        help=f'arms to simulate, by default {", ".join(DEFAULT_ARMS)}; also '
+        f'{", ".join(arm for arm in ARMS if arm not in DEFAULT_ARMS)}')
+    parser.add_argument(
+        '--quick', type=int, nargs='?', const=QUICK, default=1, metavar='K',
+        help=f'run every K-th case, every {QUICK}th without a number')
+    parser.add_argument(
+        '--figure', type=Path, metavar='FILE', help='plot of the largest velocities (PNG)')
+    parser.add_argument('--csv', type=Path, metavar='FILE', help='table of all runs')
+    return parser
+
+
+def _installed(names: Sequence[str]) -> list[str]:
+    found = []
+    for name in names:
+        try:
+            arm_named(name)
+            found.append(name)
+        except FileNotFoundError as error:
+            print(f'{name} is left out: {error}')
+    return found
+
+
+def run_all(cases: Sequence[Case], jobs: int) -> list[Run]:
+    """Return the outcomes of all cases, in their order; progress goes to stderr."""
+    if jobs == 1:
+        return list(_with_progress(map(run, cases), len(cases)))
+    with multiprocessing.Pool(jobs) as pool:
+        return list(_with_progress(pool.imap(run, cases, chunksize=4), len(cases)))
+
+
+def _with_progress(runs: Iterable[Run], count: int) -> Iterator[Run]:
+    is_terminal = sys.stderr.isatty()
+    step, shown, bad = 1 if is_terminal else 10, 0, 0
+    for i, found in enumerate(runs, 1):
+        bad += found[1].is_bad
+        percent = 100 * i // count
+        if percent >= shown + step:
+            shown = percent
+            print(f'{percent:3} %: {i} of {count} runs, {bad} bad', file=sys.stderr, flush=True,
+                  end='\r' if is_terminal and i < count else '\n')
+        yield found
+
+
+# ---------------------------------------------------------------------- tables
+
+
+def _print_report(runs: Sequence[Run], seconds: float, jobs: int) -> None:
+    simulated = sum(outcome.simulated for _, outcome in runs)
+    bad = [found for found in runs if found[1].is_bad]
+    print(f'{len(runs)} runs, {simulated:.0f} s of simulated time, in {seconds:.0f} s by {jobs} '
+          f'process{"es" if jobs > 1 else ""}; {len(bad)} bad')
+    keys: dict[str, Callable[[Case], str]] = {
+        'arm': lambda case: case.arm, 'motion': lambda case: case.motion,
+        'size [rad]': lambda case: '-' if case.motion == PUSH else f'{case.size:g}',
+        'rate, delay, noise': _condition}
+    orders = {
+        'arm': ARMS, 'motion': MOTIONS, 'size [rad]': [f'{size:g}' for size in SIZES],
+        'rate, delay, noise': [
+            _condition(Case('', '', 0.0, rate, delay, noisy))
+            for noisy in (False, True) for rate in PERIODS for delay in DELAYS]}
+    heads = ['runs', 'bad', *VERDICTS, 'faults', 'max v/v_max']
+    for title, key in keys.items():
+        found: dict[str, list[Outcome]] = {name: [] for name in orders[title]}
+        for case, outcome in runs:
+            found.setdefault(key(case), []).append(outcome)
+        _print_table([title, *heads], [_row(*item) for item in found.items() if item[1]])
+    if runs:
+        _print_table(['', *heads], [_row('all', [outcome for _, outcome in runs])])
+    for case, outcome in sorted(bad, key=lambda found: -found[1].velocity_ratio)[:SHOWN]:
+        print(f'{case.arm}, {case.motion} {case.size:g} rad, {_condition(case)}: |v|/v_max '
+              f'{outcome.velocity_ratio:.2f}, amplitude {outcome.amplitude:.3f} rad, overshoot '
+              f'{outcome.overshoot:.3f} rad, distance {outcome.distance:.3f} rad'
+              f'{", " if outcome.faults else ""}{outcome.faults}')
+
+
+def _condition(case: Case) -> str:
+    return f'{case.rate} Hz, {case.delay} ms{", noise" if case.noisy else ""}'
+
+
+def _row(name: str, outcomes: Sequence[Outcome]) -> list[str]:
+    counts = map(sum, zip(*(outcome.verdicts for outcome in outcomes)))
+    faults = sum(len(outcome.faults.split()) for outcome in outcomes)
+    ratio = max(outcome.velocity_ratio for outcome in outcomes)
+    bad = sum(outcome.is_bad for outcome in outcomes)
+    return [name, *map(str, (len(outcomes), bad, *counts, faults)), f'{ratio:.2f}']
+
+
+def _print_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table as aligned text that is Markdown, too."""
+    widths = [max(map(len, column)) for column in zip(heads, *rows)]
+    rule = [f'{"-" * (width - 1)}{":" if i else "-"}' for i, width in enumerate(widths)]
+    print()
+    for row in (heads, rule, *rows):
+        cells = (f'{cell:>{width}}' if i else f'{cell:<{width}}'
+                 for i, (cell, width) in enumerate(zip(row, widths)))
+        print(f'| {" | ".join(cells)} |')
+
+
+def write_csv(runs: Sequence[Run], path: Path) -> None:
+    """Write a row per run: the case, the verdicts and the numbers behind them."""
+    with path.open('w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file)
+        writer.writerow((*Case._fields, *Outcome._fields))
+        writer.writerows((*case, *outcome) for case, outcome in runs)
+
+
+# ---------------------------------------------------------------------- figure
+
+
+def draw(runs: Sequence[Run], path: Path) -> None:
+    """Plot the largest |v|/v_max against the size, per arm and motion; crosses are bad runs."""
+    motions = [motion for motion in MOTIONS if motion != PUSH]
+    with styled_figure(4.0 * len(motions) + 1.5, 4.2) as figure:
+        all_axes = figure.subplots(1, len(motions), sharey=True, squeeze=False)[0]
+        for axes, motion in zip(all_axes, motions):
+            title_axes(axes, motion, 'worst of all rates, delays and noise; x: a bad run')
+            for arm in ARMS:
+                _draw_arm(axes, arm, [found for found in runs if (
+                    found[0].arm == arm and found[0].motion == motion)])
+            axes.axhline(1.0, color=GREY, linewidth=3.0, alpha=0.5)
+            axes.set(xscale='log', yscale='log', xlabel='size [rad]')
+            axes.set_xticks(SIZES, [f'{size:g}' for size in SIZES], minor=False)
+            axes.minorticks_off()
+        all_axes[0].set_ylabel('largest |v| / v_max')
+        handles, labels = max((axes.get_legend_handles_labels() for axes in all_axes),
+                              key=lambda legend: len(legend[1]))
+        figure.legend(handles, labels, loc='outside right upper')
+        save_figure(figure, path)
+
+
+def _draw_arm(axes: Any, arm: str, runs: Sequence[Run]) -> None:
+    colour, dash, marker = STYLES[arm]
+    worst: dict[float, list[Outcome]] = {}
+    for case, outcome in runs:
+        worst.setdefault(case.size, []).append(outcome)
+    sizes = sorted(worst)
+    ratios = [max(outcome.velocity_ratio for outcome in worst[size]) for size in sizes]
+    axes.plot(sizes, ratios, dash, color=colour, marker=marker, markersize=4, label=arm)
+    bad = [(size, ratio) for size, ratio in zip(sizes, ratios)
+           if any(outcome.is_bad for outcome in worst[size])]
+    if bad:
+        axes.plot(*zip(*bad), 'x', color=colour, markersize=9)
+
+
+if __name__ == '__main__':
+    main(sys.argv[1:])

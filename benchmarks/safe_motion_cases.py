@@ -1,0 +1,252 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The cases of `safe_motion`: arms, motions, and conditions of the loop.
+
+Every arm starts at rest in the middle of its position limits, at 0 if it has none. All joints move
+at once, in alternating directions; the step of a joint is shortened so that its goal keeps
+`GOAL_MARGIN` from the limits. Gravity takes at most 0.8 of an effort limit on the way.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from functools import cache
+from importlib import metadata
+import itertools
+import math
+import os
+from pathlib import Path
+from typing import NamedTuple
+import zlib
+
+import numpy as np
+from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.validation import FloatArray
+
+PACKAGE = 'example-robot-data'
+DEFAULT = 'default'
+FILES = {
+    'ur3': 'ur_description/urdf/ur3_robot.urdf',
+    'ur5': 'ur_description/urdf/ur5_robot.urdf',
+    'ur10': 'ur_description/urdf/ur10_robot.urdf',
+    'panda': 'panda_description/urdf/panda.urdf',
+    'xarm7': 'xarm_description/urdf/xarm7.urdf',
+    'kinova': 'kinova_description/robots/kinova.urdf',
+    'z1': 'z1_description/urdf/z1.urdf',
+    'talos_left_arm': 'talos_data/robots/talos_left_arm.urdf',
+}
+"""Descriptions in the package example-robot-data, by the names of test/robots.py."""
+JOINTS = {
+    'panda': [f'panda_joint{i + 1}' for i in range(7)],
+    'talos_left_arm': [f'arm_left_{i + 1}_joint' for i in range(1, 7)]}
+"""Actuated joints, if not all: fingers are locked and keep their mass."""
+ARMS = (DEFAULT, *FILES)
+DEFAULT_ARMS = (DEFAULT, 'ur5', 'ur10', 'panda', 'xarm7', 'kinova', 'z1')
+"""Those that are run by default, for the sake of time."""
+FIRST_JOINT = {'talos_left_arm': 0.8}
+"""Start of the first joint [rad] of arms that cannot bear their weight in the middle."""
+
+SET_POINT, STREAM, TRAJECTORY, PUSH = 'set-point', 'stream', 'trajectory', 'push'
+MOTIONS = (SET_POINT, STREAM, TRAJECTORY, PUSH)
+SIZES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)
+"""[rad]"""
+PERIODS = {500: 2, 250: 4, 100: 10, 30: 33}
+"""Period of the joint states in ms, by their rate [Hz]."""
+DELAYS = (0, 4, 8)
+"""[ms] from the time of a state until its effort acts."""
+NOISE = 0.2
+"""Standard deviation of the measured velocity [rad/s], in the cases with noise."""
+GOAL_MARGIN = 0.1
+"""[rad]"""
+
+BEGIN = 0.1
+"""When the reference is sent [s]."""
+LONGEST = 60.0
+"""[s] that a run lasts at most."""
+STREAM_PERIOD = 0.02
+SPEED = 0.7
+"""Largest share of the velocity that a joint can have, in streams and trajectories."""
+RAMP_TIME = 1.0
+"""[s] that a stream ramps at least."""
+PATH_TIMES, PATH_SHARES = (0.25, 0.5, 0.75, 1.0), (0.3, 0.5, 0.8, 1.0)
+"""Points of a trajectory: shares of its duration, and of the way."""
+PATH_DURATION = 2.0
+"""[s] that a trajectory lasts at least."""
+PUSH_BEGIN, PUSH_END = 1.0, 1.2
+"""[s]"""
+PUSH_EFFORT, PUSH_SHARE = 80.0, 0.5
+"""Largest push [N·m], and share of the effort limit of its joint."""
+PUSH_TIMES = {500: 0.05, 250: 0.05, 100: 0.05, 30: 0.2}
+"""
+By rate: time [s] in which a push brings a free joint to half its velocity limit at most.
+
+At 30 Hz the gains are so low that the joint moves almost freely during the push.
+"""
+
+
+class Case(NamedTuple):
+    """One run: `size` [rad] of the step, `rate` [Hz] of the states, `delay` [ms] of efforts."""
+
+    arm: str
+    motion: str
+    size: float
+    rate: int
+    delay: int
+    noisy: bool
+
+    @property
+    def seed(self) -> int:
+        """Return the seed of the noise, the same in any order of execution."""
+        return zlib.crc32(repr(tuple(self)).encode())
+
+
+class Message(NamedTuple):
+    """A trajectory, and when it is sent [s]."""
+
+    time: float
+    trajectory: JointTrajectory
+
+
+class Push(NamedTuple):
+    """An effort (n,) [N·m] of the environment between two times [s]."""
+
+    begin: float
+    end: float
+    effort: FloatArray
+
+
+class Motion(NamedTuple):
+    """
+    What an arm is asked for in a case.
+
+    `start` and `goal` (n,) [rad]; `end` [s] is when the last message takes its last effect, or
+    when the push ends.
+    """
+
+    start: FloatArray
+    goal: FloatArray
+    messages: Sequence[Message]
+    push: Push | None
+    end: float
+
+
+def all_cases(arms: Sequence[str] = ARMS) -> list[Case]:
+    """Return all combinations for these arms, in an order that is random and always the same."""
+    cases = [Case(*values) for values in itertools.product(
+        arms, MOTIONS, SIZES, PERIODS, DELAYS, (False, True))]
+    order = np.random.default_rng(0).permutation(len(cases))
+    return [cases[i] for i in order]
+
+
+@cache
+def arm_named(name: str) -> ArmModel:
+    """Return an arm; raise FileNotFoundError if its description is not installed."""
+    if name == DEFAULT:
+        return load_arm(default_arm_urdf())
+    return load_arm(_description(name).read_text(encoding='utf-8'), JOINTS.get(name, ()))
+
+
+def _description(name: str) -> Path:
+    for prefix in _prefixes():
+        path = prefix / 'share' / PACKAGE / 'robots' / FILES[name]
+        if path.is_file():
+            return path
+    raise FileNotFoundError(f'no description of {name}: {PACKAGE} is not installed')
+
+
+def _prefixes() -> Iterator[Path]:
+    """Yield where the package may be: its wheel, ROS installations."""
+    with suppress(metadata.PackageNotFoundError):
+        yield Path(str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
+    yield from (Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p)
+
+
+def motion_of(case: Case) -> Motion:
+    """Return the motion of a case."""
+    arm = arm_named(case.arm)
+    start = _start(case.arm)
+    direction = np.where(np.arange(arm.joint_count) % 2 == 0, -1.0, 1.0)
+    room = np.where(direction > 0.0, arm.limits.upper - start, start - arm.limits.lower)
+    goal = start + direction * np.minimum(case.size, room - GOAL_MARGIN)
+    if case.motion == SET_POINT:
+        return Motion(start, goal, [Message(BEGIN, _set_point(arm, goal))], None, BEGIN)
+    if case.motion == STREAM:
+        return _stream(arm, start, goal)
+    if case.motion == TRAJECTORY:
+        return _trajectory(arm, start, goal)
+    hold = Message(BEGIN, _set_point(arm, start))
+    push = _push(arm, start, SIZES.index(case.size), case.rate)
+    return Motion(start, start, [hold], push, PUSH_END)
+
+
+def _start(name: str) -> FloatArray:
+    arm = arm_named(name)
+    lower, upper = arm.limits.lower, arm.limits.upper
+    start = np.zeros(arm.joint_count)
+    is_bounded = np.isfinite(upper - lower)
+    start[is_bounded] = 0.5 * (lower[is_bounded] + upper[is_bounded])
+    start[0] = FIRST_JOINT.get(name, start[0])
+    return start
+
+
+def _set_point(arm: ArmModel, q: FloatArray) -> JointTrajectory:
+    return make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names)
+
+
+def _duration(
+    arm: ArmModel, start: FloatArray, goal: FloatArray, peak: float, least: float,
+) -> float:
+    """Return how long [s] the way takes within SPEED; `peak` is the largest by the mean speed."""
+    body, friction = ArmDynamics(arm).rigid_body, arm.friction
+    gravity = np.max([
+        np.abs(body.gravity(start + s * (goal - start))) for s in np.linspace(0.0, 1.0)], axis=0)
+    effort = np.maximum(arm.limits.effort - gravity - friction.coulomb, 0.0)
+    with np.errstate(divide='ignore'):
+        speed = SPEED * np.minimum(arm.limits.velocity, effort / friction.viscous)
+    return max(least, float((peak * np.abs(goal - start) / speed).max()))
+
+
+def _stream(arm: ArmModel, start: FloatArray, goal: FloatArray) -> Motion:
+    """Return set-points along a linear ramp; the last one is repeated."""
+    duration = _duration(arm, start, goal, 1.0, RAMP_TIME)
+    count, total = (math.ceil(time / STREAM_PERIOD) for time in (duration, LONGEST - BEGIN))
+    points = [_set_point(arm, start + i / count * (goal - start)) for i in range(count + 1)]
+    messages = [
+        Message(BEGIN + i * STREAM_PERIOD, points[min(i, count)]) for i in range(1, total)]
+    return Motion(start, goal, messages, None, BEGIN + count * STREAM_PERIOD)
+
+
+def _trajectory(arm: ArmModel, start: FloatArray, goal: FloatArray) -> Motion:
+    peak = max(np.diff([0.0, *PATH_SHARES]) / np.diff([0.0, *PATH_TIMES]))
+    duration = _duration(arm, start, goal, peak, PATH_DURATION)
+    trajectory = make_trajectory(
+        arm.joint_names, [share * duration for share in PATH_TIMES],
+        [start + share * (goal - start) for share in PATH_SHARES], (), (), arm.joint_names)
+    return Motion(start, goal, [Message(BEGIN, trajectory)], None, BEGIN + duration)
+
+
+def _push(arm: ArmModel, q: FloatArray, index: int, rate: int) -> Push:
+    """Return the push of this index: joint by joint, then again with half the effort."""
+    j, n = index % arm.joint_count, arm.joint_count
+    inertia = 1.0 / np.linalg.inv(ArmDynamics(arm).rigid_body.mass_matrix(q))[j, j]
+    v, friction = 0.5 * arm.limits.velocity[j], arm.friction
+    largest = inertia * v / PUSH_TIMES[rate] + friction.viscous[j] * v + friction.coulomb[j]
+    effort = np.zeros(n)
+    effort[j] = 0.5**(index // n) * min(
+        PUSH_EFFORT, PUSH_SHARE * arm.limits.effort[j], largest)
+    return Push(PUSH_BEGIN, PUSH_END, effort)
