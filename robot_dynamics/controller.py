@@ -336,7 +336,7 @@ class Controller:
         dynamics, zero = self._dynamics, self._zero
         gravity = dynamics.rigid_body.gravity(q)
         friction, a, computed_torque, sample = zero, zero, None, None
-        wanted, share, is_far = None, self.rate_share, False
+        wanted, share, is_far, q_model = None, self.rate_share, False, q
         if v is None:
             self._lose_velocity()
         else:
@@ -345,7 +345,9 @@ class Controller:
             if active is not None:
                 sample = partial(active.sample, stamp_ns)
                 a, v_r, feedback, is_far = self._track(active, stamp_ns, q, v)
-                computed_torque = wanted = dynamics.rigid_body.inverse_dynamics(q, v, a)
+                if self.rate_share < 1.0:  # the effort acts when the arm has moved on
+                    q_model = q + self._quality.lag * v
+                computed_torque = wanted = dynamics.rigid_body.inverse_dynamics(q_model, v, a)
                 if not dynamics.is_frictionless:
                     friction = self._friction(v_r, v, computed_torque)
                     computed_torque = wanted = computed_torque + friction
@@ -353,7 +355,7 @@ class Controller:
                     a_soft, soft = self._softened(active.sample(stamp_ns), q, v, a)
                     if soft < 1.0:
                         a, share = a_soft, soft * share
-                        wanted = dynamics.rigid_body.inverse_dynamics(q, v, a) + friction
+                        wanted = dynamics.rigid_body.inverse_dynamics(q_model, v, a) + friction
         gravity_peak = largest(gravity)
         peak = 0.0 if computed_torque is None else largest(computed_torque)
         if not (gravity_peak < math.inf and peak < math.inf):
@@ -379,7 +381,9 @@ class Controller:
             is_free = own is _NOTHING and peak <= self._least_limit
             command, clamped = (wanted, self._no_joint) if is_free else (
                 self._bounded(own.taken_off(wanted), own, hold))
-        self._answered = dynamics, q, v, a, gravity, friction, follows, own
+        self._answered = (
+            dynamics, q_model if follows else q, v, a,
+            gravity if q_model is q or not follows else None, friction, follows, own)
         return ControlOutput(
             gravity, robot_gravity, computed_torque, command, hold, clamped,
             share if follows else 1.0, sample, velocity=v, is_far=is_far)
@@ -389,6 +393,8 @@ class Controller:
             return None
         dynamics, q, v, a, gravity, friction, follows, own = self._answered
         zero = self._zero
+        if gravity is None:
+            gravity = dynamics.rigid_body.gravity(q)
         v_terms = v if follows and v is not None else zero
         terms = dynamics.terms(
             q, v_terms, a if follows else zero, friction=friction if follows else zero)
@@ -567,9 +573,10 @@ class _Own(NamedTuple):
 _NOTHING = _Own(None, None)
 
 
-# dynamics, q, v, a, gravity, friction, whether it follows the reference, the robot's own share
+# dynamics, q, v, a, g(q) or None, friction, whether a reference is followed, the robot's own share
 _Answered = tuple[
-    ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray, FloatArray, bool, _Own]
+    ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray | None, FloatArray, bool,
+    _Own]
 
 
 def _not_finite(

@@ -25,7 +25,8 @@ phase margin of 76°. Two delays reduce the margin:
 
 The bandwidth is scaled by the share s, with K_p s² and K_d s, so that each phase lag at s ω_x
 stays below its bound. A measured velocity whose noise would lower the gains is replaced by the
-difference of the measured positions, half a period later, if that has less noise.
+difference of the measured positions, half a period later, if that has less noise. Where the share
+is below 1, M, C and g are those of the position half a period ahead, q + q̇ T/2.
 """
 
 from collections.abc import Sequence
@@ -121,6 +122,11 @@ class StateQuality:
         source = 'differences of the positions' if self.differs else 'measured velocities'
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
                 f'{noise:.2g} per second, {source} in use')
+
+    @property
+    def lag(self) -> float:
+        """The time [s] from a state to the middle of the period in which its effort acts."""
+        return 0.5 * self.period
 
     @property
     def is_due(self) -> bool:

@@ -102,7 +102,8 @@ def test_motor_and_joint_are_never_further_apart_than_half_the_gap(
     assert (crossings > 5).all(), crossings
 
 
-@pytest.mark.parametrize('restitution', [0.0, 0.5, 1.0])
+@pytest.mark.parametrize('restitution', [
+    0.0, *(pytest.param(e, marks=pytest.mark.soak) for e in (0.5, 1.0))])
 def test_the_gap_holds_in_long_steps(restitution: float) -> None:
     arm = geared(links(3), backlash=[0.005], restitution=[restitution])
     simulation = released(arm, np.full(3, 0.3), max_step=0.05)
@@ -297,6 +298,7 @@ def test_events_do_not_cost_the_method_its_order(restitution: float) -> None:
     assert orders(steps, wrong).min() > 4.0
 
 
+@pytest.mark.soak
 def test_motors_with_inductance_are_coupled_with_order_two() -> None:
     arm = geared(
         rubbing(links(2), viscous=[1.0, 0.4]), backlash=[0.02], resistance=[0.8],

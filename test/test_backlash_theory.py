@@ -80,7 +80,7 @@ def test_amplitude_and_phase_are_those_of_the_describing_function(way: Way) -> N
 
 # --- the limit cycle -----------------------------------------------------------------------------
 
-@pytest.mark.parametrize('start', [0.03, 0.3])
+@pytest.mark.parametrize('start', [0.03, pytest.param(0.3, marks=pytest.mark.soak)])
 def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: float) -> None:
     predicted = predicted_cycle()
     # What the describing function asks for: friction brakes the load, and hardly the motor.
@@ -97,7 +97,8 @@ def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: flo
     assert later.frequency == pytest.approx(predicted.frequency, rel=0.03)
 
 
-@pytest.mark.parametrize(('gap', 'joint_side'), [(0.0, True), (2.0 * HALF_GAP, False)])
+@pytest.mark.parametrize(('gap', 'joint_side'), [
+    (0.0, True), pytest.param(2.0 * HALF_GAP, False, marks=pytest.mark.soak)])
 def test_without_the_gap_in_the_loop_there_is_no_cycle(gap: float, joint_side: bool) -> None:
     last = after(feed_back(20.0, gap, joint_side), 15.0)
     assert np.ptp(last.theta) < 1e-9

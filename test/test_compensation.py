@@ -17,6 +17,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
@@ -90,6 +91,7 @@ def test_known_friction_is_tracked_twenty_times_better() -> None:
     assert (without >= 10.0 * known).all()
 
 
+@pytest.mark.soak
 def test_a_fifth_wrong_is_still_stable_and_better_than_nothing() -> None:
     without = rms(run(0.0).error)
     for share in (0.8, 1.2):

@@ -145,7 +145,7 @@ def test_four_recordings_halve_the_deviations(planar):
 
 # --- bad data, little data -----------------------------------------------------------------------
 
-@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_never_worse_than_the_urdf_with_friction(seed):
     # 30 Hz, coarse positions, no velocity, pauses, and friction of a kind that is not offered
     arm = load_arm(robot_urdf('ur5'))

@@ -21,7 +21,7 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import make_gains
-from robot_dynamics.controller import ControllerOptions
+from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.loop_warnings import loop_warnings
 from robot_dynamics.motion_limits import WorkspaceInertia
 from robot_dynamics.planar_urdf import default_arm_urdf
@@ -32,6 +32,7 @@ from robot_dynamics.stable_gains import (
     slowest_rate,
     StateQuality,
 )
+from robot_dynamics.trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 WORKSPACE = WorkspaceInertia(ArmDynamics(ARM))
@@ -151,3 +152,21 @@ def test_settings_that_can_oscillate_are_named_with_numbers() -> None:
     assert f'below {slowest_rate(GAINS):.0f} Hz' in slow
     error = 1500.0 / 50.0 / (400.0 * WORKSPACE.largest()[0].sum())
     assert f"'joint1' can oscillate after an error above {error:.2g} rad" in rate
+
+
+def test_at_slow_rates_the_terms_sum_to_the_command_for_the_position_ahead() -> None:
+    controller = Controller(ARM, ControllerOptions(
+        GAINS, effort_rate=RATE, softens_gains=True, conditions_references=True))
+    q, v, period = np.array([0.8, 0.5]), np.array([0.4, -0.3]), 0.05
+    for k in range(20):
+        controller.update(round(1e9 * period * k), q + k * period * v, v)
+    controller.follow(make_trajectory(ARM.joint_names, [0.0], [[1.0, 1.0]], (), (),
+                                      ARM.joint_names), 0)
+    at = q + 20 * period * v
+    output = controller.update(round(1e9 * period * 20), at, v, with_terms=True)
+    assert controller.rate_share < 0.5
+    assert output.terms is not None
+    assert output.command == pytest.approx(output.terms.effort)
+    body = ArmDynamics(ARM).rigid_body
+    assert output.terms.gravity == pytest.approx(body.gravity(at + 0.5 * period * v))
+    assert output.gravity_compensation == pytest.approx(body.gravity(at))
