@@ -204,7 +204,7 @@ def draw(runs: Sequence[Run], path: Path) -> None:
         all_axes = figure.subplots(1, len(motions), sharey=True, squeeze=False)[0]
         for axes, motion in zip(all_axes, motions):
             title_axes(axes, motion, 'worst of all rates, delays and noise; x: a bad run')
-            for arm in ARMS:
+            for arm in [arm for arm in ARMS if any(case.arm == arm for case, _ in runs)]:
                 _draw_arm(axes, arm, [found for found in runs if (
                     found[0].arm == arm and found[0].motion == motion)])
             axes.axhline(1.0, color=GREY, linewidth=3.0, alpha=0.5)
