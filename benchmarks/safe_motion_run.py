@@ -21,7 +21,6 @@ integrator with the default gains. The true state of the plant is judged, not th
 
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 import time
 from typing import NamedTuple
 
@@ -134,7 +133,7 @@ class ControlLoop:
         mode = supervisor.mode
         effort = supervisor.answer(
             1e-9 * stamp_ns, q, output.velocity, output.command, output.hold, dt,
-            partial(controller.braked, q, output.velocity, output.hold), fault)
+            controller.braked, fault)
         self._look_for_faults()
         if mode is Mode.FAULT and supervisor.mode is Mode.RUNNING and self._was_interrupted:
             self._was_interrupted = False

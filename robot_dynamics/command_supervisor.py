@@ -37,6 +37,10 @@ from robot_dynamics.validation import FloatArray
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 
+Brake = Callable[[FloatArray, FloatArray | None, FloatArray], FloatArray]
+"""Returns the command (n,) that holds and brakes the arm at (q, v), from what holds it."""
+
+
 class Mode(Enum):
     """What the supervisor does."""
 
@@ -151,18 +155,20 @@ class CommandSupervisor:
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
-        hold: FloatArray, dt: float | None = None, brake: Callable[[], FloatArray] | None = None,
+        hold: FloatArray, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None,
     ) -> FloatArray | None:
         """
         Return the effort that answers a valid state; `hold` (n,) is what holds the arm.
 
         The state is dt [s] after the one before by their stamps, None if unknown. `fault` is one
-        that was found with this state. `brake` returns `hold` with damping, for a fault.
+        that was found with this state. `brake` returns `hold` with damping at (q, v), for a fault.
         """
         limits = self._guard.limits
         is_near, is_too_fast = limits.is_near(q), limits.is_too_fast(v)
-        cause = self._timeout(now) if self.mode is Mode.RUNNING else None
+        cause = None
+        if now - self._last_state > self.options.state_timeout and self.mode is Mode.RUNNING:
+            cause = self._timeout()
         self._last_state, self._hold = now, hold
         beyond = self._beyond_a_limit(q) if is_near else None
         if beyond is None and is_too_fast and v is not None:
@@ -175,7 +181,7 @@ class CommandSupervisor:
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have gone out since that state
         if self.mode is Mode.FAULT:
-            return self._hold_on(now, hold if brake is None else brake())
+            return self._hold_on(now, hold if brake is None else brake(q, v, hold))
         if self.mode is not Mode.RUNNING:
             return self._action(now)
         self.guarded = self._guard.apply(
@@ -190,15 +196,12 @@ class CommandSupervisor:
 
     def tick(self, now: float) -> FloatArray | None:
         """Return what is due without a state: nothing, or the next effort of a fault action."""
-        timeout = self._timeout(now) if self.mode is Mode.RUNNING else None
-        if timeout is not None:
-            self.fail(now, timeout)
+        if now - self._last_state > self.options.state_timeout and self.mode is Mode.RUNNING:
+            self.fail(now, self._timeout())
         return self._action(now)
 
-    def _timeout(self, now: float) -> Fault | None:
+    def _timeout(self) -> Fault:
         limit = self.options.state_timeout
-        if now - self._last_state <= limit:
-            return None
         return Fault('state_timeout', f'no valid joint state for {limit:g} s (state_timeout)')
 
     def _hold_on(self, now: float, hold: FloatArray) -> FloatArray | None:

@@ -39,7 +39,7 @@ from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
 from robot_dynamics.reference_generator import ReferenceGenerator
 from robot_dynamics.soft_gains import crossover, share_of_gains
-from robot_dynamics.stable_gains import StateQuality, UNKNOWN
+from robot_dynamics.stable_gains import longest_period, StateQuality, UNKNOWN
 from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
 from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
 from robot_dynamics.validation import FloatArray, largest
@@ -176,6 +176,7 @@ class Controller:
                 self._stops_next = self._is_stopped = False
             self._options, self._feedback, self._effort_limit = options, feedback, limit
             self._full_feedback = feedback
+            self._free_period = longest_period(options.gains)
             self._least_limit = float(limit.min(initial=np.inf))
             self._limit_motion()
             self._adapt_gains()
@@ -503,7 +504,7 @@ class Controller:
         if self._options.softens_gains:
             dt = 0.0 if self._state is None else _NS * (stamp_ns - self._state[0])
             v = self._quality.velocity(dt, q, v)
-            if self._quality.is_due or dt > _STEP * self._rated_period:
+            if dt > self._free_period and dt > _STEP * self._rated_period or self._quality.is_due:
                 self._rated_period = self._quality.period
                 self._adapt_gains()
         self._state = stamp_ns, q, v

@@ -50,7 +50,8 @@ LEAST = 0.05
 """Smallest share; with noise that asks for less, the loop is no longer stable."""
 UNKNOWN = 0.5
 """Part of the share that is used until the quality of the states is known."""
-_FORGETTING = 0.02
+_FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
+"""Shares that a new state has in the estimates: if every state is used, and if few are."""
 _TURN, _FEW = 16, 6
 """States between two evaluations, and before the first one; few are enough without noise."""
 _QUIET = 3.0
@@ -62,15 +63,24 @@ class Noise:
 
     def __init__(self, n: int) -> None:
         self._before = self._last = self._variance = np.zeros(n)
-        self._count = 0
+        self._consecutive = self._updates = 0
 
-    def take(self, x: FloatArray) -> None:
-        """Take a sample; the second difference has six times the variance, and hardly motion."""
-        d = x - 2.0 * self._last + self._before
-        self._before, self._last = self._last, x
-        self._count += 1
-        if self._count > 2:
-            share = max(_FORGETTING, 1.0 / (self._count - 2))
+    def restart(self) -> None:
+        """Take the next sample as one that does not follow the last; keep the estimate."""
+        self._consecutive = 0
+
+    def take(self, x: FloatArray, forgetting: float) -> None:
+        """
+        Take a sample; `forgetting` is the share of the estimate that it replaces at least.
+
+        The second difference of white noise has six times its variance, and hardly any motion.
+        """
+        before, last, self._before, self._last = self._before, self._last, self._last, x
+        self._consecutive += 1
+        if self._consecutive > 2:
+            self._updates += 1
+            d = x - 2.0 * last + before
+            share = max(forgetting, 1.0 / self._updates)
             self._variance = self._variance + share * (d * d / 6.0 - self._variance)
 
     @property
@@ -93,6 +103,8 @@ class StateQuality:
         self._q: FloatArray | None = None
         self._count = 0
         self._is_noisy = True
+        self.is_due = False
+        """Whether the gains should be evaluated again."""
         self.is_known = False
         """Whether enough states have been received; fewer suffice without noise."""
 
@@ -103,15 +115,21 @@ class StateQuality:
             return v
         rest = self.period - dt
         self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
-        self._measured.take(v)
         self._count += 1
+        phase = self._count % _TURN
+        self.is_due = phase == 2 or not self.is_known
         if not self._is_noisy:
+            if phase < 3:  # three states in a row are enough for one estimate
+                if phase == 0:
+                    self._measured.restart()
+                self._measured.take(v, _SPARSE_FORGETTING)
             return v
+        self._measured.take(v, _FORGETTING)
         moved = q - last
         if self._turns.any():
             moved = np.where(self._turns, wrap_to_pi(moved), moved)
         difference = moved / dt
-        self._difference.take(difference)
+        self._difference.take(difference, _FORGETTING)
         if not self.is_known:
             self.differs = bool(
                 LESS * self._difference.deviation.sum() < self._measured.deviation.sum())
@@ -127,11 +145,6 @@ class StateQuality:
     def lag(self) -> float:
         """The time [s] from a state to the middle of the period in which its effort acts."""
         return 0.5 * self.period
-
-    @property
-    def is_due(self) -> bool:
-        """Whether the gains should be evaluated again."""
-        return not self.is_known or self._count % _TURN == 0
 
     def stable_share(
         self, gains: Gains, mass: FloatArray, effort_rate: FloatArray,
@@ -159,6 +172,9 @@ class StateQuality:
         share, delay = largest_share(measured), 0.5 * self.period + LOOP_DELAY
         self.is_known = self._count >= (_TURN if share < _QUIET else _FEW)
         was_noisy, self._is_noisy = self._is_noisy, share < 1.0 or not self.is_known
+        if self._is_noisy and not was_noisy:
+            self._measured.restart()
+            self._difference.restart()
         if not self.is_known:
             share = math.inf
         elif self._is_noisy and was_noisy:
@@ -172,12 +188,17 @@ class StateQuality:
         return share if self.is_known else UNKNOWN * share
 
 
-def slowest_rate(gains: Gains) -> float:
-    """Return the rate of the joint states [Hz] below which these gains are lowered; 0 for none."""
+def longest_period(gains: Gains) -> float:
+    """Return the period of the states [s] above which these gains are lowered; 0 for any."""
     omega = _natural_frequency(gains)
     if omega == 0.0:
-        return 0.0
-    period = 2.0 * (DELAY_LAG / (CROSSOVER * omega) - LOOP_DELAY)
+        return math.inf
+    return max(2.0 * (DELAY_LAG / (CROSSOVER * omega) - LOOP_DELAY), 0.0)
+
+
+def slowest_rate(gains: Gains) -> float:
+    """Return the rate of the joint states [Hz] below which these gains are lowered; 0 for none."""
+    period = longest_period(gains)
     return 1.0 / period if period > 0.0 else math.inf
 
 

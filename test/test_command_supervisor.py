@@ -248,7 +248,7 @@ def test_the_hold_in_a_fault_is_damped() -> None:
     one = running()
     damped = HOLD - [1.0, 2.0]
     effort = one.answer(
-        START + 0.1, np.array([0.0, 1.2]), np.ones(2), PUSH, HOLD, 0.1, lambda: damped)
+        START + 0.1, np.array([0.0, 1.2]), np.ones(2), PUSH, HOLD, 0.1, lambda *_: damped)
     assert one.mode is Mode.FAULT
     assert effort == pytest.approx(damped)
 

@@ -17,7 +17,6 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 import threading
 import time
 from typing import Any
@@ -266,7 +265,7 @@ class ControlPath:
         if judgement.is_news or waits:
             command = self.command.answer(
                 state.stamp, q, output.velocity, output, judgement.dt,
-                partial(served.controller.braked, q, output.velocity, output.hold),
+                served.controller.braked,
                 Fault('following_error', served.controller.following_error(output, q))
                 if output.is_far else None)
         else:
@@ -277,9 +276,10 @@ class ControlPath:
             self.counters.repeated += 1
         self._publish(state, served, output)
         self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
-        joint = self.estimates.excess()
-        if joint is not None:
-            self._fail_by_external_effort(served, joint)
+        if self.estimates.external_limit is not None:
+            joint = self.estimates.excess()
+            if joint is not None:
+                self._fail_by_external_effort(served, joint)
         if self.markers.is_on:
             self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
         self.counters.states += 1

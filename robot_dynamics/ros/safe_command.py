@@ -31,7 +31,13 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.command_supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
+from robot_dynamics.command_supervisor import (
+    Brake,
+    CommandSupervisor,
+    Fault,
+    Mode,
+    SafetyOptions,
+)
 from robot_dynamics.controller import ControlOutput
 from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
@@ -244,7 +250,7 @@ class SafeCommand:
 
     def answer(
         self, stamp: bytes, q: FloatArray, v: FloatArray | None, output: ControlOutput,
-        dt: float | None, brake: Callable[[], FloatArray], fault: Fault | None = None,
+        dt: float | None, brake: Brake, fault: Fault | None = None,
     ) -> FloatArray | None:
         """
         Publish the effort that answers a state dt [s] after the last; return it, if any.
