@@ -528,7 +528,7 @@ def test_a_following_error(arm: FaultBench) -> None:
     status = arm.wait_status(
         'reference', lambda status: status.message.startswith('ended early: '))
     assert status.message.startswith(
-        "ended early: fault following_error: position of 'joint1' is 0.05")
+        "ended early: fault following_error: position of 'joint1' is 0.")
     assert 'from its reference, expected at most 0.05 (following_error_limit)' in status.message
     arm.wait_running()
     wait_until(
