@@ -121,7 +121,7 @@ def test_shared_memory_of_a_killed_node_is_removed() -> None:
     assert of_killed - of_running
 
     def left() -> set[str]:
-        """Return what nobody uses; nodes of other test processes may have opened the rest."""
+        """Return files that no process uses; other test processes may have opened the rest."""
         remove_orphans()
         used = {name for process in Path('/proc').glob('[0-9]*') for name in files_in_use(process)}
         return of_killed & set(os.listdir(DIRECTORY)) - used
