@@ -312,9 +312,20 @@ class FaultBench:
         """Check that the node commands what holds the arm, of itself."""
         self.driver.go_on()
         self.wait_running()
-        self.efforts.clear()
-        self.efforts.wait_for(lambda message: np.allclose(message.effort, self.hold, atol=1e-6))
+        self.wait_steady(self.hold)
         self.check_efforts()
+
+    def wait_steady(self, effort: Sequence[float], count: int = 5) -> None:
+        """Wait until so many efforts in a row are this one: one alone may be on the way past."""
+        self.efforts.clear()
+        in_a_row = 0
+
+        def is_steady(message: Any) -> bool:
+            nonlocal in_a_row
+            in_a_row = in_a_row + 1 if np.allclose(message.effort, effort, atol=1e-5) else 0
+            return in_a_row == count
+
+        self.efforts.wait_for(is_steady)
 
     # ------------------------------------------------------------------ what to send
 

@@ -154,9 +154,8 @@ def refusals(bench: FaultBench) -> list[str]:
 
 def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str) -> None:
     """Check that this is refused in one line that says so, and another one followed on."""
-    bench.efforts.clear()
     bench.set_point(GOAL)
-    bench.efforts.wait_for(is_torque)
+    bench.wait_steady(TORQUE)
     before = len(refusals(bench))
     bench.trajectories.publish(message)
     wait_until(lambda: len(refusals(bench)) > before, 'a refusal')
@@ -170,9 +169,8 @@ def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str
 
 
 def test_diagnostics_tell_of_refusals(bench: FaultBench) -> None:
-    bench.efforts.clear()
     bench.set_point(GOAL)
-    bench.efforts.wait_for(is_torque)
+    bench.wait_steady(TORQUE)
     bench.trajectories.publish(trajectory())
     status = bench.wait_status(
         'reference', lambda status: status.level == DiagnosticStatus.WARN)
