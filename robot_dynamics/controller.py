@@ -84,11 +84,11 @@ class ControlOutput(NamedTuple):
     clamped: BoolArray
     share_of_gains: float = 1.0
     sample: Callable[[], Reference] | None = None
-    terms: EffortTerms | None = None
     velocity: FloatArray | None = None
     """The velocity (n,) that was used, measured or differentiated (`stable_gains`)."""
     is_far: bool = False
     """Whether the following error of a joint exceeds its limit."""
+    terms: EffortTerms | None = None
 
     @property
     def reference(self) -> Reference | None:
@@ -387,7 +387,7 @@ class Controller:
             gravity if q_model is q or not follows else None, friction, follows, own)
         return ControlOutput(
             gravity, robot_gravity, computed_torque, command, hold, clamped,
-            share if follows else 1.0, sample, velocity=v, is_far=is_far)
+            share if follows else 1.0, sample, v, is_far)
 
     def _terms(self) -> EffortTerms | None:
         if self._answered is None:
@@ -504,8 +504,10 @@ class Controller:
         if self._options.softens_gains:
             dt = 0.0 if self._state is None else _NS * (stamp_ns - self._state[0])
             v = self._quality.velocity(dt, q, v)
-            if dt > self._free_period and dt > _STEP * self._rated_period or self._quality.is_due:
-                self._rated_period = self._quality.period
+            period = self._quality.period
+            if self._quality.is_due or (
+                    period > self._free_period and period > _STEP * self._rated_period):
+                self._rated_period = period
                 self._adapt_gains()
         self._state = stamp_ns, q, v
         if self._stops_next:

@@ -53,7 +53,11 @@ UNKNOWN = 0.5
 _FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
 """Shares that a new state has in the estimates: if every state is used, and if few are."""
 _TURN, _FEW = 16, 6
-"""States between two evaluations, and before the first one; few are enough without noise."""
+"""States between two estimates, and before the first evaluation; few are enough without noise."""
+_QUIET_TURN = 64
+"""States between two evaluations while the noise does not matter."""
+PAUSE = 0.5
+"""[s] from which a single gap between two states is a pause of the source, and not its period."""
 _QUIET = 3.0
 """Share that the noise permits if there is hardly any."""
 
@@ -102,7 +106,7 @@ class StateQuality:
         self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
         self._q: FloatArray | None = None
         self._count = 0
-        self._is_noisy = True
+        self._is_noisy, self._is_paused = True, False
         self.is_due = False
         """Whether the gains should be evaluated again."""
         self.is_known = False
@@ -113,17 +117,23 @@ class StateQuality:
         last, self._q = self._q, q
         if dt <= 0.0 or last is None:
             return v
+        was_paused, self._is_paused = self._is_paused, dt >= PAUSE
+        if self._is_paused and not was_paused:
+            self._measured.restart()
+            self._difference.restart()
+            return v
         rest = self.period - dt
         self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
         self._count += 1
         phase = self._count % _TURN
-        self.is_due = phase == 2 or not self.is_known
         if not self._is_noisy:
+            self.is_due = self._count % _QUIET_TURN == 2
             if phase < 3:  # three states in a row are enough for one estimate
                 if phase == 0:
                     self._measured.restart()
                 self._measured.take(v, _SPARSE_FORGETTING)
             return v
+        self.is_due = phase == 2 or not self.is_known
         self._measured.take(v, _FORGETTING)
         moved = q - last
         if self._turns.any():

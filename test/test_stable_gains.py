@@ -119,6 +119,19 @@ def test_a_longer_period_counts_at_once_and_a_shorter_one_later() -> None:
     assert 0.04 < quality.period < 0.05
 
 
+def test_a_single_pause_is_no_period_and_two_in_a_row_are() -> None:
+    quality = StateQuality(ARM.joint_kinds)
+    for _ in range(100):
+        quality.velocity(0.002, np.zeros(2), np.zeros(2))
+    period = quality.period
+    quality.velocity(0.8, np.zeros(2), np.zeros(2))
+    quality.velocity(0.002, np.zeros(2), np.zeros(2))
+    assert quality.period == pytest.approx(period)
+    quality.velocity(0.8, np.zeros(2), np.zeros(2))
+    quality.velocity(0.8, np.zeros(2), np.zeros(2))
+    assert quality.period == 0.8
+
+
 def test_a_continuous_joint_may_wrap() -> None:
     quality = StateQuality(('continuous',))
     rng, used = np.random.default_rng(0), np.zeros(1)

@@ -296,22 +296,25 @@ class SafeCommand:
                 self._changed.notify()
 
     def _count(self, output: ControlOutput) -> None:
+        """Count which limits changed the effort of a state."""
         supervisor = self._supervisor
         if supervisor is None or supervisor.mode is not Mode.RUNNING:
             return
-        if output.share_of_gains < 1.0:
-            self.counters.limited['effort rate, by softer gains'] += 1
-            self.counters.limited_at = time.monotonic()
-        limits = [('effort limit', output.clamped)]
         guarded = supervisor.guarded
-        if guarded is not None:
-            limits += [('position limit', guarded.by_position),
-                       ('velocity limit', guarded.by_velocity),
-                       ('effort rate', guarded.by_rate)]
-        for name, joints in limits:
-            if any_of(joints):
-                self.counters.limited[name] += 1
-                self.counters.limited_at = time.monotonic()
+        if output.share_of_gains < 1.0:
+            self._count_limit('effort rate, by softer gains')
+        if any_of(output.clamped):
+            self._count_limit('effort limit')
+        if guarded is not None and guarded.effort is not output.command:
+            for name, joints in (('position limit', guarded.by_position),
+                                 ('velocity limit', guarded.by_velocity),
+                                 ('effort rate', guarded.by_rate)):
+                if any_of(joints):
+                    self._count_limit(name)
+
+    def _count_limit(self, name: str) -> None:
+        self.counters.limited[name] += 1
+        self.counters.limited_at = time.monotonic()
 
     def _publish(self, effort: FloatArray | None) -> None:
         if effort is None or self._templates is None:
