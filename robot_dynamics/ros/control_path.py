@@ -101,13 +101,15 @@ class ControlPath:
         def publisher(message_type: type, topic: str) -> Any:
             return node.create_publisher(message_type, topic, NEWEST_ONLY)
 
-        self._gravity = publisher(JointState, '~/gravity_compensation')
-        self._computed_torque = publisher(JointState, '~/computed_torque')
+        gravity = publisher(JointState, '~/gravity_compensation')
+        computed_torque = publisher(JointState, '~/computed_torque')
         self._terms = publisher(DynamicsTerms, '~/terms')
         self._reference = publisher(JointState, '~/reference')
-        # without the wrapper of rclpy, which takes four times as long as the count
-        self._count_terms, self._count_reference = (
-            one.handle.get_subscription_count for one in (self._terms, self._reference))
+        # without the wrapper of rclpy, which takes as long as the call itself
+        self._send_gravity = gravity.handle.publish_raw
+        self._send_computed_torque = computed_torque.handle.publish_raw
+        self._count_terms = self._terms.handle.get_subscription_count
+        self._count_reference = self._reference.handle.get_subscription_count
         self.estimates = LiveEstimates(node)
         self.markers = LiveMarkers(node)
         self.estimates.is_external_wanted = lambda: self.markers.is_on
@@ -322,9 +324,9 @@ class ControlPath:
 
     def _publish(self, state: SensedState, served: _Served, output: ControlOutput) -> None:
         template = served.template
-        self._gravity.publish(template.filled(state.stamp, output.gravity_compensation))
+        self._send_gravity(template.filled(state.stamp, output.gravity_compensation))
         if output.computed_torque is not None:
-            self._computed_torque.publish(template.filled(state.stamp, output.computed_torque))
+            self._send_computed_torque(template.filled(state.stamp, output.computed_torque))
         if self._count_terms():
             terms = served.controller.terms()
             if terms is not None:
