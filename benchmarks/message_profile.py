@@ -152,7 +152,7 @@ def _repeat(loop: Any, data: bytes) -> None:
 
 
 if __name__ == '__main__':
-    from robot_dynamics.ros import dynamics_node
+    import robot_dynamics.ros.dynamics_node as dynamics_node
 
     _measure_in(Path(sys.argv[1]))
     sys.exit(dynamics_node.main(sys.argv[1:]))

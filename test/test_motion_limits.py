@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.typing as npt
 import pytest
-from robot_dynamics import motion_limits
+import robot_dynamics.motion_limits as motion_limits
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia

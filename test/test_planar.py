@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics import planar
+import robot_dynamics.planar as planar
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import PlanarTwoLink
 

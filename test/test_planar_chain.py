@@ -23,7 +23,8 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics import planar, planar_chain
+import robot_dynamics.planar as planar
+import robot_dynamics.planar_chain as planar_chain
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import PlanarTwoLink
 from robot_dynamics.planar_chain import newton_euler, PlanarChain

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio
 import pytest
-from robot_dynamics import planar
+import robot_dynamics.planar as planar
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import PlanarTwoLink
 from robot_dynamics.planar_chain import (

@@ -19,7 +19,7 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics import planar
+import robot_dynamics.planar as planar
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError
