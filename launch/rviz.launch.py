@@ -26,7 +26,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 from robot_dynamics.ros.robot_description import embedded_description, read_description_file
-from robot_dynamics.urdf import parse_urdf
+from robot_dynamics.urdf.parser import parse_urdf
 
 from launch import LaunchDescription
 

@@ -26,8 +26,8 @@ from robot_dynamics.friction import JointFriction, make_friction
 from robot_dynamics.gear_friction import GearFriction
 from robot_dynamics.payload import Payload
 from robot_dynamics.sticking import BoolArray
-from robot_dynamics.transmissions import gear_ratio, Reductions
-from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
+from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
+from robot_dynamics.urdf.transmissions import gear_ratio, Reductions
 from robot_dynamics.validation import check_unique, check_vector, FloatArray
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)

@@ -23,8 +23,8 @@ principal moments of inertia that are positive and obey the triangle inequality.
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
-from robot_dynamics.link_bodies import LinkBody
 from robot_dynamics.model_finding import ERROR, Finding, WARNING
+from robot_dynamics.urdf.inertials import LinkBody
 from robot_dynamics.validation import FloatArray
 
 TINY_MASS = 1e-6

@@ -33,10 +33,10 @@ from robot_dynamics.body_checks import (
 )
 from robot_dynamics.gravity_capability import Search, THOROUGH, worst_gravity
 from robot_dynamics.inertia_survey import InertiaMatrix, survey_inertia
-from robot_dynamics.link_bodies import LinkBody, read_bodies, read_joint_origins
-from robot_dynamics.mesh_bounds import MeshReader
 from robot_dynamics.model_finding import ERROR, Finding, WARNING
-from robot_dynamics.urdf import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
+from robot_dynamics.urdf.inertials import LinkBody, read_bodies, read_joint_origins
+from robot_dynamics.urdf.mesh_bounds import MeshReader
+from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.validation import FloatArray
 
 LARGEST_CONDITION = 1e6

@@ -20,8 +20,8 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio as pin
 import pytest
-from robot_dynamics.link_visuals import Box, Cylinder, Mesh, read_visuals, Sphere
-from robot_dynamics.mesh_files import find_mesh
+from robot_dynamics.urdf.mesh_files import find_mesh
+from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere
 from robots import ARMS, robot_path, robot_urdf
 
 BALL = '<sphere radius="0.1"/>'

@@ -21,9 +21,9 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.typing as npt
 import pytest
-import robot_dynamics.motion_limits as motion_limits
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
+import robot_dynamics.motion_limits as motion_limits
 from robot_dynamics.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf

@@ -26,8 +26,8 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-import robot_dynamics.planar as planar
 from robot_dynamics.exceptions import InvalidInputError
+import robot_dynamics.planar as planar
 from robot_dynamics.planar import PlanarTwoLink
 
 PROJECT = Path(__file__).resolve().parents[1]

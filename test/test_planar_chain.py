@@ -23,10 +23,10 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-import robot_dynamics.planar as planar
-import robot_dynamics.planar_chain as planar_chain
 from robot_dynamics.exceptions import InvalidInputError
+import robot_dynamics.planar as planar
 from robot_dynamics.planar import PlanarTwoLink
+import robot_dynamics.planar_chain as planar_chain
 from robot_dynamics.planar_chain import newton_euler, PlanarChain
 
 ARM = PlanarTwoLink()

@@ -25,8 +25,8 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio
 import pytest
-import robot_dynamics.planar as planar
 from robot_dynamics.exceptions import InvalidInputError
+import robot_dynamics.planar as planar
 from robot_dynamics.planar import PlanarTwoLink
 from robot_dynamics.planar_chain import (
     forward_kinematics,

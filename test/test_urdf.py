@@ -22,7 +22,7 @@ import numpy.testing as npt
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
-from robot_dynamics.urdf import (
+from robot_dynamics.urdf.parser import (
     Mimic,
     MOST_LINKS,
     MOST_TAGS,

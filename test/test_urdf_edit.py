@@ -22,7 +22,7 @@ from robot_dynamics.identified_urdf import identified_urdf
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.pseudo_inertia import from_coordinates, pseudo_inertia
 from robot_dynamics.regressor import inertial_parameters
-from robot_dynamics.urdf_edit import with_elements
+from robot_dynamics.urdf.editing import with_elements
 from robots import robot_urdf
 
 URDF = """<?xml version="1.0" encoding="latin-1"?>

@@ -105,7 +105,7 @@ GROUPS = {
     'Input and errors': (
         'validation',
         'exceptions',
-        'description_file',
+        'urdf.description_file',
     ),
 }
 """The modules that programs of others are meant to import, by what they are for."""
@@ -140,7 +140,7 @@ def public_names(module: str) -> list[str]:
 
 
 def _tree(module: str) -> ast.Module:
-    return ast.parse((PACKAGE / f'{module}.py').read_text(encoding='utf-8'))
+    return ast.parse((PACKAGE / f'{module.replace(".", "/")}.py').read_text(encoding='utf-8'))
 
 
 def _module(module: str) -> str:

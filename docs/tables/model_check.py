@@ -28,9 +28,9 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.gravity_capability import THOROUGH, worst_gravity
 from robot_dynamics.inertia_survey import survey_inertia
-from robot_dynamics.mesh_bounds import MeshReader
 from robot_dynamics.model_check import check_model, LARGEST_SURVEY
 from robot_dynamics.model_finding import Finding
+from robot_dynamics.urdf.mesh_bounds import MeshReader
 
 PACKAGE = 'example-robot-data'
 PAGE = Path(__file__).parents[1] / 'model_check.md'

@@ -60,7 +60,7 @@ from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.serialized import JointStateDecoder
 from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.state_watch import StateWatch
-from robot_dynamics.urdf import parse_urdf
+from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger

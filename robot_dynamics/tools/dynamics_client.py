@@ -192,7 +192,7 @@ class DynamicsClient:
 
     def joint_kinds(self) -> dict[str, str]:
         """Return the kinds of joints by name; empty where the URDF cannot be had."""
-        from robot_dynamics.urdf import parse_urdf
+        from robot_dynamics.urdf.parser import parse_urdf
         try:
             robot = parse_urdf(self.description())
         except RobotDynamicsError:

@@ -68,5 +68,5 @@ def complete_joints(
 
 def complete_links(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Return the links of the arm."""
-    from robot_dynamics.urdf import parse_urdf
+    from robot_dynamics.urdf.parser import parse_urdf
     return _asking(lambda client: list(parse_urdf(client.description()).link_names), parsed_args)

@@ -16,7 +16,7 @@
 
 from pathlib import Path
 
-from robot_dynamics.description_file import read_description
+from robot_dynamics.urdf.description_file import read_description
 
 
 def read_robot(text: str) -> str:

@@ -18,13 +18,13 @@ from pathlib import Path
 import time
 from typing import NamedTuple
 
-from robot_dynamics.description_file import read_description
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.robot_description import (
     description_path,
     embedded_description,
 )
 from robot_dynamics.tools.viewer_node import Described, ViewerNode
+from robot_dynamics.urdf.description_file import read_description
 
 ASK_PERIOD = 1.0
 """[s] between two questions for the arm."""

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_dynamics.urdf_values import number, pose, robot_element, vector
+from robot_dynamics.urdf.values import number, pose, robot_element, vector
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
 
 Colour = tuple[float, float, float, float]

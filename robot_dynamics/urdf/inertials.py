@@ -23,8 +23,8 @@ import itertools
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_dynamics.mesh_bounds import MeshReader
-from robot_dynamics.urdf_values import number, pose, robot_element, vector
+from robot_dynamics.urdf.mesh_bounds import MeshReader
+from robot_dynamics.urdf.values import number, pose, robot_element, vector
 from robot_dynamics.validation import FloatArray
 
 _UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))

@@ -24,9 +24,9 @@ from dataclasses import dataclass, field
 import math
 import xml.etree.ElementTree as ElementTree
 
-from robot_dynamics.engine_xml import engine_xml, INERTIA_ENTRIES
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.transmissions import read_reductions, Reductions
+from robot_dynamics.urdf.pinocchio_xml import engine_xml, INERTIA_ENTRIES
+from robot_dynamics.urdf.transmissions import read_reductions, Reductions
 from robot_dynamics.validation import LARGEST_VALUE, SMALLEST_DIVISOR
 
 MOVING_KINDS = ('revolute', 'continuous', 'prismatic')

@@ -21,7 +21,7 @@ Other formats (Collada has transforms and units of its own) are left to those wh
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.mesh_files import find_mesh
+from robot_dynamics.urdf.mesh_files import find_mesh
 from robot_dynamics.validation import FloatArray
 
 _STL_HEADER = 84
