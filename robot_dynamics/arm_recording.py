@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.effort_semantics import MOTOR_SIDE
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.parameter_file import described_arm
 from robot_dynamics.recording import JointSeries, RecordedTopic, Recording
 from robot_dynamics.sample_faults import counted

@@ -31,8 +31,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.actuator import Actuators
-from robot_dynamics.sticking import BoolArray
+from robot_dynamics.joints.actuator import Actuators
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 
 TOUCH = 1e-11

@@ -35,8 +35,8 @@ from robot_dynamics.effort_residual import (
     ResidualStatistics,
     TermSeries,
 )
-from robot_dynamics.effort_semantics import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.parameter_file import described_semantics
 from robot_dynamics.validation import FloatArray

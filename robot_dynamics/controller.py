@@ -31,8 +31,8 @@ import numpy.typing as npt
 from robot_dynamics.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, Gains
-from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.path_conditioning import feasible_trajectory
 from robot_dynamics.payload import Payload

@@ -31,7 +31,7 @@ back-EMF brakes the motor like viscous friction, and may be stiff against the st
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.actuator import Actuators
+from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.validation import FloatArray
 
 

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.friction_columns import FrictionStructure
 from robot_dynamics.information import Information
-from robot_dynamics.sticking import BoolArray
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 
 LEAST_CERTAINTY = 5.0

@@ -40,7 +40,7 @@ from robot_dynamics.evolution_strategy import minimize_by_rank
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.excitation_limits import MotionLimits
 from robot_dynamics.fourier_series import free_coefficients, series_basis, SeriesBasis
-from robot_dynamics.friction import sigmoid
+from robot_dynamics.joints.friction import sigmoid
 from robot_dynamics.regressor import random_states, TorqueRegressor
 from robot_dynamics.validation import FloatArray
 

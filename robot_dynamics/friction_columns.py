@@ -24,7 +24,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.presliding import presliding
+from robot_dynamics.joints.presliding import presliding
 from robot_dynamics.validation import FloatArray
 
 SIGMOID_VELOCITIES = (0.01, 0.03, 0.1, 0.3)

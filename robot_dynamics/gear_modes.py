@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
-from robot_dynamics.sticking import BoolArray, choose_modes, Modes
+from robot_dynamics.joints.stiction import BoolArray, choose_modes, Modes
 from robot_dynamics.validation import FloatArray
 
 _BOUNCES = 40

@@ -29,11 +29,15 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.actuator import Actuators
-from robot_dynamics.effort_semantics import EffortSemantics, joint_effort_at_rest, MOTOR_SIDE
-from robot_dynamics.friction import JointFriction
 from robot_dynamics.gravity_verdict import GravityVerdict
-from robot_dynamics.sticking import BoolArray
+from robot_dynamics.joints.actuator import Actuators
+from robot_dynamics.joints.effort_convention import (
+    EffortSemantics,
+    joint_effort_at_rest,
+    MOTOR_SIDE,
+)
+from robot_dynamics.joints.friction import JointFriction
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 from robot_dynamics.whole_turns import nearest_turn
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.validation import FloatArray
 
 

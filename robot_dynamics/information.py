@@ -32,7 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.sticking import BoolArray
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 
 BLOCKS = 6

@@ -25,9 +25,9 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.backlash import Backlash
+from robot_dynamics.joints.stiction import BoolArray, hold, Modes
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robot_dynamics.runge_kutta import Acceleration
-from robot_dynamics.sticking import BoolArray, hold, Modes
 from robot_dynamics.validation import FloatArray
 
 

@@ -27,8 +27,8 @@ from robot_dynamics.joint_state_bytes import (
     JointStateBlock,
     NANOSECONDS_PER_SECOND,
 )
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.sample_faults import advancing_and_repeated, gaps_between, SampleFaults
-from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
 from robot_dynamics.whole_turns import unwrapped
 

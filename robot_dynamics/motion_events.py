@@ -26,7 +26,7 @@ import numpy as np
 from robot_dynamics.backlash import TOUCH
 from robot_dynamics.crossing import cubic, first_crossing, quintic
 from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
-from robot_dynamics.sticking import hold
+from robot_dynamics.joints.stiction import hold
 from robot_dynamics.validation import FloatArray
 
 _ITERATIONS = 60

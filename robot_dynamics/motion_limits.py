@@ -29,8 +29,8 @@ import math
 
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.regressor import random_states
-from robot_dynamics.sticking import BoolArray
 from robot_dynamics.validation import FloatArray
 
 VELOCITY_SHARE = 0.5

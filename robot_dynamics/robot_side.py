@@ -17,7 +17,7 @@
 import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.effort_semantics import EffortSemantics, measured_from_joint
+from robot_dynamics.joints.effort_convention import EffortSemantics, measured_from_joint
 from robot_dynamics.validation import FloatArray
 
 

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.sticking import BoolArray
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 from robot_dynamics.whole_turns import nearest_turn
 

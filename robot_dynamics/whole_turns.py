@@ -23,7 +23,7 @@ turns.
 """
 
 import numpy as np
-from robot_dynamics.sticking import BoolArray
+from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 
 

@@ -27,9 +27,9 @@ import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
-from robot_dynamics.effort_semantics import EffortSemantics
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joint_order import JointOrder
+from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import (
     floats_to_ros,

@@ -22,10 +22,10 @@ import pytest
 pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
 from recordings import KnownMotion, write_recording  # noqa: E402
-from robot_dynamics.actuator import make_actuators  # noqa: E402
 from robot_dynamics.arm_recording import AnalysisSettings  # noqa: E402
 from robot_dynamics.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
+from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
 from robot_dynamics.message_tables import joint_state_messages  # noqa: E402
 from robot_dynamics.parameter_file import described_arm, read_parameter_file  # noqa: E402
 from robot_dynamics.planar_urdf import default_arm_urdf  # noqa: E402

@@ -24,7 +24,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions, NonFiniteEffortError
-from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point

@@ -26,7 +26,7 @@ from robot_dynamics.effort_residual import (
     residual_statistics,
 )
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.friction import make_friction
+from robot_dynamics.joints.friction import make_friction
 from robots import robot_urdf
 
 # A warning of numpy is a number that nobody checked.

@@ -18,19 +18,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.actuator import Actuators, make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
-from robot_dynamics.effort_semantics import (
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.actuator import Actuators, make_actuators
+from robot_dynamics.joints.effort_convention import (
     EffortSemantics,
     joint_effort_at_rest,
     make_effort_semantics,
     measured_from_joint,
 )
-from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.friction import make_friction
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide

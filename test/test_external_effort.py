@@ -19,18 +19,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.effort_semantics import (
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.external_effort import ExternalEffort
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.effort_convention import (
     joint_from_measured,
     MEASURED_EFFORTS,
     measured_from_joint,
 )
-from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.external_effort import ExternalEffort
-from robot_dynamics.friction import make_friction
-from robot_dynamics.gear_friction import make_gear_friction
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.momentum_observer import MomentumObserver
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import planar_arm_urdf

@@ -23,10 +23,10 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.friction import make_friction
-from robot_dynamics.gear_friction import make_gear_friction
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.joints.presliding import presliding
 from robot_dynamics.planar_urdf import default_arm_urdf
-from robot_dynamics.presliding import presliding
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import make_trajectory
 

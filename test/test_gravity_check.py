@@ -18,12 +18,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains, wrap_to_pi
 from robot_dynamics.controller import Controller, ControllerOptions
-from robot_dynamics.effort_semantics import EffortSemantics
-from robot_dynamics.friction import JointFriction, make_friction
 from robot_dynamics.gravity_check import (
     GravityCheck,
     NO_EFFORT,
@@ -32,6 +29,9 @@ from robot_dynamics.gravity_check import (
     UNLOADED_WORDS,
 )
 from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide

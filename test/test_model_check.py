@@ -172,7 +172,7 @@ def test_plates_rods_and_rounding_obey_the_triangle_inequality(moments):
 
 
 def test_rotors_are_inertia_too():
-    from robot_dynamics.actuator import make_actuators
+    from robot_dynamics.joints.actuator import make_actuators
     urdf = arm_of(inertial(moments=(0, 0, 0)))
     arm = load_arm(urdf)
     motor = make_actuators(arm.joint_names, [0.1], [50.0], [], [], [], [1e-4])

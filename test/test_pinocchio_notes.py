@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import pinocchio
 import pytest
-from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_model import load_arm
+from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.planar_urdf import planar_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
 

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.effort_semantics import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar_urdf import default_arm_urdf
 from robot_dynamics.plant import Plant

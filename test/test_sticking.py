@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.damped_step import damping_rate, phi_functions
-from robot_dynamics.sticking import choose_modes, hold
+from robot_dynamics.joints.stiction import choose_modes, hold
 from scipy.integrate import quad
 
 laws = settings(deadline=None, derandomize=True, max_examples=200)

@@ -22,8 +22,8 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.friction import make_friction
 from robot_dynamics.gravity_capability import worst_gravity
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.payload import make_payload
 import robot_dynamics.planar as planar
 from robot_dynamics.planar import PlanarTwoLink

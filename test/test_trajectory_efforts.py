@@ -16,10 +16,10 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.actuator import make_actuators
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.friction import make_friction
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.limit_warnings import worst_in_words
 from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectory import (

@@ -25,7 +25,7 @@ import tempfile
 from typing import Any
 
 import numpy as np
-from robot_dynamics.friction import make_friction
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, styled_figure, VERMILION
 from robot_dynamics.tools.demo_nodes import choose_domain
 

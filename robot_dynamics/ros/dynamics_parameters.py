@@ -22,7 +22,7 @@ from robot_dynamics.control import (
     per_joint,
 )
 from robot_dynamics.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
-from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.ros.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.model_check_log import IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values

@@ -27,9 +27,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.controller import Controller
-from robot_dynamics.effort_semantics import EffortSemantics, joint_from_measured
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.external_effort import ExternalEffort
+from robot_dynamics.joints.effort_convention import EffortSemantics, joint_from_measured
 from robot_dynamics.live_residual import LiveResidual
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_states import JointStateReader

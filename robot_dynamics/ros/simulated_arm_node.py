@@ -20,8 +20,8 @@ import threading
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from robot_dynamics.effort_semantics import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.plant import Plant
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros

@@ -22,7 +22,7 @@ generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11), 2005.
 """
 
 import numpy as np
-from robot_dynamics.friction import sigmoid, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import sigmoid, SMOOTHING_VELOCITY
 from robot_dynamics.validation import FloatArray
 
 

@@ -31,8 +31,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.actuator import Actuators
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.validation import check_choice, check_unique, FloatArray
 
 MEASURED_EFFORTS = (
