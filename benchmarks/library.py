@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 
 JOINTS = 7
 ROUNDS = 15

@@ -34,7 +34,7 @@ from robot_dynamics.chain_stage import (
     WEIGHT,
 )
 from robot_dynamics.moving_picture import Frame, Pixels
-from robot_dynamics.planar_chain import NewtonEulerPass
+from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.plotting import GREY, styled_figure
 

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.planar_chain import NewtonEulerPass
+from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from robot_dynamics.validation import FloatArray
 

@@ -27,7 +27,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.planar_chain import NewtonEulerPass
+from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.validation import FloatArray
 
 _PARALLEL = 1e-6

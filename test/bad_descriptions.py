@@ -16,7 +16,7 @@
 
 from typing import NamedTuple
 
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.parser import MOST_LINKS
 
 ARM = default_arm_urdf()

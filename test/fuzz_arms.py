@@ -23,7 +23,7 @@ long as theirs: what lists them must stay readable.
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 PLANAR_URDF = default_arm_urdf()
 EVERYTHING_JOINTS = ('elbow', 'shoulder', 'slide')

@@ -30,7 +30,7 @@ import numpy as np
 from request_bench import answer_lines, ClientProcess
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,

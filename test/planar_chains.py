@@ -18,8 +18,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.planar_chain import PlanarChain
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.chain import PlanarChain
+from robot_dynamics.planar.urdf import planar_arm_urdf
 
 
 def random_chain(seed, n):

@@ -23,7 +23,7 @@ from pathlib import Path
 import threading
 
 import numpy as np
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.recording import (
     JointSeries,
     NANOSECONDS_PER_SECOND,

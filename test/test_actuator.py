@@ -22,7 +22,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 from scipy.linalg import expm
 

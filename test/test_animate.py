@@ -26,7 +26,7 @@ from robot_dynamics.chain_animation import chain_frames
 from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
 from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_for, StageScales
 from robot_dynamics.control import wrap_to_pi
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.plotting import styled_figure
 from robot_dynamics.recording import JOINT_STATE, RecordingWriter

@@ -27,7 +27,7 @@ from robot_dynamics.arm_marks import (
 )
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robot_dynamics.stick_figure import tool_link
 from robots import robot_urdf

@@ -22,7 +22,7 @@ import pinocchio as pin
 import pytest
 from robot_dynamics.arm_model import load_arm, MimicJoint
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
 from robots import MIMIC, robot_urdf, ROBOTS
 

@@ -22,7 +22,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.arm_motion import LIFT_SHARE, lowest_position, motion_of, simulate_motion
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
 TERMS = ('inertial', 'coriolis', 'gravity', 'friction')

@@ -28,7 +28,7 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa:
 from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
 from robot_dynamics.message_tables import joint_state_messages  # noqa: E402
 from robot_dynamics.parameter_file import described_arm, read_parameter_file  # noqa: E402
-from robot_dynamics.planar_urdf import default_arm_urdf  # noqa: E402
+from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recording import JOINT_STATE, RecordingWriter  # noqa: E402
 from robots import robot_urdf  # noqa: E402
 

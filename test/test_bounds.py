@@ -36,7 +36,7 @@ from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model_check import check_model
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.validation import check_samples, check_vector, LARGEST_VALUE, SMALLEST_DIVISOR
 

@@ -24,7 +24,7 @@ import sys
 import children
 import pytest
 from robot_dynamics.model_finding import CHECKS
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import missing, PACKAGE, robot_path
 
 ROOT = Path(__file__).parents[1]

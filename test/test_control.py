@@ -22,7 +22,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import ErrorFeedback, Gains, make_gains, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import Reference
 from robots import robot_urdf

@@ -28,7 +28,7 @@ from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.payload import make_payload, Payload
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point
 
 NAMES = ('joint1', 'joint2')

@@ -28,7 +28,7 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
     payload_from_ros,

@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.control_path import ControlCounters
 from robot_dynamics.ros.dynamics_report import StateReport
 from robot_dynamics_interfaces.msg import DynamicsTerms

@@ -32,7 +32,7 @@ from robot_dynamics.joints.effort_convention import (
 )
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import make_trajectory

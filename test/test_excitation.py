@@ -34,7 +34,7 @@ from robot_dynamics.excitation import ConditionNumber, Excitation, find_excitati
 from robot_dynamics.excitation_limits import LimitShares, motion_limits
 from robot_dynamics.excitation_trajectory import exciting_trajectory
 from robot_dynamics.fourier_series import series_basis
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reference_motion import sample_trajectory
 from robot_dynamics.ros.conversions import trajectory_from_ros
 from robot_dynamics.tools.excite import main

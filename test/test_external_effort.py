@@ -33,7 +33,7 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.momentum_observer import MomentumObserver
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.simulation import ArmSimulation
 

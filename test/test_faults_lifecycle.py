@@ -34,7 +34,7 @@ from lifecycle_bench import (
 )
 from lifecycle_msgs.srv import GetAvailableTransitions
 import pytest
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import LATCHED, RosClient
 from sensor_msgs.msg import JointState

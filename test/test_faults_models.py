@@ -31,7 +31,7 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.effort_guard import LONGEST_STEP
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import LATCHED, RosClient
 from std_msgs.msg import String

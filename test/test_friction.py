@@ -21,7 +21,7 @@ import pytest
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import JointFriction, make_friction, sigmoid
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 
 laws = settings(deadline=None, derandomize=True, max_examples=100)

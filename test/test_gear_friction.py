@@ -26,7 +26,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.joints.presliding import presliding
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import make_trajectory
 

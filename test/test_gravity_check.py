@@ -33,7 +33,7 @@ from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point

@@ -41,7 +41,7 @@ from robot_dynamics.motion_regression import (
 )
 from robot_dynamics.parameter_estimate import estimate_parameters
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.pseudo_inertia import is_consistent
 from robot_dynamics.pulled_least_squares import without_memory
 from robot_dynamics.recording import JointSeries

@@ -39,7 +39,7 @@ from rclpy.parameter import Parameter
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.effort_guard import LONGEST_STEP
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState

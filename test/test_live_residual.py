@@ -24,7 +24,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.live_residual import LiveResidual
 from robot_dynamics.low_pass import LowPass
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 CUTOFF = 5.0
 OMEGA = 2.0 * math.pi * CUTOFF

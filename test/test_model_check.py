@@ -31,7 +31,7 @@ from robot_dynamics.gravity_capability import (
 )
 from robot_dynamics.model_check import check_model
 from robot_dynamics.model_finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
 from robot_dynamics.urdf.mesh_bounds import mesh_bounds, MeshReader
 from robot_dynamics.urdf.values import rotation

@@ -26,7 +26,7 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 import robot_dynamics.motion_limits as motion_limits
 from robot_dynamics.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.regressor import random_states
 from robot_dynamics.validation import FloatArray
 from robots import robot_urdf

@@ -22,7 +22,7 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_to_ros
 from robot_dynamics.trajectory import quintic_via_points
 from robot_dynamics.trajectory_efforts import trajectory_efforts

@@ -23,7 +23,7 @@ import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters import ParameterSpec, Type
 from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS

@@ -28,7 +28,7 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.path_conditioning import feasible_trajectory, SLOWEST
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectory import (
     JointTrajectory,
     make_trajectory,

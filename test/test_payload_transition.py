@@ -21,7 +21,7 @@ import pytest
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.payload import make_payload, merged, Payload
 from robot_dynamics.payload_transition import PayloadTransition, scaled
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
 
 SECOND = 1_000_000_000

@@ -23,7 +23,7 @@ import pinocchio
 import pytest
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
 
 PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'pinocchio_notes.md'

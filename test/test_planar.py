@@ -27,8 +27,8 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-import robot_dynamics.planar as planar
-from robot_dynamics.planar import PlanarTwoLink
+import robot_dynamics.planar.two_link as planar
+from robot_dynamics.planar.two_link import PlanarTwoLink
 
 PROJECT = Path(__file__).resolve().parents[1]
 PAGE = PROJECT / 'docs' / 'planar_arm.md'

@@ -24,10 +24,10 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-import robot_dynamics.planar as planar
-from robot_dynamics.planar import PlanarTwoLink
-import robot_dynamics.planar_chain as planar_chain
-from robot_dynamics.planar_chain import newton_euler, PlanarChain
+import robot_dynamics.planar.chain as planar_chain
+from robot_dynamics.planar.chain import newton_euler, PlanarChain
+import robot_dynamics.planar.two_link as planar
+from robot_dynamics.planar.two_link import PlanarTwoLink
 
 ARM = PlanarTwoLink()
 CHAIN = PlanarChain.from_two_link(ARM)

@@ -26,16 +26,16 @@ import numpy.testing as npt
 import pinocchio
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-import robot_dynamics.planar as planar
-from robot_dynamics.planar import PlanarTwoLink
-from robot_dynamics.planar_chain import (
+from robot_dynamics.planar.chain import (
     forward_kinematics,
     kinetic_energy,
     newton_euler,
     PlanarChain,
     potential_energy,
 )
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+import robot_dynamics.planar.two_link as planar
+from robot_dynamics.planar.two_link import PlanarTwoLink
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.tools.planar_urdf import main
 
 TWO = {

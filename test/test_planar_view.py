@@ -25,8 +25,8 @@ import pytest
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.planar_chain import newton_euler
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.chain import newton_euler
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView
 from robots import robot_urdf
 

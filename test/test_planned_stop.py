@@ -25,7 +25,7 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectory import (
     quintic_point_to_point,

@@ -21,7 +21,7 @@ from robot_dynamics.base_parameters import base_parameters
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification import base_parameters_of
 from robot_dynamics.information import BLOCKS, merge, reduce_rows
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.regressor import (
     body_names,
     inertial_parameters,

@@ -33,7 +33,7 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.effort_residual import model_terms
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robots import robot_urdf
 

@@ -26,7 +26,7 @@ from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.plant import Plant
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.robot_side import RobotSide

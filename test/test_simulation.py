@@ -24,7 +24,7 @@ from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.simulation import ArmSimulation
 from robots import robot_urdf

@@ -24,7 +24,7 @@ from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.loop_warnings import loop_warnings
 from robot_dynamics.motion_limits import WorkspaceInertia
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.stable_gains import (
     CROSSOVER,
     DELAY_LAG,

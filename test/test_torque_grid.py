@@ -25,9 +25,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_capability import worst_gravity
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.payload import make_payload
-import robot_dynamics.planar as planar
-from robot_dynamics.planar import PlanarTwoLink
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+import robot_dynamics.planar.two_link as planar
+from robot_dynamics.planar.two_link import PlanarTwoLink
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.rigid_body import RigidBody
 from robot_dynamics.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.torque_grid import (

@@ -21,7 +21,7 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.limit_warnings import worst_in_words
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectory import (
     JointTrajectory,
     make_trajectory,

@@ -21,7 +21,7 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
 

@@ -30,7 +30,7 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_from_ros, trajectory_from_ros
 from robot_dynamics.ros.marker_messages import drawn
 from robot_dynamics.trajectory import quintic_point_to_point, sample_segment, TrajectoryFollower

@@ -31,7 +31,7 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.planar_urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.tools.viewer import AT, main
 from robot_dynamics.tools.viewer_server import address_of, is_loopback, start_server, stop_server
 from robots import must_have_everything, robot_path

@@ -33,7 +33,7 @@ import rclpy
 from rclpy.serialization import serialize_message
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.rigid_body import HAS_PARALLEL_RNEA, RigidBody
 from robot_dynamics.ros.conversions import trajectory_from_ros
 from robot_dynamics.ros.dynamics_node import DynamicsNode

@@ -21,7 +21,7 @@ import numpy as np
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.drive import Drive
 from robot_dynamics.joints.actuator import Actuators, make_actuators
-from robot_dynamics.planar_urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.plotting import BLUE, GREEN, ORANGE, styled_figure, VERMILION
 
 

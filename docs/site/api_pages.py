@@ -37,9 +37,9 @@ GROUPS = {
         'joint_order',
     ),
     'Planar arms': (
-        'planar',
-        'planar_chain',
-        'planar_urdf',
+        'planar.two_link',
+        'planar.chain',
+        'planar.urdf',
     ),
     'Control and simulation': (
         'control',

@@ -31,7 +31,7 @@ from robot_dynamics.chain_animation import chain_frames
 from robot_dynamics.exceptions import InvalidInputError, RecordingError, RobotDynamicsError
 from robot_dynamics.motion_filter import filter_motion_below
 from robot_dynamics.moving_picture import check_format, write_moving_picture
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.recording import JointSeries, Recording
 from robot_dynamics.tools.robot_argument import read_robot

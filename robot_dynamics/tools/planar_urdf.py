@@ -20,9 +20,9 @@ from pathlib import Path
 import sys
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.planar import PlanarTwoLink
-from robot_dynamics.planar_chain import PlanarChain
-from robot_dynamics.planar_urdf import (
+from robot_dynamics.planar.chain import PlanarChain
+from robot_dynamics.planar.two_link import PlanarTwoLink
+from robot_dynamics.planar.urdf import (
     DEFAULT_EFFORT_LIMITS,
     DEFAULT_VELOCITY_LIMITS,
     GENEROUS_EFFORT_LIMIT,

@@ -29,7 +29,7 @@ import numpy as np
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.payload import make_payload
-from robot_dynamics.planar_urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.plotting import save_figure
 from robot_dynamics.stick_figure import tool_link
 from robot_dynamics.tools.robot_argument import read_robot

@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from xml.etree import ElementTree
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.planar import PlanarTwoLink
-from robot_dynamics.planar_chain import PlanarChain
+from robot_dynamics.planar.chain import PlanarChain
+from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.validation import check_scalar, check_unique, check_vector
 
 BASE_LINK = 'base_link'
