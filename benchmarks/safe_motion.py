@@ -42,7 +42,7 @@ from benchmarks.safe_motion_cases import (
     SIZES,
 )
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
-from robot_dynamics.plotting import (
+from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,

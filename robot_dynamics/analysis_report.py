@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis_words import facts, limit_rows, residual_rows
 from robot_dynamics.bag_analysis import BagAnalysis
-from robot_dynamics.html_page import image, items, page, png, table
-from robot_dynamics.plotting import (
+from robot_dynamics.reporting.figures import (
     effort_panel,
     joint_figure,
     Panel,
     residual_panel,
     scatter_figure,
 )
+from robot_dynamics.reporting.html_page import image, items, page, png, table
 from robot_dynamics.validation import FloatArray
 
 

@@ -36,7 +36,7 @@ from robot_dynamics.chain_stage import (
 from robot_dynamics.moving_picture import Frame, Pixels
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.planar_view import PlanarView
-from robot_dynamics.plotting import GREY, styled_figure
+from robot_dynamics.reporting.figures import GREY, styled_figure
 
 WIDTH, DPI = 9.2, 100
 PANEL_HEIGHT = 1.95

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arm_motion import ArmMotion
-from robot_dynamics.plotting import (
+from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,

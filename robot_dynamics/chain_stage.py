@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.planar.chain import NewtonEulerPass
-from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from robot_dynamics.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 from robot_dynamics.validation import FloatArray
 
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'

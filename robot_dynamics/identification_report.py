@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.bag_identification import BagIdentification
-from robot_dynamics.html_page import image, items, page, png, table
 from robot_dynamics.identification_words import (
     fact_rows,
     friction_rows,
@@ -35,12 +34,13 @@ from robot_dynamics.identification_words import (
 )
 from robot_dynamics.identified_model import joint_estimates, parameter_file, parameter_values
 from robot_dynamics.identified_urdf import identified_urdf
-from robot_dynamics.plotting import (
+from robot_dynamics.reporting.figures import (
     effort_panel,
     joint_figure,
     residual_panel,
     scatter_figure,
 )
+from robot_dynamics.reporting.html_page import image, items, page, png, table
 
 URDF, PARAMETERS, REPORT, FIGURES = (
     'identified.urdf', 'identified.yaml', 'report.html', 'report.json')

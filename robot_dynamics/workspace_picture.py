@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.gravity_capability import worst_gravity
-from robot_dynamics.plotting import BLACK, BLUE, styled_figure, title_axes, VERMILION
+from robot_dynamics.reporting.figures import BLACK, BLUE, styled_figure, title_axes, VERMILION
 from robot_dynamics.stick_figure import side_view, StickFigure
 from robot_dynamics.validation import FloatArray
 from robot_dynamics.workspace_gravity import WorkspaceGravity

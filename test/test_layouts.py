@@ -23,7 +23,7 @@ from xml.etree import ElementTree
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
-from robot_dynamics.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from robot_dynamics.reporting.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState

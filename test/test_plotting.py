@@ -20,7 +20,7 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.plotting import (
+from robot_dynamics.reporting.figures import (
     effort_panel,
     error_panel,
     joint_figure,
@@ -111,7 +111,7 @@ def test_without_matplotlib_it_is_named(monkeypatch):
 
 def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
     program = (
-        'import sys, robot_dynamics.plotting, robot_dynamics.recording, '
+        'import sys, robot_dynamics.reporting.figures, robot_dynamics.recording, '
         'robot_dynamics.reference_motion\n'
         'print([name for name in ("matplotlib", "rosbags", "rclpy", "sensor_msgs", "scipy") '
         'if name in sys.modules])')

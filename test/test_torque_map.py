@@ -21,7 +21,7 @@ import numpy.testing as npt
 import pytest
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.plotting import save_figure
+from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.tools.torque_map import main
 from robot_dynamics.torque_grid import gravity_efforts, make_grid
 from robot_dynamics.torque_map_picture import (

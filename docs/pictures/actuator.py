@@ -22,7 +22,7 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.drive import Drive
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.plotting import BLUE, GREEN, ORANGE, styled_figure, VERMILION
+from robot_dynamics.reporting.figures import BLUE, GREEN, ORANGE, styled_figure, VERMILION
 
 
 def motor(efficiency: float) -> Actuators:

@@ -23,7 +23,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from robot_dynamics.plotting import BLACK, BLUE, GREY, ORANGE, styled_figure, VERMILION
+from robot_dynamics.reporting.figures import BLACK, BLUE, GREY, ORANGE, styled_figure, VERMILION
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
 import backlash_theory as theory  # noqa: E402

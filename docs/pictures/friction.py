@@ -26,7 +26,15 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, styled_figure, VERMILION
+from robot_dynamics.reporting.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    styled_figure,
+    VERMILION,
+)
 from robot_dynamics.tools.demo_nodes import choose_domain
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))

@@ -28,7 +28,7 @@ from benchmarks.growth import (
     report,
 )
 import numpy as np
-from robot_dynamics.plotting import (
+from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,

@@ -97,7 +97,7 @@ GROUPS = {
         'drive_gain',
     ),
     'Pictures': (
-        'plotting',
+        'reporting.figures',
         'chain_animation',
         'stick_figure',
         'moving_picture',

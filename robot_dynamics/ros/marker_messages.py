@@ -19,7 +19,7 @@ from geometry_msgs.msg import Point
 import numpy as np
 from robot_dynamics.arm_marks import ArmMarks, effort_line, effort_scale
 from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.plotting import BLUE, GREY, ORANGE, PURPLE, VERMILION
+from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from robot_dynamics.validation import FloatArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray

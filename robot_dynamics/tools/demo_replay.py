@@ -25,8 +25,8 @@ from rclpy.executors import SingleThreadedExecutor
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
-from robot_dynamics.plotting import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.recording import JointSeries, Recording
+from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics.ros.playback import Playback, PlaybackResult
 from robot_dynamics.sample_faults import counted

@@ -22,15 +22,15 @@ import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.plotting import (
+from robot_dynamics.recording import IntArray, Recording, stack, stamp_ns
+from robot_dynamics.reference_motion import sample_trajectory
+from robot_dynamics.reporting.figures import (
     effort_panel,
     error_panel,
     joint_figure,
     position_panel,
     save_figure,
 )
-from robot_dynamics.recording import IntArray, Recording, stack, stamp_ns
-from robot_dynamics.reference_motion import sample_trajectory
 from robot_dynamics.tools.demo_loop import LoopRun
 from robot_dynamics.tools.demo_session import EFFORT_COMMAND, JOINT_STATES, TERMS
 from robot_dynamics.validation import FloatArray

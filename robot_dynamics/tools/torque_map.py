@@ -30,7 +30,7 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.plotting import save_figure
+from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.stick_figure import tool_link
 from robot_dynamics.tools.robot_argument import read_robot
 from robot_dynamics.torque_grid import (

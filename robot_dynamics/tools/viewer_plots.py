@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from robot_dynamics.plotting import LINES
+from robot_dynamics.reporting.figures import LINES
 from robot_dynamics.validation import FloatArray
 
 SHOWN = 15.0
