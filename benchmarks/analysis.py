@@ -35,8 +35,8 @@ from robot_dynamics.arm_model import load_arm
 from robot_dynamics.arm_recording import AnalysisSettings
 from robot_dynamics.bag_analysis import analyze_recording
 from robot_dynamics.bag_tasks import run_tasks
-from robot_dynamics.message_tables import joint_state_messages
-from robot_dynamics.recording import JOINT_STATE
+from robot_dynamics.recordings.message_encoding import joint_state_messages
+from robot_dynamics.recordings.reader import JOINT_STATE
 
 JOINTS, SAMPLES, RATE = 7, 200_000, 500.0
 ROUNDS = 5

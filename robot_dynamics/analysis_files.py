@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 from robot_dynamics.bag_analysis import BagAnalysis
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.message_tables import (
+from robot_dynamics.recordings.bag_files import METADATA
+from robot_dynamics.recordings.message_encoding import (
     DYNAMICS_TERMS,
     dynamics_terms_messages,
     DYNAMICS_TERMS_TEXT,
     joint_state_messages,
 )
-from robot_dynamics.recording import JOINT_STATE, RecordingWriter
-from robot_dynamics.recording_files import METADATA
+from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
 from robot_dynamics.validation import FloatArray
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'

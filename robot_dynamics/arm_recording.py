@@ -24,8 +24,8 @@ from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.parameter_file import described_arm
-from robot_dynamics.recording import JointSeries, RecordedTopic, Recording
-from robot_dynamics.sample_faults import counted
+from robot_dynamics.recordings.reader import JointSeries, RecordedTopic, Recording
+from robot_dynamics.recordings.sample_faults import counted
 
 ROBOT_DESCRIPTION = '/robot_description'
 IMPLAUSIBLE = 10.0

@@ -36,7 +36,7 @@ import threading
 from typing import Any
 
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
-from robot_dynamics.recording_files import METADATA, storage_groups
+from robot_dynamics.recordings.bag_files import METADATA, storage_groups
 from robot_dynamics.result_store import load_result, Result, save_result
 
 Configuration = Mapping[str, Any]

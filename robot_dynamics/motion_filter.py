@@ -29,7 +29,7 @@ import numpy as np
 from robot_dynamics.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, RecordingError
 from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.recording import IntArray, JointSeries, NANOSECONDS_PER_SECOND
+from robot_dynamics.recordings.reader import IntArray, JointSeries, NANOSECONDS_PER_SECOND
 from robot_dynamics.validation import check_scalar, FloatArray
 from robot_dynamics.velocity_check import contradicts_position
 

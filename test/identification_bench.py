@@ -20,7 +20,7 @@ import numpy as np
 from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.pseudo_inertia import from_coordinates, pseudo_inertia
-from robot_dynamics.recording import JointSeries
+from robot_dynamics.recordings.reader import JointSeries
 from robot_dynamics.regressor import inertial_parameters, with_inertial_parameters
 from robot_dynamics.rigid_body import RigidBody
 

@@ -21,9 +21,9 @@ import numpy as np
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import wrap_to_pi
-from robot_dynamics.message_tables import joint_state_messages
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recording import JOINT_STATE
+from robot_dynamics.recordings.message_encoding import joint_state_messages
+from robot_dynamics.recordings.reader import JOINT_STATE
 
 RATE = 100.0
 START_NS = 1_700_000_000_000_000_000

@@ -24,7 +24,7 @@ import threading
 
 import numpy as np
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.recording import (
+from robot_dynamics.recordings.reader import (
     JointSeries,
     NANOSECONDS_PER_SECOND,
     Recording,

@@ -29,7 +29,7 @@ pytest.importorskip('matplotlib')
 from recordings import cut, KnownMotion, stored_file, write_recording  # noqa: E402
 from robot_dynamics.arm_dynamics import ArmDynamics  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
-from robot_dynamics.recording import Recording, stack  # noqa: E402
+from robot_dynamics.recordings.reader import Recording, stack  # noqa: E402
 from robot_dynamics.tools.analyze_bag import main  # noqa: E402
 
 MOTION = KnownMotion()

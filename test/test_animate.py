@@ -28,7 +28,7 @@ from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_f
 from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView
-from robot_dynamics.recording import JOINT_STATE, RecordingWriter
+from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
 from robot_dynamics.reporting.figures import styled_figure
 from robot_dynamics.tools.animate import main
 from robots import robot_path

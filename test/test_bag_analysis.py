@@ -26,10 +26,10 @@ from robot_dynamics.arm_recording import AnalysisSettings  # noqa: E402
 from robot_dynamics.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
 from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
-from robot_dynamics.message_tables import joint_state_messages  # noqa: E402
 from robot_dynamics.parameter_file import described_arm, read_parameter_file  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
-from robot_dynamics.recording import JOINT_STATE, RecordingWriter  # noqa: E402
+from robot_dynamics.recordings.message_encoding import joint_state_messages  # noqa: E402
+from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
 from robots import robot_urdf  # noqa: E402
 
 # A warning of numpy is a number that nobody checked.

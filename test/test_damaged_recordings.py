@@ -32,8 +32,8 @@ from recordings import (  # noqa: E402
     write_split,
 )
 from robot_dynamics.exceptions import RecordingError  # noqa: E402
-from robot_dynamics.recording import Recording  # noqa: E402
-from robot_dynamics.recording_files import find_recordings  # noqa: E402
+from robot_dynamics.recordings.bag_files import find_recordings  # noqa: E402
+from robot_dynamics.recordings.reader import Recording  # noqa: E402
 
 # A warning of numpy is a number that nobody checked.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')

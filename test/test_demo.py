@@ -27,7 +27,7 @@ from children import is_gone
 import numpy as np
 import pytest
 from recordings import KnownMotion, write_recording
-from robot_dynamics.recording import Recording, stack
+from robot_dynamics.recordings.reader import Recording, stack
 from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_nodes import choose_domain
 from robot_dynamics.tools.demo_progress import Progress

@@ -44,7 +44,7 @@ from robot_dynamics.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.pseudo_inertia import is_consistent
 from robot_dynamics.pulled_least_squares import without_memory
-from robot_dynamics.recording import JointSeries
+from robot_dynamics.recordings.reader import JointSeries
 from robot_dynamics.regressor import inertial_parameters
 from robots import robot_urdf
 

@@ -28,10 +28,10 @@ import pytest
 from recordings import KnownMotion, START_NS, write_recording
 from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.arm_model import load_arm
-from robot_dynamics.message_tables import joint_state_messages
 from robot_dynamics.parameter_file import described_arm, read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recording import Recording
+from robot_dynamics.recordings.message_encoding import joint_state_messages
+from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.regressor import inertial_parameters, random_states
 from robot_dynamics.tools.identify import DONE, FAILED, main, MISTAKE
 from robot_dynamics_interfaces.srv import InverseDynamics

@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.joint_series import RecordedJointStates
-from robot_dynamics.joint_state_bytes import decode_joint_states
-from robot_dynamics.message_tables import DYNAMICS_TERMS_TEXT, joint_state_messages
+from robot_dynamics.recordings.joint_series import RecordedJointStates
+from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
+from robot_dynamics.recordings.message_encoding import DYNAMICS_TERMS_TEXT, joint_state_messages
 
 # A warning of numpy is a number that nobody checked.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.motion_filter import filter_motion, zero_phase
-from robot_dynamics.recording import JointSeries
+from robot_dynamics.recordings.reader import JointSeries
 
 JOINTS = ('a', 'b')
 FREQUENCIES = (0.1, 0.23, 0.5)

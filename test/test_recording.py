@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.recording import (
+from robot_dynamics.recordings.reader import (
     JOINT_STATE,
     JointSeries,
     Recording,

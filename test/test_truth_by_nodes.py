@@ -31,7 +31,7 @@ from robot_dynamics.identification import identify
 from robot_dynamics.motion_filter import filter_motion
 from robot_dynamics.parameter_file import described_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recording import Recording, RecordingWriter
+from robot_dynamics.recordings.reader import Recording, RecordingWriter
 from robot_dynamics.regressor import inertial_parameters
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros, trajectory_to_ros
 from robot_dynamics.ros.recorder import Recorder, TopicSpec

@@ -75,9 +75,9 @@ GROUPS = {
         'joint_forces',
     ),
     'Recordings': (
-        'recording',
-        'recording_writer',
-        'recording_files',
+        'recordings.reader',
+        'recordings.writer',
+        'recordings.bag_files',
         'arm_recording',
         'motion_filter',
         'effort_residual',

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.recording import JointSeries
+from robot_dynamics.recordings.reader import JointSeries
 from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.recorder import Recorder
 from sensor_msgs.msg import JointState

@@ -32,7 +32,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.recording import NANOSECONDS_PER_SECOND, RecordingWriter, TopicQos
+from robot_dynamics.recordings.reader import NANOSECONDS_PER_SECOND, RecordingWriter, TopicQos
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
 
 RECEIVE_DEPTH = 2000

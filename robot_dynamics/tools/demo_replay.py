@@ -25,11 +25,11 @@ from rclpy.executors import SingleThreadedExecutor
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
-from robot_dynamics.recording import JointSeries, Recording
+from robot_dynamics.recordings.reader import JointSeries, Recording
+from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics.ros.playback import Playback, PlaybackResult
-from robot_dynamics.sample_faults import counted
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS
 from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_report import print_table

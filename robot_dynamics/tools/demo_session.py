@@ -29,7 +29,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from robot_dynamics.recording import RecordingWriter, TopicQos
+from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.ros.recorder import interface_definitions, Recorder, TopicSpec
 from robot_dynamics.tools.demo_nodes import DemoError, Nodes
 from robot_dynamics_interfaces.msg import DynamicsTerms

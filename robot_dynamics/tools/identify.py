@@ -156,7 +156,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.identify_task import arm_of, identify_configuration
     from robot_dynamics.parameter_file import read_parameter_file
     from robot_dynamics.payload import make_payload
-    from robot_dynamics.recording_files import find_recordings
+    from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.tools.demo_progress import Progress
     from robot_dynamics.tools.identification_console import print_identification
     from robot_dynamics.tools.robot_argument import read_robot

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.conversions import stamp_from_ros
-from robot_dynamics.sample_faults import counted
 from robot_dynamics.tools.viewer_actions import PageActions, Shown
 from robot_dynamics.tools.viewer_node import Heard, ViewerNode, worst_words
 from robot_dynamics.tools.viewer_panel import ArmPanel

@@ -25,7 +25,7 @@ import re
 from typing import Any, NamedTuple
 
 from robot_dynamics.exceptions import MissingDependencyError, RecordingError
-from robot_dynamics.recording_loss import Loss
+from robot_dynamics.recordings.loss import Loss
 
 METADATA = 'metadata.yaml'
 _STORAGE = re.compile(r'\.(mcap|db3)(\.zstd)?$')

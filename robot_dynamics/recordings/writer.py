@@ -28,7 +28,7 @@ from types import TracebackType
 from typing import Any
 
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.recorded_topic import qos_to_rosbags, rosbags_module, TopicQos
+from robot_dynamics.recordings.topics import qos_to_rosbags, rosbags_module, TopicQos
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 

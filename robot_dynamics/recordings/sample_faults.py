@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.joint_state_bytes import IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.recordings.joint_state_decoding import IntArray, NANOSECONDS_PER_SECOND
 
 GAP = 1.5
 """Median periods between two samples beyond which some are missing."""

@@ -20,15 +20,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.joint_state_bytes import (
+from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.recordings.joint_state_decoding import (
     DecodedJointStates,
     FIELDS,
     IntArray,
     JointStateBlock,
     NANOSECONDS_PER_SECOND,
 )
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.sample_faults import advancing_and_repeated, gaps_between, SampleFaults
+from robot_dynamics.recordings.sample_faults import (
+    advancing_and_repeated,
+    gaps_between,
+    SampleFaults,
+)
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
 from robot_dynamics.whole_turns import unwrapped
 

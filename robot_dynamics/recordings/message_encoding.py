@@ -25,7 +25,7 @@ import struct
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joint_state_bytes import IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.recordings.joint_state_decoding import IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.validation import FloatArray
 
 DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'

@@ -17,8 +17,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from robot_dynamics.recorded_topic import rosbags_module
-from robot_dynamics.stored_file import StoredTopic
+from robot_dynamics.recordings.storage import StoredTopic
+from robot_dynamics.recordings.topics import rosbags_module
 
 
 class MessageTypes:

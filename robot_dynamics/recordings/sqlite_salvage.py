@@ -26,7 +26,7 @@ from pathlib import Path
 import sqlite3
 from urllib.parse import quote
 
-from robot_dynamics.recording_loss import Loss
+from robot_dynamics.recordings.loss import Loss
 
 MAGIC = b'SQLite format 3\0'
 _SMALLEST_ROW = 32

@@ -25,12 +25,12 @@ import shutil
 import sqlite3
 from typing import Any, NamedTuple, Protocol
 
-from robot_dynamics.compression import zstd_module
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.mcap_salvage import SalvagedMcap
-from robot_dynamics.recorded_topic import qos_from_rosbags, rosbags_module, TopicQos
-from robot_dynamics.recording_loss import Loss
-from robot_dynamics.sqlite_salvage import SalvagedSqlite
+from robot_dynamics.recordings.compression import zstd_module
+from robot_dynamics.recordings.loss import Loss
+from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
+from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite
+from robot_dynamics.recordings.topics import qos_from_rosbags, rosbags_module, TopicQos
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _COPY = 1 << 20

@@ -27,8 +27,8 @@ import struct
 from typing import Any, BinaryIO, NamedTuple
 import zlib
 
-from robot_dynamics.compression import decompress_chunk
-from robot_dynamics.recording_loss import Loss
+from robot_dynamics.recordings.compression import decompress_chunk
+from robot_dynamics.recordings.loss import Loss
 
 MAGIC = b'\x89MCAP0\r\n'
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 1, 2, 3, 4, 5, 6, 15
