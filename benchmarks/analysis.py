@@ -30,11 +30,11 @@ from typing import Any
 from benchmarks.processes import chain_urdf
 import numpy as np
 from robot_dynamics.analysis_task import analyze_task, task_configuration
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.arm_recording import AnalysisSettings
 from robot_dynamics.bag_analysis import analyze_recording
 from robot_dynamics.bag_tasks import run_tasks
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import JOINT_STATE
 

@@ -40,7 +40,7 @@ import pinocchio as pin
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch, InverseDynamicsTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 

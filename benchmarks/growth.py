@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 from benchmarks.chains import chain_urdf, spatial_chain
 from benchmarks.timing import medians
 import numpy as np
-from robot_dynamics.arm_model import load_arm
-from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.validation import FloatArray
 
 JOINTS = (2, 3, 4, 5, 7, 10, 14, 20, 30, 40, 50, 60)

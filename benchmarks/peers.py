@@ -21,8 +21,8 @@ from benchmarks.chains import chain_urdf, ChainLink, spatial_chain
 from benchmarks.engines import Calls, PEERS
 from benchmarks.timing import medians
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.validation import FloatArray
 
 JOINTS = 7

@@ -32,8 +32,8 @@ from typing import NamedTuple
 import zlib
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import FloatArray

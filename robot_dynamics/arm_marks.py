@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.stick_figure import tool_link
 from robot_dynamics.validation import FloatArray
 

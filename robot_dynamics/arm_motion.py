@@ -22,13 +22,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, make_gains
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.reference_motion import make_reference_motion, sample_trajectory
-from robot_dynamics.rigid_body import RigidBody
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import JointTrajectory, quintic_point_to_point, Reference
 from robot_dynamics.validation import FloatArray

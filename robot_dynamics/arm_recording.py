@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
-from robot_dynamics.parameter_file import described_arm
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_parameters import described_arm
 from robot_dynamics.recordings.reader import JointSeries, RecordedTopic, Recording
 from robot_dynamics.recordings.sample_faults import counted
 

@@ -26,8 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
 from robot_dynamics.effort_residual import (
     model_terms,
@@ -37,8 +35,10 @@ from robot_dynamics.effort_residual import (
 )
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import described_semantics
 from robot_dynamics.motion_filter import filter_motion, FilteredMotion
-from robot_dynamics.parameter_file import described_semantics
 from robot_dynamics.validation import FloatArray
 
 

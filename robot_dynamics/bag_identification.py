@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.bag_tasks import Task, TaskOutcome
 from robot_dynamics.drive_gain import drive_gains, DriveGains
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
@@ -40,8 +39,9 @@ from robot_dynamics.identify_task import (
     try_task,
 )
 from robot_dynamics.information import Information, merge
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.model_test import merge_tests
-from robot_dynamics.regressor import inertial_parameters
 from robot_dynamics.result_store import Result
 
 Runner = Callable[[Task, Sequence[Path], Mapping[str, Any]], list[TaskOutcome]]

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.friction_columns import COLUMN_COUNT, FrictionStructure
-from robot_dynamics.pseudo_inertia import (
+from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     divergence_residuals,
     from_coordinates,

@@ -28,14 +28,14 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.arm_dynamics import ArmDynamics, EffortTerms
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import ErrorFeedback, Gains
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.model.payload import Payload
 from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.path_conditioning import feasible_trajectory
-from robot_dynamics.payload import Payload
 from robot_dynamics.payload_transition import PayloadTransition
 from robot_dynamics.reference_generator import ReferenceGenerator
 from robot_dynamics.soft_gains import crossover, share_of_gains

@@ -25,24 +25,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.base_parameters import base_parameters, BaseParameters
 from robot_dynamics.consistent_parameters import consistent_fit
 from robot_dynamics.friction_columns import FrictionStructure
 from robot_dynamics.information import Information, merge
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.base_parameters import base_parameters, BaseParameters
+from robot_dynamics.model.regressor import (
+    inertial_parameters,
+    parameter_names,
+    random_states,
+    TorqueRegressor,
+)
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model_choice import choose_model, ModelChoice
 from robot_dynamics.model_test import merge_tests, ModelTest, try_motion
 from robot_dynamics.motion_filter import FilteredMotion
 from robot_dynamics.motion_regression import bare_arm, reduce_motion
 from robot_dynamics.parameter_estimate import estimate_parameters, ParameterEstimate
 from robot_dynamics.pulled_least_squares import Fit, make_prior, Prior, PULL_OF_URDF, solve_bounded
-from robot_dynamics.regressor import (
-    inertial_parameters,
-    parameter_names,
-    random_states,
-    TorqueRegressor,
-)
-from robot_dynamics.rigid_body import RigidBody
 
 TRAIN_FRACTION = 0.6
 _STATES = 60

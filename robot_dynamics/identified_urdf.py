@@ -24,10 +24,10 @@ from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.pseudo_inertia import COUNT, is_consistent
-from robot_dynamics.regressor import body_names, inertial_parameters
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
+from robot_dynamics.model.regressor import body_names, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.validation import FloatArray

@@ -24,9 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.gravity_capability import sample_positions
-from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.worst_gravity import sample_positions
 from robot_dynamics.validation import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]

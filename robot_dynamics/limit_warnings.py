@@ -17,8 +17,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.joints.actuator import ActuatorLoad
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.trajectory_efforts import TrajectoryEfforts
 from robot_dynamics.validation import FloatArray
 

@@ -28,9 +28,9 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.regressor import random_states
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.regressor import random_states
 from robot_dynamics.validation import FloatArray
 
 VELOCITY_SHARE = 0.5

@@ -24,8 +24,8 @@ own is compared with the limits of the arm, and is followed exactly as it is, or
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.motion_limits import MotionLimits
 from robot_dynamics.trajectory import JointTrajectory, position_coefficients, TrajectoryPoint
 from robot_dynamics.trajectory_efforts import trajectory_efforts

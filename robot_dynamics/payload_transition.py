@@ -17,7 +17,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from robot_dynamics.payload import merged, Payload
+from robot_dynamics.model.payload import merged, Payload
 
 
 class PayloadTransition:

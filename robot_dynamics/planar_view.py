@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.validation import FloatArray
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.command_timeout import CommandTimeout
-from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation, ArmState
 from robot_dynamics.validation import FloatArray

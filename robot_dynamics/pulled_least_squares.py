@@ -34,7 +34,7 @@ from robot_dynamics.friction_columns import (
     INERTIA,
     OFFSET,
 )
-from robot_dynamics.pseudo_inertia import COUNT, parameters_of, pseudo_inertia, relative_rows
+from robot_dynamics.model.pseudo_inertia import COUNT, parameters_of, pseudo_inertia, relative_rows
 from robot_dynamics.validation import FloatArray
 
 PULL_OF_URDF = 1e12

@@ -23,9 +23,9 @@ effort, and from the time that it has. Collisions are not looked at.
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectory import (
     ActiveTrajectory,
     JointTrajectory,

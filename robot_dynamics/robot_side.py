@@ -15,9 +15,9 @@
 """What the controller inside a simulated robot does: adds to efforts by itself, and measures."""
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.joints.effort_convention import EffortSemantics, measured_from_joint
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.validation import FloatArray
 
 

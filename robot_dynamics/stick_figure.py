@@ -16,7 +16,7 @@
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.validation import FloatArray
 
 _SAME = 1e-6

@@ -25,11 +25,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_capability import BRIEF, search_box, worst_gravity
-from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.worst_gravity import BRIEF, search_box, worst_gravity
 from robot_dynamics.validation import check_unique, check_vector, FloatArray
 
 SAMPLES = 121

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.reporting.figures import BLACK, styled_figure, title_axes
 from robot_dynamics.stick_figure import side_view, StickFigure, tool_link

@@ -17,8 +17,8 @@
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.gravity_capability import worst_gravity
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.worst_gravity import worst_gravity
 from robot_dynamics.reporting.figures import BLACK, BLUE, styled_figure, title_axes, VERMILION
 from robot_dynamics.stick_figure import side_view, StickFigure
 from robot_dynamics.validation import FloatArray

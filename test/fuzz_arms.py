@@ -20,9 +20,9 @@ Stribeck's effect, and motors. `CROWD` has as many joints and links as a humanoi
 long as theirs: what lists them must stay readable.
 """
 
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 PLANAR_URDF = default_arm_urdf()

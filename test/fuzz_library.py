@@ -24,12 +24,12 @@ from typing import Any, NamedTuple
 from fuzz_arms import ARMS, CROWD
 from fuzz_law import check_finite, check_words, over_the_wire
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import (
     floats_to_ros,

@@ -30,8 +30,8 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import serialize_message
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.dynamics_node import DynamicsNode, options_from, SPECS
 from robot_dynamics.ros.dynamics_services import DynamicsServices
 from robot_dynamics.ros.model_check_log import check_or_refuse

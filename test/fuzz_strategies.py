@@ -34,7 +34,7 @@ from fuzz_arms import (
 )
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 from hypothesis import strategies as st
-from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,

@@ -17,7 +17,7 @@
 from xml.etree import ElementTree
 
 import numpy as np
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.chain import PlanarChain
 from robot_dynamics.planar.urdf import planar_arm_urdf
 

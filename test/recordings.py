@@ -18,9 +18,9 @@ from pathlib import Path
 import shutil
 
 import numpy as np
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import wrap_to_pi
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import JOINT_STATE

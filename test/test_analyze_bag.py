@@ -27,7 +27,7 @@ pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
 pytest.importorskip('matplotlib')
 from recordings import cut, KnownMotion, stored_file, write_recording  # noqa: E402
-from robot_dynamics.arm_dynamics import ArmDynamics  # noqa: E402
+from robot_dynamics.model.arm_dynamics import ArmDynamics  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recordings.reader import Recording, stack  # noqa: E402
 from robot_dynamics.tools.analyze_bag import main  # noqa: E402

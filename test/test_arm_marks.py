@@ -25,10 +25,10 @@ from robot_dynamics.arm_marks import (
     JointPlace,
     LARGEST_SHARE,
 )
-from robot_dynamics.arm_model import load_arm
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robot_dynamics.stick_figure import tool_link
 from robots import robot_urdf
 

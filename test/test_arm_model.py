@@ -20,10 +20,10 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio as pin
 import pytest
-from robot_dynamics.arm_model import load_arm, MimicJoint
 from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.model.arm import load_arm, MimicJoint
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.rigid_body import RigidBody
 from robots import MIMIC, robot_urdf, ROBOTS
 
 INERTIAL = (

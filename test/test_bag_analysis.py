@@ -26,7 +26,7 @@ from robot_dynamics.arm_recording import AnalysisSettings  # noqa: E402
 from robot_dynamics.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
 from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
-from robot_dynamics.parameter_file import described_arm, read_parameter_file  # noqa: E402
+from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recordings.message_encoding import joint_state_messages  # noqa: E402
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
@@ -183,7 +183,7 @@ def test_noise_of_a_damaged_file_is_left_out_and_said(tmp_path):
 def test_motor_currents_are_converted_by_the_parameters(tmp_path):
     motors = make_actuators(MOTION.names, [0.1, 0.2], [50.0, 100.0], rotor_inertia=[1e-4, 2e-4])
     arm = MOTION.arm.with_actuators(motors)
-    from robot_dynamics.arm_dynamics import ArmDynamics
+    from robot_dynamics.model.arm_dynamics import ArmDynamics
     tau = ArmDynamics(arm).inverse_dynamics_batch(MOTION.q, MOTION.v, MOTION.a)
     current = tau / (motors.gear_ratio * motors.torque_constant)
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
@@ -215,7 +215,7 @@ def test_gravity_that_the_robot_took_out_is_added(tmp_path):
 
 
 def _gravity(arm, positions):
-    from robot_dynamics.rigid_body import RigidBody
+    from robot_dynamics.model.rigid_body import RigidBody
     body = RigidBody(arm)
     return np.array([body.gravity(q) for q in positions])
 

@@ -22,7 +22,6 @@ import re
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import ErrorFeedback, make_gains
 from robot_dynamics.exceptions import (
     InvalidInputError,
@@ -31,11 +30,12 @@ from robot_dynamics.exceptions import (
     RobotDynamicsError,
     TrajectoryError,
 )
-from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check import check_model
-from robot_dynamics.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.validation import check_samples, check_vector, LARGEST_VALUE, SMALLEST_DIVISOR

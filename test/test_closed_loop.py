@@ -21,9 +21,9 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_to_ros
 from robot_dynamics.trajectory import JointTrajectory, quintic_point_to_point

@@ -23,8 +23,8 @@ from typing import Any
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.simulation import ArmSimulation

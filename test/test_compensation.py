@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reference_motion import make_reference_motion
 from robot_dynamics.simulation import ArmSimulation

@@ -18,10 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import ErrorFeedback, Gains, make_gains, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 from robot_dynamics.trajectory import Reference

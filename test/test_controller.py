@@ -22,12 +22,12 @@ import time
 from children import LONG
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory, quintic_point_to_point
 

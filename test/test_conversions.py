@@ -23,11 +23,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.joint_order import JointOrder
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import (
     floats_to_ros,

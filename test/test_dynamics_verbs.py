@@ -27,9 +27,9 @@ import sys
 import children
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.dynamics_client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.dynamics_verbs import main, make_parser, run, VERBS

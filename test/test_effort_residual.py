@@ -18,8 +18,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.effort_residual import (
     merged_statistics,
     model_terms,
@@ -27,6 +25,8 @@ from robot_dynamics.effort_residual import (
 )
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robots import robot_urdf
 
 # A warning of numpy is a number that nobody checked.

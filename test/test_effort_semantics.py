@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
 from robot_dynamics.exceptions import InvalidInputError
@@ -31,7 +29,9 @@ from robot_dynamics.joints.effort_convention import (
     measured_from_joint,
 )
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation

@@ -34,11 +34,11 @@ import zlib
 from engines import Array, DrakeEngine, Engine, load, MOVING, MujocoEngine, Projected, Wrench
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.joint_order import JointOrder
-from robot_dynamics.payload import make_payload, Payload
-from robot_dynamics.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
 from robots import ARMS, by_kind, KINDS, MIMIC, robot_urdf, ROBOTS
 
 # Relative to the largest entry. Accelerations need more room: where a wrist or a caster turns on

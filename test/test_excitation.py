@@ -26,14 +26,14 @@ import children
 from children import LONG
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.evolution_strategy import minimize_by_rank
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.excitation import ConditionNumber, Excitation, find_excitation, Motion
 from robot_dynamics.excitation_limits import LimitShares, motion_limits
 from robot_dynamics.excitation_trajectory import exciting_trajectory
 from robot_dynamics.fourier_series import series_basis
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reference_motion import sample_trajectory
 from robot_dynamics.ros.conversions import trajectory_from_ros

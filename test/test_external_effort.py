@@ -19,8 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.external_effort import ExternalEffort
 from robot_dynamics.joints.actuator import make_actuators
@@ -31,10 +29,12 @@ from robot_dynamics.joints.effort_convention import (
 )
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.momentum_observer import MomentumObserver
-from robot_dynamics.payload import make_payload
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.simulation import ArmSimulation
 
 BANDWIDTH = 8.0

@@ -28,9 +28,9 @@ from lifecycle_bench import (
 )
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import LATCHED, RosClient

@@ -31,8 +31,8 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlGoesOn
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch, SetPayload
 from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT

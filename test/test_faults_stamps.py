@@ -24,8 +24,8 @@ from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import RosClient, wait_until
 from sensor_msgs.msg import JointState

@@ -18,9 +18,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics
 from ros_harness import DYNAMICS, NodeProcess, RosClient

@@ -43,7 +43,7 @@ from fuzz_urdf import parameter_messages, urdfs, values
 from hypothesis import given, HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 import pytest
-from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.ros.dynamics_parameters import SPECS
 from robot_dynamics.ros.parameters import ParameterSpec

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.control import make_gains, wrap_to_pi
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.gravity_check import (
@@ -32,7 +31,8 @@ from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation

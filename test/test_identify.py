@@ -26,13 +26,13 @@ from identification_bench import changed_arm, fourier_motion, rigid_effort
 import numpy as np
 import pytest
 from recordings import KnownMotion, START_NS, write_recording
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
-from robot_dynamics.parameter_file import described_arm, read_parameter_file
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
+from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import Recording
-from robot_dynamics.regressor import inertial_parameters, random_states
 from robot_dynamics.tools.identify import DONE, FAILED, main, MISTAKE
 from robot_dynamics_interfaces.srv import InverseDynamics
 from robots import robot_urdf

@@ -21,9 +21,9 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joint_order import JointOrder, MIMIC_TOLERANCE
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.joint_order import JointOrder, MIMIC_TOLERANCE
 
 laws = settings(deadline=None, derandomize=True, max_examples=60)
 

@@ -19,9 +19,10 @@ import struct
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.gravity_capability import (
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.worst_gravity import (
     QUICK,
     sample_positions,
     Search,
@@ -32,7 +33,6 @@ from robot_dynamics.gravity_capability import (
 from robot_dynamics.model_check import check_model
 from robot_dynamics.model_finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.rigid_body import RigidBody
 from robot_dynamics.urdf.mesh_bounds import mesh_bounds, MeshReader
 from robot_dynamics.urdf.values import rotation
 from robots import robot_urdf

@@ -21,13 +21,13 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.typing as npt
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.regressor import random_states
 import robot_dynamics.motion_limits as motion_limits
 from robot_dynamics.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
-from robot_dynamics.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.regressor import random_states
 from robot_dynamics.validation import FloatArray
 from robots import robot_urdf
 

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_to_ros
 from robot_dynamics.trajectory import quintic_via_points

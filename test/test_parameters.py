@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters import ParameterSpec, Type

@@ -23,9 +23,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.path_conditioning import feasible_trajectory, SLOWEST
 from robot_dynamics.planar.urdf import default_arm_urdf

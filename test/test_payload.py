@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.payload import make_payload, Payload
-from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.rigid_body import RigidBody
 from robots import robot_urdf
 
 laws = settings(deadline=None, derandomize=True, max_examples=30)

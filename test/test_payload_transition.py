@@ -18,11 +18,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import load_arm
-from robot_dynamics.payload import make_payload, merged, Payload
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload, merged, Payload
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_transition import PayloadTransition, scaled
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.rigid_body import RigidBody
 
 SECOND = 1_000_000_000
 OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))

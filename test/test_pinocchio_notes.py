@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 import pinocchio
 import pytest
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.rigid_body import RigidBody
 
 PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'pinocchio_notes.md'
 

@@ -22,9 +22,9 @@ import numpy as np
 import numpy.testing as npt
 from planar_chains import arm_of, on_a_turned_base, random_chain, urdf_of, with_reversed_joint
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.chain import newton_euler
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.planar_view import PlanarView

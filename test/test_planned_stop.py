@@ -20,10 +20,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reference_generator import ReferenceGenerator

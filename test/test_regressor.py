@@ -16,13 +16,12 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import load_arm
-from robot_dynamics.base_parameters import base_parameters
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification import base_parameters_of
 from robot_dynamics.information import BLOCKS, merge, reduce_rows
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.regressor import (
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.base_parameters import base_parameters
+from robot_dynamics.model.regressor import (
     body_names,
     inertial_parameters,
     parameter_names,
@@ -30,7 +29,8 @@ from robot_dynamics.regressor import (
     TorqueRegressor,
     with_inertial_parameters,
 )
-from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
 

@@ -28,13 +28,13 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.effort_residual import model_terms
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.rigid_body import ExternalWrench, RigidBody
 from robots import robot_urdf
 
 GRAVITY = np.array([0.0, 0.0, -9.81])

@@ -22,12 +22,12 @@ from typing import Any
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel, load_arm
-from robot_dynamics.payload import make_payload, Payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.planar.two_link import inverse_dynamics, PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
     payload_from_ros,

@@ -22,13 +22,13 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.effort_convention import EffortSemantics
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.plant import Plant
-from robot_dynamics.rigid_body import ExternalWrench
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation import ArmSimulation

@@ -16,8 +16,8 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.simulation import ArmSimulation
 
 MASS, DRY = 3.0, 6.0

@@ -18,11 +18,11 @@ import math
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.loop_warnings import loop_warnings
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.motion_limits import WorkspaceInertia
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.stable_gains import (

@@ -19,16 +19,16 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_capability import worst_gravity
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.worst_gravity import worst_gravity
 import robot_dynamics.planar.two_link as planar
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.rigid_body import RigidBody
 from robot_dynamics.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.torque_grid import (
     gravity_efforts,

@@ -19,7 +19,7 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.tools.torque_map import main

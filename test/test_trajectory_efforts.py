@@ -16,11 +16,11 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.limit_warnings import worst_in_words
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectory import (
     JointTrajectory,
@@ -265,7 +265,7 @@ def test_what_motors_lack_counts_too(
 
 
 def test_the_load_counts() -> None:
-    from robot_dynamics.payload import make_payload
+    from robot_dynamics.model.payload import make_payload
     loaded = ArmDynamics(DYNAMICS.arm.with_payloads([make_payload('tool0', 10.0)]))
     path = trajectory([0.0], [[np.pi / 2, 0.0]])
     with_load, without = (trajectory_efforts(d, path).efforts[0] for d in (loaded, DYNAMICS))

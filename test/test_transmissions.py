@@ -17,10 +17,10 @@
 import re
 
 import pytest
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 

@@ -16,12 +16,12 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.identified_urdf import identified_urdf
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia
+from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.pseudo_inertia import from_coordinates, pseudo_inertia
-from robot_dynamics.regressor import inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robots import robot_urdf
 

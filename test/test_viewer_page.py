@@ -26,7 +26,7 @@ import children
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.reporting.figures import BLUE, VERMILION
 from robots import must_have_everything, robot_path, robot_urdf
 from ros_harness import (

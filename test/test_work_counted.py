@@ -31,10 +31,10 @@ import pinocchio as pin
 import pytest
 import rclpy
 from rclpy.serialization import serialize_message
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import load_arm
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, RigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.rigid_body import HAS_PARALLEL_RNEA, RigidBody
 from robot_dynamics.ros.conversions import trajectory_from_ros
 from robot_dynamics.ros.dynamics_node import DynamicsNode
 from robot_dynamics.trajectory_efforts import trajectory_efforts

@@ -24,10 +24,10 @@ from pathlib import Path
 import sys
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.gravity_capability import THOROUGH, worst_gravity
 from robot_dynamics.inertia_survey import survey_inertia
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.worst_gravity import THOROUGH, worst_gravity
 from robot_dynamics.model_check import check_model, LARGEST_SURVEY
 from robot_dynamics.model_finding import Finding
 from robot_dynamics.urdf.mesh_bounds import MeshReader

@@ -25,11 +25,11 @@ from collections.abc import Sequence
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import InertiaStamped, Vector3, WrenchStamped
 import numpy as np
-from robot_dynamics.arm_dynamics import EffortTerms
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.joint_order import JointOrder
-from robot_dynamics.payload import make_payload, Payload
-from robot_dynamics.rigid_body import ExternalWrench
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import EffortTerms
+from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
 from robot_dynamics_interfaces.msg import DynamicsTerms

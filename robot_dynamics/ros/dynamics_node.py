@@ -22,11 +22,11 @@ from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.loop_warnings import loop_warnings
-from robot_dynamics.payload import Payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import Payload
 from robot_dynamics.ros.control_path import ControlPath
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN

@@ -14,7 +14,6 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.control import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
@@ -23,6 +22,7 @@ from robot_dynamics.control import (
 )
 from robot_dynamics.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.model_check_log import IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import QoSProfile
-from robot_dynamics.arm_dynamics import ArmDynamics
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
-from robot_dynamics.joint_order import JointOrder
 from robot_dynamics.limit_warnings import limit_warnings, motor_warnings, worst_in_words
-from robot_dynamics.payload import Payload
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import Payload
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
     payload_from_ros,

@@ -25,12 +25,12 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.arm_dynamics import ArmDynamics
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.external_effort import ExternalEffort
 from robot_dynamics.joints.effort_convention import EffortSemantics, joint_from_measured
 from robot_dynamics.live_residual import LiveResidual
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.message_loop import LOG_PERIOD

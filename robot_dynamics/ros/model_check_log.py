@@ -16,8 +16,8 @@
 
 from typing import Any
 
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.gravity_capability import BRIEF, QUICK
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.worst_gravity import BRIEF, QUICK
 from robot_dynamics.model_check import check_model
 from robot_dynamics.model_finding import CHECKS, refuse_errors
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values

@@ -16,12 +16,12 @@
 
 from pathlib import Path
 
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import EffortSemantics, make_effort_semantics
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import LARGEST_LOAD_SHARE, make_gear_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.description_file import read_description

@@ -30,7 +30,6 @@ from typing import Any
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.command_supervisor import (
     Brake,
     CommandSupervisor,
@@ -40,6 +39,7 @@ from robot_dynamics.command_supervisor import (
 )
 from robot_dynamics.controller import ControlOutput
 from robot_dynamics.effort_guard import GuardLimits
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.serialized import (

@@ -42,7 +42,7 @@ from robot_dynamics.arm_recording import AnalysisSettings
 from robot_dynamics.bag_analysis import STEPS
 from robot_dynamics.bag_tasks import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.parameter_file import read_parameter_file
+from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics.tools.analysis_console import print_failures, print_many, print_one
 from robot_dynamics.tools.demo_progress import Progress

@@ -21,9 +21,9 @@ from pathlib import Path
 import sys
 import textwrap
 
-from robot_dynamics.arm_model import load_arm
 from robot_dynamics.body_checks import unmeasured
 from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check import check_model
 from robot_dynamics.model_finding import CHECKS, ERROR, errors_of, Finding, WARNING
 from robot_dynamics.urdf.description_file import read_description

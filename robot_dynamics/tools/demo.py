@@ -33,7 +33,7 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.tools.viewer import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
-    from robot_dynamics.arm_model import ArmModel
+    from robot_dynamics.model.arm import ArmModel
     from robot_dynamics.reference_motion import ReferenceMotion
 
 DEFAULT_DURATION = 10.0
@@ -180,7 +180,7 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
 
 
 def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
-    from robot_dynamics.parameter_file import described_arm, read_parameter_file
+    from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
     return described_arm(urdf, (), {} if parameters is None else read_parameter_file(parameters))
 
 

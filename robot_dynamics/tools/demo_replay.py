@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted

@@ -28,9 +28,9 @@ from typing import NoReturn, TYPE_CHECKING
 from robot_dynamics.exceptions import RobotDynamicsError
 
 if TYPE_CHECKING:
-    from robot_dynamics.arm_model import ArmModel
     from robot_dynamics.excitation import Excitation
     from robot_dynamics.excitation_trajectory import ExcitingTrajectory
+    from robot_dynamics.model.arm import ArmModel
 
 DEFAULT_DURATION = 10.0
 DEFAULT_HARMONICS = 5
@@ -112,10 +112,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
-    from robot_dynamics.arm_dynamics import ArmDynamics
     from robot_dynamics.excitation import find_excitation, GENERATIONS
     from robot_dynamics.excitation_limits import LimitShares, motion_limits
     from robot_dynamics.excitation_trajectory import exciting_trajectory
+    from robot_dynamics.model.arm_dynamics import ArmDynamics
     from robot_dynamics.tools.demo_progress import Progress
     from robot_dynamics.trajectory_file import write_trajectory
     arm = _arm(arguments)
@@ -139,7 +139,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _arm(arguments: argparse.Namespace) -> 'ArmModel':
-    from robot_dynamics.parameter_file import described_arm, read_parameter_file
+    from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
     from robot_dynamics.planar.urdf import default_arm_urdf
     from robot_dynamics.tools.robot_argument import read_robot
     urdf = default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf)

@@ -154,8 +154,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.bag_tasks import require_dask, run_tasks, Task, TaskOutcome
     from robot_dynamics.identification_report import write_identification
     from robot_dynamics.identify_task import arm_of, identify_configuration
-    from robot_dynamics.parameter_file import read_parameter_file
-    from robot_dynamics.payload import make_payload
+    from robot_dynamics.model.arm_parameters import read_parameter_file
+    from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.tools.demo_progress import Progress
     from robot_dynamics.tools.identification_console import print_identification

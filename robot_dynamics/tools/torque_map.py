@@ -26,9 +26,9 @@ import sys
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.payload import make_payload
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.stick_figure import tool_link

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.viewer_node import ViewerNode
 from robot_dynamics.tools.viewer_panel import ArmPanel
 from robot_dynamics.tools.viewer_requests import ball, force_on, motion_time, reference_to

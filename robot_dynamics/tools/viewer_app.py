@@ -26,8 +26,8 @@ import time
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel, load_arm
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer_actions import PageActions, Shown

@@ -24,7 +24,7 @@ import math
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.stick_figure import tool_link
 from robot_dynamics.tools.viewer_plots import LivePlot, TERMS
 from robot_dynamics.validation import FloatArray

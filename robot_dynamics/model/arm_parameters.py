@@ -23,12 +23,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from robot_dynamics.arm_model import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import EffortSemantics, make_effort_semantics
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
 
 NODE = 'dynamics'
 FRICTION_FIELDS = ('viscous', 'coulomb', 'static', 'stribeck_velocity', 'offset')

@@ -27,8 +27,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.validation import all_finite, FloatArray
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')

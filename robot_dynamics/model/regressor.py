@@ -25,8 +25,8 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.pseudo_inertia import COUNT, is_consistent, NAMES
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
 from robot_dynamics.validation import FloatArray
 
 

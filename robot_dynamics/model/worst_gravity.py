@@ -27,8 +27,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.arm_model import ArmModel
-from robot_dynamics.rigid_body import RigidBody
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.validation import FloatArray
 
 IntArray = npt.NDArray[np.intp]

@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel, MimicJoint
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel, MimicJoint
 from robot_dynamics.validation import (
     check_samples,
     check_unique,

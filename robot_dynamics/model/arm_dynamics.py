@@ -24,10 +24,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arm_model import ArmModel
 from robot_dynamics.joints.presliding import presliding
 from robot_dynamics.joints.stiction import choose_modes, hold
-from robot_dynamics.rigid_body import ExternalWrench, RigidBody, singular_mass_matrix
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, singular_mass_matrix
 from robot_dynamics.validation import FloatArray
 
 
