@@ -23,7 +23,7 @@ import sys
 
 import children
 import pytest
-from robot_dynamics.model_finding import CHECKS
+from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import missing, PACKAGE, robot_path
 

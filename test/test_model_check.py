@@ -30,8 +30,8 @@ from robot_dynamics.model.worst_gravity import (
     THOROUGH,
     worst_gravity,
 )
-from robot_dynamics.model_check import check_model
-from robot_dynamics.model_finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.mesh_bounds import mesh_bounds, MeshReader
 from robot_dynamics.urdf.values import rotation

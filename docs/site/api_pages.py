@@ -67,8 +67,8 @@ GROUPS = {
         'fourier_series',
     ),
     'Checks of a model': (
-        'model_check',
-        'model_finding',
+        'model_check.checks',
+        'model_check.finding',
         'model.worst_gravity',
         'workspace_gravity',
         'torque_grid',

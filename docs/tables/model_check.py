@@ -25,11 +25,11 @@ import sys
 
 import numpy as np
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.inertia_survey import survey_inertia
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.worst_gravity import THOROUGH, worst_gravity
-from robot_dynamics.model_check import check_model, LARGEST_SURVEY
-from robot_dynamics.model_finding import Finding
+from robot_dynamics.model_check.checks import check_model, LARGEST_SURVEY
+from robot_dynamics.model_check.finding import Finding
+from robot_dynamics.model_check.mass_matrix_check import survey_inertia
 from robot_dynamics.urdf.mesh_bounds import MeshReader
 
 PACKAGE = 'example-robot-data'

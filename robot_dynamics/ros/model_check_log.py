@@ -18,8 +18,8 @@ from typing import Any
 
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
-from robot_dynamics.model_check import check_model
-from robot_dynamics.model_finding import CHECKS, refuse_errors
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.model_check.finding import CHECKS, refuse_errors
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 
 LARGEST_ARM = 12

@@ -21,11 +21,11 @@ from pathlib import Path
 import sys
 import textwrap
 
-from robot_dynamics.body_checks import unmeasured
 from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model_check import check_model
-from robot_dynamics.model_finding import CHECKS, ERROR, errors_of, Finding, WARNING
+from robot_dynamics.model_check.body_checks import unmeasured
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
 from robot_dynamics.urdf.description_file import read_description
 from robot_dynamics.urdf.inertials import read_bodies
 from robot_dynamics.urdf.mesh_bounds import MeshReader

@@ -45,7 +45,7 @@ def complete_nothing(prefix: str, **_: Any) -> list[str]:
 
 def complete_checks(prefix: str, **_: Any) -> list[str]:
     """Return the names of the checks of a model."""
-    from robot_dynamics.model_finding import CHECKS
+    from robot_dynamics.model_check.finding import CHECKS
     return list(CHECKS)
 
 

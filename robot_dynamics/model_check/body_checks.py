@@ -23,7 +23,7 @@ principal moments of inertia that are positive and obey the triangle inequality.
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
-from robot_dynamics.model_finding import ERROR, Finding, WARNING
+from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.urdf.inertials import LinkBody
 from robot_dynamics.validation import FloatArray
 

@@ -23,17 +23,17 @@ unlikely it looks. The checks and their levels are described in docs/model_check
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_dynamics.body_checks import (
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
+from robot_dynamics.model_check.body_checks import (
     check_extents,
     check_inertias,
     check_lost_masses,
     check_masses,
     TINY_MASS,
 )
-from robot_dynamics.inertia_survey import InertiaMatrix, survey_inertia
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
-from robot_dynamics.model_finding import ERROR, Finding, WARNING
+from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
+from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies, read_joint_origins
 from robot_dynamics.urdf.mesh_bounds import MeshReader
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
