@@ -35,7 +35,7 @@ import numpy as np
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.interpolation import JointTrajectory, make_trajectory
 from robot_dynamics.validation import FloatArray
 
 PACKAGE = 'example-robot-data'

@@ -42,7 +42,7 @@ from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectory import JointTrajectory, Reference
+from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
 from robot_dynamics.validation import FloatArray
 
 POSITION_MARGIN, FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE = 0.01, 0.1, 1000.0

@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.trajectory import Reference
+from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
 
 DEFAULT_NATURAL_FREQUENCY = 20.0

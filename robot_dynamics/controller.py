@@ -34,14 +34,14 @@ from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
-from robot_dynamics.path_conditioning import feasible_trajectory
 from robot_dynamics.payload_transition import PayloadTransition
-from robot_dynamics.reference_generator import ReferenceGenerator
 from robot_dynamics.soft_gains import crossover, share_of_gains
 from robot_dynamics.stable_gains import longest_period, StateQuality, UNKNOWN
 from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
-from robot_dynamics.trajectory import ActiveTrajectory, JointTrajectory, Reference
+from robot_dynamics.trajectories.interpolation import ActiveTrajectory, JointTrajectory, Reference
+from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
+from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 from robot_dynamics.validation import FloatArray, largest
 
 BoolArray = npt.NDArray[np.bool_]

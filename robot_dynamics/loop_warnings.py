@@ -18,9 +18,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from robot_dynamics.controller import ControllerOptions
-from robot_dynamics.motion_limits import WorkspaceInertia
 from robot_dynamics.soft_gains import crossover
 from robot_dynamics.stable_gains import slowest_rate
+from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 LEAST_DAMPING = 0.3
 """Damping ratio below which the tracking error oscillates noticeably."""

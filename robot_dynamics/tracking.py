@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.control import ErrorFeedback, wrap_angle
-from robot_dynamics.trajectory import Segment
+from robot_dynamics.trajectories.interpolation import Segment
 from robot_dynamics.validation import FloatArray
 
 FEW = 16

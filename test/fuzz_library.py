@@ -44,7 +44,7 @@ from robot_dynamics.ros.conversions import (
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.simulation_loop import Plant
 from robot_dynamics.simulation import ArmSimulation
-from robot_dynamics.trajectory import TrajectoryFollower
+from robot_dynamics.trajectories.interpolation import TrajectoryFollower
 
 _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}
 

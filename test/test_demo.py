@@ -31,8 +31,8 @@ from robot_dynamics.recordings.reader import Recording, stack
 from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_nodes import choose_domain
 from robot_dynamics.tools.demo_progress import Progress
-from robot_dynamics.trajectory import make_trajectory, quintic_point_to_point
-from robot_dynamics.trajectory_file import write_trajectory
+from robot_dynamics.trajectories.files import write_trajectory
+from robot_dynamics.trajectories.interpolation import make_trajectory, quintic_point_to_point
 from robots import robot_path
 from ros_harness import TIMEOUT, wait_until, write_parameters
 

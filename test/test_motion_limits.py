@@ -25,9 +25,9 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
-import robot_dynamics.motion_limits as motion_limits
-from robot_dynamics.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
 from robot_dynamics.planar.urdf import default_arm_urdf
+import robot_dynamics.trajectories.motion_limits as motion_limits
+from robot_dynamics.trajectories.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
 from robot_dynamics.validation import FloatArray
 from robots import robot_urdf
 

@@ -26,17 +26,17 @@ import pytest
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
-from robot_dynamics.path_conditioning import feasible_trajectory, SLOWEST
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,
     quintic_point_to_point,
     quintic_via_points,
     sample_segment,
 )
-from robot_dynamics.trajectory_efforts import trajectory_efforts
+from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.trajectories.path_conditioning import feasible_trajectory, SLOWEST
 from robot_dynamics.validation import FloatArray
 
 NAMES = ('joint1', 'joint2')

@@ -24,15 +24,15 @@ from robot_dynamics.control import make_gains
 from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.reference_generator import ReferenceGenerator
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.interpolation import (
     quintic_point_to_point,
     quintic_via_points,
     Reference,
 )
-from robot_dynamics.trajectory_checks import nanoseconds
+from robot_dynamics.trajectories.joint_trajectory import nanoseconds
+from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 from robot_dynamics.validation import FloatArray
 from robots import robot_urdf
 

@@ -20,21 +20,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.motion_limits import MotionLimits
-from robot_dynamics.point_to_point import (
+from robot_dynamics.trajectories.interpolation import (
+    ActiveTrajectory,
+    JointTrajectory,
+    Reference,
+    TrajectoryPoint,
+)
+from robot_dynamics.trajectories.joint_trajectory import nanoseconds
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.point_to_point import (
     goal_points,
     meeting_points,
     rest_to_rest_duration,
     SHORTEST,
     stop_points,
 )
-from robot_dynamics.trajectory import (
-    ActiveTrajectory,
-    JointTrajectory,
-    Reference,
-    TrajectoryPoint,
-)
-from robot_dynamics.trajectory_checks import nanoseconds
 from robot_dynamics.validation import FloatArray
 
 N = 3

@@ -21,15 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.motion_limits import MotionLimits
-from robot_dynamics.reference_generator import (
-    HORIZON,
-    ON_PATH,
-    PERIODS,
-    ReferenceGenerator,
-    whole,
-)
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
     make_trajectory,
@@ -37,7 +29,15 @@ from robot_dynamics.trajectory import (
     quintic_via_points,
     Reference,
 )
-from robot_dynamics.trajectory_checks import nanoseconds
+from robot_dynamics.trajectories.joint_trajectory import nanoseconds
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.reference_generator import (
+    HORIZON,
+    ON_PATH,
+    PERIODS,
+    ReferenceGenerator,
+    whole,
+)
 from robot_dynamics.validation import FloatArray
 
 NAMES = ('a', 'b')

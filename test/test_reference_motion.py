@@ -22,7 +22,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.reference_motion import (
+from robot_dynamics.trajectories.demo_motion import (
     LARGEST_ACCELERATION,
     make_reference_motion,
     POSITION_MARGIN,

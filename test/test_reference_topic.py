@@ -23,7 +23,11 @@ from fault_stimuli import SetPoints
 import numpy as np
 import pytest
 from robot_dynamics.ros.conversions import trajectory_to_ros
-from robot_dynamics.trajectory import ActiveTrajectory, quintic_via_points, Reference
+from robot_dynamics.trajectories.interpolation import (
+    ActiveTrajectory,
+    quintic_via_points,
+    Reference,
+)
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory

@@ -34,8 +34,8 @@ from robot_dynamics.ros.conversions import (
     payload_to_ros,
     trajectory_to_ros,
 )
-from robot_dynamics.trajectory import quintic_via_points
-from robot_dynamics.trajectory_efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.interpolation import quintic_via_points
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,

@@ -23,7 +23,6 @@ from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.loop_warnings import loop_warnings
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.motion_limits import WorkspaceInertia
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.stable_gains import (
     CROSSOVER,
@@ -32,7 +31,8 @@ from robot_dynamics.stable_gains import (
     slowest_rate,
     StateQuality,
 )
-from robot_dynamics.trajectory import make_trajectory
+from robot_dynamics.trajectories.interpolation import make_trajectory
+from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 ARM = load_arm(default_arm_urdf())
 WORKSPACE = WorkspaceInertia(ArmDynamics(ARM))

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from robot_dynamics.control import ErrorFeedback, make_gains, wrap_angle, wrap_to_pi
 from robot_dynamics.tracking import FEW, SegmentTracking
-from robot_dynamics.trajectory import ActiveTrajectory, make_trajectory, Reference
+from robot_dynamics.trajectories.interpolation import ActiveTrajectory, make_trajectory, Reference
 
 SECOND = 1_000_000_000
 

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
     make_trajectory,

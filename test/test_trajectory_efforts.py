@@ -18,17 +18,17 @@ import numpy as np
 import pytest
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.limit_warnings import worst_in_words
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,
     quintic_point_to_point,
     quintic_via_points,
 )
-from robot_dynamics.trajectory_efforts import trajectory_efforts
+from robot_dynamics.trajectories.limit_warnings import worst_in_words
 
 NAMES = ('joint1', 'joint2')
 DYNAMICS = ArmDynamics(load_arm(default_arm_urdf()))

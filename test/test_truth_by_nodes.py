@@ -35,8 +35,8 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording, RecordingWriter
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros, trajectory_to_ros
 from robot_dynamics.ros.recorder import Recorder, TopicSpec
-from robot_dynamics.trajectory import JointTrajectory
-from robot_dynamics.trajectory_file import read_trajectory
+from robot_dynamics.trajectories.files import read_trajectory
+from robot_dynamics.trajectories.interpolation import JointTrajectory
 from ros_harness import (
     DYNAMICS,
     LONG,

@@ -44,7 +44,7 @@ from robot_dynamics.ros.serialized import (
 )
 from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
-from robot_dynamics.trajectory import JointTrajectory
+from robot_dynamics.trajectories.interpolation import JointTrajectory
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState

@@ -30,7 +30,7 @@ from robot_dynamics.model.arm_dynamics import EffortTerms
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.interpolation import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg

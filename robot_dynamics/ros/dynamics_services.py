@@ -21,7 +21,6 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from robot_dynamics.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
-from robot_dynamics.limit_warnings import limit_warnings, motor_warnings, worst_in_words
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.joint_order import JointOrder
@@ -36,7 +35,12 @@ from robot_dynamics.ros.conversions import (
     wrenches_from_ros,
 )
 from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
-from robot_dynamics.trajectory_efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.limit_warnings import (
+    limit_warnings,
+    motor_warnings,
+    worst_in_words,
+)
 from robot_dynamics.validation import check_scalar, FloatArray
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,

@@ -25,7 +25,6 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.reference_motion import ReferenceMotion
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.ros.recorder import TopicCount
 from robot_dynamics.simulation import ArmSimulation
@@ -45,6 +44,7 @@ from robot_dynamics.tools.demo_session import (
     TRAJECTORY,
 )
 from robot_dynamics.tools.viewer import AT, PAGE_OPEN
+from robot_dynamics.trajectories.demo_motion import ReferenceMotion
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 LEAD_TIME = 0.1

@@ -23,7 +23,6 @@ from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.recordings.reader import IntArray, Recording, stack, stamp_ns
-from robot_dynamics.reference_motion import sample_trajectory
 from robot_dynamics.reporting.figures import (
     effort_panel,
     error_panel,
@@ -33,6 +32,7 @@ from robot_dynamics.reporting.figures import (
 )
 from robot_dynamics.tools.demo_loop import LoopRun
 from robot_dynamics.tools.demo_session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics.trajectories.demo_motion import sample_trajectory
 from robot_dynamics.validation import FloatArray
 
 LARGEST_RMS = 0.01

@@ -28,9 +28,9 @@ from typing import NoReturn, TYPE_CHECKING
 from robot_dynamics.exceptions import RobotDynamicsError
 
 if TYPE_CHECKING:
-    from robot_dynamics.excitation import Excitation
-    from robot_dynamics.excitation_trajectory import ExcitingTrajectory
     from robot_dynamics.model.arm import ArmModel
+    from robot_dynamics.trajectories.excitation import Excitation
+    from robot_dynamics.trajectories.excitation_trajectory import ExcitingTrajectory
 
 DEFAULT_DURATION = 10.0
 DEFAULT_HARMONICS = 5
@@ -112,12 +112,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
-    from robot_dynamics.excitation import find_excitation, GENERATIONS
-    from robot_dynamics.excitation_limits import LimitShares, motion_limits
-    from robot_dynamics.excitation_trajectory import exciting_trajectory
     from robot_dynamics.model.arm_dynamics import ArmDynamics
     from robot_dynamics.tools.demo_progress import Progress
-    from robot_dynamics.trajectory_file import write_trajectory
+    from robot_dynamics.trajectories.excitation import find_excitation, GENERATIONS
+    from robot_dynamics.trajectories.excitation_limits import LimitShares, motion_limits
+    from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
+    from robot_dynamics.trajectories.files import write_trajectory
     arm = _arm(arguments)
     dynamics = ArmDynamics(arm)
     shares = LimitShares(

@@ -26,7 +26,7 @@ import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
     quintic_via_points,

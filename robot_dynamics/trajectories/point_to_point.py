@@ -30,9 +30,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.motion_limits import MotionLimits
-from robot_dynamics.trajectory import position_coefficients, Reference
-from robot_dynamics.trajectory_checks import TrajectoryPoint
+from robot_dynamics.trajectories.interpolation import position_coefficients, Reference
+from robot_dynamics.trajectories.joint_trajectory import TrajectoryPoint
+from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.validation import FloatArray
 
 _SAMPLES = 17

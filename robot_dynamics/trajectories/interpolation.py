@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.trajectory_checks import (
+from robot_dynamics.trajectories.joint_trajectory import (
     check_end_in_future,
     JointTrajectory,
     make_trajectory,

@@ -29,7 +29,7 @@ from robot_dynamics.exceptions import (
     MissingDependencyError,
     TrajectoryError,
 )
-from robot_dynamics.trajectory_checks import (
+from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
     nanoseconds,

@@ -26,10 +26,14 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.motion_limits import MotionLimits
-from robot_dynamics.trajectory import JointTrajectory, position_coefficients, TrajectoryPoint
-from robot_dynamics.trajectory_efforts import trajectory_efforts
-from robot_dynamics.trajectory_segments import TrajectorySegments
+from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.interpolation import (
+    JointTrajectory,
+    position_coefficients,
+    TrajectoryPoint,
+)
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.segments import TrajectorySegments
 from robot_dynamics.validation import FloatArray
 
 _SAMPLES = 9

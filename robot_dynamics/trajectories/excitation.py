@@ -33,15 +33,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.evolution_strategy import minimize_by_rank
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.excitation_limits import MotionLimits
-from robot_dynamics.fourier_series import free_coefficients, series_basis, SeriesBasis
 from robot_dynamics.joints.friction import sigmoid
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.base_parameters import base_parameters
 from robot_dynamics.model.regressor import random_states, TorqueRegressor
+from robot_dynamics.trajectories.evolution_strategy import minimize_by_rank
+from robot_dynamics.trajectories.excitation_limits import MotionLimits
+from robot_dynamics.trajectories.fourier_series import free_coefficients, series_basis, SeriesBasis
 from robot_dynamics.validation import FloatArray
 
 MOST_HARMONICS = 50

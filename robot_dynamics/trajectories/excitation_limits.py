@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.reference_motion import start_pose
+from robot_dynamics.trajectories.demo_motion import start_pose
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray
 
 LARGEST_SWING = np.pi

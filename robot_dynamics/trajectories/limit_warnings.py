@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from robot_dynamics.joints.actuator import ActuatorLoad
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.trajectory_efforts import TrajectoryEfforts
+from robot_dynamics.trajectories.efforts import TrajectoryEfforts
 from robot_dynamics.validation import FloatArray
 
 

@@ -32,16 +32,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from robot_dynamics.motion_limits import EFFORT_SHARE, MotionLimits, VELOCITY_SHARE
-from robot_dynamics.point_to_point import goal_points, meeting_points, stop_points
-from robot_dynamics.trajectory import (
+from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
     Reference,
     TrajectoryFollower,
     TrajectoryPoint,
 )
-from robot_dynamics.trajectory_checks import nanoseconds, NANOSECONDS_PER_SECOND
+from robot_dynamics.trajectories.joint_trajectory import nanoseconds, NANOSECONDS_PER_SECOND
+from robot_dynamics.trajectories.motion_limits import EFFORT_SHARE, MotionLimits, VELOCITY_SHARE
+from robot_dynamics.trajectories.point_to_point import goal_points, meeting_points, stop_points
 from robot_dynamics.validation import FloatArray
 
 LONGEST_PERIOD = 0.5

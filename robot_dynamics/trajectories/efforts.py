@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectory import JointTrajectory, Reference
-from robot_dynamics.trajectory_segments import IntArray, TrajectorySegments
+from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.trajectories.segments import IntArray, TrajectorySegments
 from robot_dynamics.validation import FloatArray
 
 INTERVALS = 32

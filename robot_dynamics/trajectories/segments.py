@@ -16,7 +16,11 @@
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.trajectory import JointTrajectory, position_coefficients, Reference
+from robot_dynamics.trajectories.interpolation import (
+    JointTrajectory,
+    position_coefficients,
+    Reference,
+)
 from robot_dynamics.validation import FloatArray
 
 IntArray = npt.NDArray[np.intp]
