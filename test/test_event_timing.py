@@ -18,7 +18,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.event_timing import EventTiming, LATE, Timing
+from robot_dynamics.monitoring.event_timing import EventTiming, LATE, Timing
 
 WINDOW = 1.0
 START = 1000.0

@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.external_effort import ExternalEffort
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import (
     joint_from_measured,
@@ -33,7 +32,8 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.momentum_observer import MomentumObserver
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.momentum_observer import MomentumObserver
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation import ArmSimulation
 

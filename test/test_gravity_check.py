@@ -20,19 +20,19 @@ import numpy as np
 import pytest
 from robot_dynamics.control import make_gains, wrap_to_pi
 from robot_dynamics.controller import Controller, ControllerOptions
-from robot_dynamics.gravity_check import (
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.friction import JointFriction, make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.monitoring.gravity_check import (
     GravityCheck,
     NO_EFFORT,
     POSE,
     STILL,
     UNLOADED_WORDS,
 )
-from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
-from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.effort_convention import EffortSemantics
-from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.simulation import ArmSimulation

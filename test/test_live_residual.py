@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.live_residual import LiveResidual
-from robot_dynamics.low_pass import LowPass
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.monitoring.live_residual import LiveResidual
+from robot_dynamics.monitoring.low_pass import LowPass
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 CUTOFF = 5.0

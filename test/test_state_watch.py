@@ -21,7 +21,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.state_watch import (
+from robot_dynamics.monitoring.state_plausibility import (
     ImplausibleStateError,
     Judgement,
     LONGEST_GAP,

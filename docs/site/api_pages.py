@@ -47,9 +47,9 @@ GROUPS = {
         'stable_gains',
         'simulation',
         'joints.effort_convention',
-        'external_effort',
-        'momentum_observer',
-        'live_residual',
+        'monitoring.external_effort',
+        'monitoring.momentum_observer',
+        'monitoring.live_residual',
     ),
     'Trajectories': (
         'trajectories.interpolation',

@@ -26,8 +26,9 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.command_supervisor import Fault, SafetyOptions
 from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
 from robot_dynamics.effort_guard import GuardLimits
-from robot_dynamics.event_timing import EventTiming
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
+from robot_dynamics.monitoring.event_timing import EventTiming
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateWatch
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.effort_check import EffortCheck
 from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
@@ -43,7 +44,6 @@ from robot_dynamics.ros.serialized import (
     state_template,
 )
 from robot_dynamics.set_point_stream import SetPointStream
-from robot_dynamics.state_watch import ImplausibleStateError, StateWatch
 from robot_dynamics.trajectories.interpolation import JointTrajectory
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms

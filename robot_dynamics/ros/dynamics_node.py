@@ -27,6 +27,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.loop_warnings import loop_warnings
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.monitoring.state_plausibility import StateWatch
 from robot_dynamics.ros.control_path import ControlPath
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
@@ -59,7 +60,6 @@ from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.serialized import JointStateDecoder
 from robot_dynamics.ros.urgent_service import UrgentService
-from robot_dynamics.state_watch import StateWatch
 from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String

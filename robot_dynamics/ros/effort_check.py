@@ -16,10 +16,10 @@
 
 from rclpy.node import Node
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.gravity_check import GravityCheck, NO_EFFORT, STILL
-from robot_dynamics.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.monitoring.gravity_check import GravityCheck, NO_EFFORT, STILL
+from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.serialized import SensedState

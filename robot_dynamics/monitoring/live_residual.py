@@ -23,8 +23,8 @@ instant, √2/ω ago, and of the same band.
 
 import numpy as np
 from robot_dynamics.effort_residual import model_terms
-from robot_dynamics.low_pass import LowPass
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.monitoring.low_pass import LowPass
 from robot_dynamics.validation import FloatArray
 from robot_dynamics.whole_turns import nearest_turn
 

@@ -29,7 +29,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.gravity_verdict import GravityVerdict
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.joints.effort_convention import (
     EffortSemantics,
@@ -38,6 +37,7 @@ from robot_dynamics.joints.effort_convention import (
 )
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.monitoring.gravity_verdict import GravityVerdict
 from robot_dynamics.validation import FloatArray
 from robot_dynamics.whole_turns import nearest_turn
 

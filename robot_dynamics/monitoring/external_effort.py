@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.momentum_observer import MomentumObserver
+from robot_dynamics.monitoring.momentum_observer import MomentumObserver
 from robot_dynamics.validation import FloatArray
 
 
