@@ -28,7 +28,7 @@ from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.demo_motion import make_reference_motion, sample_trajectory
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,

@@ -21,7 +21,7 @@ Between events the motion is exponentials and parabolas, and events are found by
 from collections.abc import Callable
 
 import numpy as np
-from robot_dynamics.backlash import CONTACT_TIME
+from robot_dynamics.simulation.backlash import CONTACT_TIME
 from scipy.optimize import brentq
 
 SLOW = 1e-3

@@ -30,7 +30,6 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.joint_order import JointOrder
-from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
     payload_from_ros,
@@ -43,7 +42,8 @@ from robot_dynamics.ros.conversions import (
 )
 from robot_dynamics.ros.joint_states import JointStateReader
 from robot_dynamics.ros.simulation_loop import Plant
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.inner_controller import RobotSide
 from robot_dynamics.trajectories.interpolation import TrajectoryFollower
 
 _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}

@@ -23,7 +23,7 @@ from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from scipy.linalg import expm
 
 laws = settings(deadline=None, derandomize=True, max_examples=200)

@@ -37,7 +37,7 @@ from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.validation import check_samples, check_vector, LARGEST_VALUE, SMALLEST_DIVISOR
 
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')

@@ -18,13 +18,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from robot_dynamics.command_timeout import CommandTimeout, FEWEST_STEPS
 from robot_dynamics.joints.effort_convention import make_effort_semantics
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.plant import Plant
-from robot_dynamics.robot_side import RobotSide
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.command_timeout import CommandTimeout, FEWEST_STEPS
+from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.plant import Plant
 
 PERIOD = 0.01
 TIMEOUT = 0.2

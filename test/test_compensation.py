@@ -23,7 +23,7 @@ from robot_dynamics.controller import Controller, ControllerOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.demo_motion import make_reference_motion
 
 PERIOD = 2e-3

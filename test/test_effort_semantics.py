@@ -33,8 +33,8 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.robot_side import RobotSide
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.inner_controller import RobotSide
 from robot_dynamics.trajectories.interpolation import make_trajectory
 
 ARM = load_arm(default_arm_urdf())

@@ -35,7 +35,7 @@ from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.momentum_observer import MomentumObserver
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
 BANDWIDTH = 8.0
 K = 2.0 * math.pi * BANDWIDTH

@@ -22,7 +22,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import JointFriction, make_friction, sigmoid
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
 laws = settings(deadline=None, derandomize=True, max_examples=100)
 

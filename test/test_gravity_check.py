@@ -34,8 +34,8 @@ from robot_dynamics.monitoring.gravity_check import (
 )
 from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.robot_side import RobotSide
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.inner_controller import RobotSide
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,

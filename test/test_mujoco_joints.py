@@ -31,7 +31,7 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
 
 TOLERANCE = 1e-9

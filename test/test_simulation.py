@@ -26,7 +26,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
 from scipy.integrate import solve_ivp
 

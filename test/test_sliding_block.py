@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
 MASS, DRY = 3.0, 6.0
 RAIL = f"""<robot name="rail">

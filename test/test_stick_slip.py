@@ -19,7 +19,7 @@ import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.recordings.reader import JointSeries
-from robot_dynamics.simulation import ArmSimulation
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from stick_slip import (
     COULOMB,
     DURATION,

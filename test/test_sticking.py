@@ -18,8 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.damped_step import damping_rate, phi_functions
 from robot_dynamics.joints.stiction import choose_modes, hold
+from robot_dynamics.simulation.exponential_step import damping_rate, phi_functions
 from scipy.integrate import quad
 
 laws = settings(deadline=None, derandomize=True, max_examples=200)

@@ -18,11 +18,11 @@ from pathlib import Path
 import sys
 
 import numpy as np
-from robot_dynamics.drive import Drive
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.reporting.figures import BLUE, GREEN, ORANGE, styled_figure, VERMILION
+from robot_dynamics.simulation.current_loop import Drive
 
 
 def motor(efficiency: float) -> Actuators:

@@ -33,7 +33,7 @@ GROUPS = {
         'joints.gear_friction',
         'joints.presliding',
         'joints.actuator',
-        'backlash',
+        'simulation.backlash',
         'model.joint_order',
     ),
     'Planar arms': (
@@ -45,7 +45,7 @@ GROUPS = {
         'control',
         'controller',
         'stable_gains',
-        'simulation',
+        'simulation.arm_simulation',
         'joints.effort_convention',
         'monitoring.external_effort',
         'monitoring.momentum_observer',
@@ -72,7 +72,7 @@ GROUPS = {
         'model.worst_gravity',
         'workspace_gravity',
         'torque_grid',
-        'joint_forces',
+        'simulation.joint_forces',
     ),
     'Recordings': (
         'recordings.reader',

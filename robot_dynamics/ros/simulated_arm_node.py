@@ -22,8 +22,6 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
-from robot_dynamics.plant import Plant
-from robot_dynamics.robot_side import RobotSide
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.guarded_callbacks import (
     destroyed_unless_made,
@@ -42,7 +40,9 @@ from robot_dynamics.ros.robot_description import (
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, WallTimeLoop
-from robot_dynamics.simulation import ArmSimulation, DEFAULT_MAX_STEP
+from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
+from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.plant import Plant
 from robot_dynamics_interfaces.srv import SetPayload
 from std_srvs.srv import Trigger
 

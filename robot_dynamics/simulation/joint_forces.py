@@ -23,11 +23,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.backlash import Backlash
 from robot_dynamics.joints.stiction import BoolArray, hold, Modes
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
-from robot_dynamics.runge_kutta import Acceleration
+from robot_dynamics.simulation.backlash import Backlash
+from robot_dynamics.simulation.runge_kutta import Acceleration
 from robot_dynamics.validation import FloatArray
 
 

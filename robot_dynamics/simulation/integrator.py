@@ -29,13 +29,13 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.damped_step import damped_step, damping_rate
-from robot_dynamics.gear_modes import ModeChooser
-from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.motion_events import End, EventFinder
-from robot_dynamics.runge_kutta import (
+from robot_dynamics.simulation.contact_modes import ModeChooser
+from robot_dynamics.simulation.events import End, EventFinder
+from robot_dynamics.simulation.exponential_step import damped_step, damping_rate
+from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
+from robot_dynamics.simulation.runge_kutta import (
     Acceleration,
     runge_kutta_step,
     RungeKuttaStep,

@@ -23,7 +23,7 @@ evenly with time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.runge_kutta import Acceleration
+from robot_dynamics.simulation.runge_kutta import Acceleration
 from robot_dynamics.validation import FloatArray
 
 

@@ -17,10 +17,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.command_timeout import CommandTimeout
 from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.robot_side import RobotSide
-from robot_dynamics.simulation import ArmSimulation, ArmState
+from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
+from robot_dynamics.simulation.command_timeout import CommandTimeout
+from robot_dynamics.simulation.inner_controller import RobotSide
 from robot_dynamics.validation import FloatArray
 
 

@@ -23,10 +23,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.backlash import TOUCH
-from robot_dynamics.crossing import cubic, first_crossing, quintic
-from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.joints.stiction import hold
+from robot_dynamics.simulation.backlash import TOUCH
+from robot_dynamics.simulation.event_location import cubic, first_crossing, quintic
+from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.validation import FloatArray
 
 _ITERATIONS = 60

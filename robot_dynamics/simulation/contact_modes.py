@@ -22,8 +22,8 @@ do is found by trying, one change at a time, the one that is furthest from what 
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.joints.stiction import BoolArray, choose_modes, Modes
+from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.validation import FloatArray
 
 _BOUNCES = 40

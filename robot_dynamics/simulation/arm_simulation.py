@@ -23,15 +23,15 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.backlash import Backlash
-from robot_dynamics.drive import Drive
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joint_forces import MotionState
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.motion import Motion
+from robot_dynamics.simulation.backlash import Backlash
+from robot_dynamics.simulation.current_loop import Drive
+from robot_dynamics.simulation.integrator import Motion
+from robot_dynamics.simulation.joint_forces import MotionState
 from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
 
 DEFAULT_MAX_STEP = 2e-3
