@@ -34,8 +34,8 @@ from robot_dynamics.chain_stage import (
     WEIGHT,
 )
 from robot_dynamics.moving_picture import Frame, Pixels
+from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.chain import NewtonEulerPass
-from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.reporting.figures import GREY, styled_figure
 
 WIDTH, DPI = 9.2, 100

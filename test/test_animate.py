@@ -26,8 +26,8 @@ from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
 from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_for, StageScales
 from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
 from robot_dynamics.reporting.figures import styled_figure
 from robot_dynamics.tools.animate import main

@@ -17,7 +17,10 @@
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_marks import (
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.pictures.arm_marks import (
     ArmMarks,
     effort_line,
     effort_scale,
@@ -25,11 +28,8 @@ from robot_dynamics.arm_marks import (
     JointPlace,
     LARGEST_SHARE,
 )
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.stick_figure import tool_link
 from robots import robot_urdf
 
 ARM = load_arm(default_arm_urdf())

@@ -25,9 +25,9 @@ import pytest
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.chain import newton_euler
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.planar_view import PlanarView
 from robots import robot_urdf
 
 UR10_PLANE = ('shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint')

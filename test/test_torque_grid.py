@@ -26,17 +26,17 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import worst_gravity
-import robot_dynamics.planar.two_link as planar
-from robot_dynamics.planar.two_link import PlanarTwoLink
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.stick_figure import side_view, StickFigure, tool_link
-from robot_dynamics.torque_grid import (
+from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics.pictures.torque_grid import (
     gravity_efforts,
     inertia_diagonal,
     make_grid,
     motion_efforts,
 )
-from robot_dynamics.workspace_gravity import limit_shares, workspace_gravity
+from robot_dynamics.pictures.workspace_gravity import limit_shares, workspace_gravity
+import robot_dynamics.planar.two_link as planar
+from robot_dynamics.planar.two_link import PlanarTwoLink
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robots import robot_urdf
 
 DEFAULT = load_arm(default_arm_urdf())

@@ -20,17 +20,17 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.reporting.figures import save_figure
-from robot_dynamics.tools.torque_map import main
-from robot_dynamics.torque_grid import gravity_efforts, make_grid
-from robot_dynamics.torque_map_picture import (
+from robot_dynamics.pictures.torque_grid import gravity_efforts, make_grid
+from robot_dynamics.pictures.torque_map import (
     angle_ticks,
     even_poses,
     LIMIT_WIDTH,
     map_figure,
     MapPanel,
 )
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.reporting.figures import save_figure
+from robot_dynamics.tools.torque_map import main
 from robots import robot_path
 
 pytest.importorskip('matplotlib')

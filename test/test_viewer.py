@@ -25,11 +25,11 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio as pin
 import pytest
-from robot_dynamics.arm_marks import ArmMarks
 from robot_dynamics.control import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_from_ros, trajectory_from_ros
 from robot_dynamics.ros.marker_messages import drawn

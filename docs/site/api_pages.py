@@ -70,8 +70,8 @@ GROUPS = {
         'model_check.checks',
         'model_check.finding',
         'model.worst_gravity',
-        'workspace_gravity',
-        'torque_grid',
+        'pictures.workspace_gravity',
+        'pictures.torque_grid',
         'simulation.joint_forces',
     ),
     'Recordings': (
@@ -99,7 +99,7 @@ GROUPS = {
     'Pictures': (
         'reporting.figures',
         'chain_animation',
-        'stick_figure',
+        'pictures.stick_figure',
         'moving_picture',
     ),
     'Input and errors': (

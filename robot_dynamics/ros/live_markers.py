@@ -27,8 +27,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.arm_marks import ArmMarks
 from robot_dynamics.controller import Controller, ControlOutput
+from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.marker_messages import drawn
 from robot_dynamics.validation import FloatArray

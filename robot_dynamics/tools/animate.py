@@ -31,8 +31,8 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError, RobotDy
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.motion_filter import filter_motion_below
 from robot_dynamics.moving_picture import check_format, write_moving_picture
+from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.tools.robot_argument import read_robot
 from robot_dynamics.validation import check_scalar

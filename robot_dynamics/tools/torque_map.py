@@ -29,11 +29,8 @@ import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.reporting.figures import save_figure
-from robot_dynamics.stick_figure import tool_link
-from robot_dynamics.tools.robot_argument import read_robot
-from robot_dynamics.torque_grid import (
+from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics.pictures.torque_grid import (
     gravity_efforts,
     inertia_diagonal,
     joint_index,
@@ -42,10 +39,13 @@ from robot_dynamics.torque_grid import (
     PositionGrid,
     SAMPLES,
 )
-from robot_dynamics.torque_map_picture import even_poses, map_figure, MapPanel, POSES
+from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
+from robot_dynamics.pictures.workspace_gravity import workspace_gravity
+from robot_dynamics.pictures.workspace_map import workspace_figure
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.reporting.figures import save_figure
+from robot_dynamics.tools.robot_argument import read_robot
 from robot_dynamics.validation import check_scalar, FloatArray
-from robot_dynamics.workspace_gravity import workspace_gravity
-from robot_dynamics.workspace_picture import workspace_figure
 
 DONE, NOT_WRITTEN, MISTAKE = 0, 1, 2
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.stick_figure import tool_link
+from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.validation import FloatArray
 
 FULL_TURN = 1.5 * math.pi

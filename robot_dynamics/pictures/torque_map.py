@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.planar_view import PlanarView
+from robot_dynamics.pictures.planar_view import PlanarView
+from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics.pictures.torque_grid import PositionGrid
 from robot_dynamics.reporting.figures import BLACK, styled_figure, title_axes
-from robot_dynamics.stick_figure import side_view, StickFigure, tool_link
-from robot_dynamics.torque_grid import PositionGrid
 from robot_dynamics.validation import FloatArray
 
 SIGNED, POSITIVE = 'PuOr_r', 'cividis'
