@@ -29,10 +29,10 @@ from typing import Any
 
 from benchmarks.processes import chain_urdf
 import numpy as np
-from robot_dynamics.analysis_task import analyze_task, task_configuration
-from robot_dynamics.arm_recording import AnalysisSettings
-from robot_dynamics.bag_analysis import analyze_recording
-from robot_dynamics.bag_tasks import run_tasks
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
+from robot_dynamics.analysis.bag_analysis import analyze_recording
+from robot_dynamics.analysis.batch import run_tasks
+from robot_dynamics.analysis.tasks import analyze_task, task_configuration
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.recordings.message_encoding import joint_state_messages

@@ -26,7 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.bag_tasks import Task, TaskOutcome
+from robot_dynamics.analysis.batch import Task, TaskOutcome
+from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.drive_gain import drive_gains, DriveGains
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.identification import describe, fit_model, Identification
@@ -42,7 +43,6 @@ from robot_dynamics.information import Information, merge
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.model_test import merge_tests
-from robot_dynamics.result_store import Result
 
 Runner = Callable[[Task, Sequence[Path], Mapping[str, Any]], list[TaskOutcome]]
 """Runs a task on recordings, with a configuration."""

@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.consistent_parameters import consistent_fit
 from robot_dynamics.friction_columns import FrictionStructure
 from robot_dynamics.information import Information, merge
@@ -39,7 +40,6 @@ from robot_dynamics.model.regressor import (
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model_choice import choose_model, ModelChoice
 from robot_dynamics.model_test import merge_tests, ModelTest, try_motion
-from robot_dynamics.motion_filter import FilteredMotion
 from robot_dynamics.motion_regression import bare_arm, reduce_motion
 from robot_dynamics.parameter_estimate import estimate_parameters, ParameterEstimate
 from robot_dynamics.pulled_least_squares import Fit, make_prior, Prior, PULL_OF_URDF, solve_bounded

@@ -18,13 +18,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.analysis_words import percent, Rows
+from robot_dynamics.analysis.result_store import Result
+from robot_dynamics.analysis.summary import percent, Rows
 from robot_dynamics.bag_identification import BagIdentification
 from robot_dynamics.drive_gain import DriveGains
 from robot_dynamics.identification import Identification
 from robot_dynamics.identified_model import joint_estimates
 from robot_dynamics.model_choice import PULLS
-from robot_dynamics.result_store import Result
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',

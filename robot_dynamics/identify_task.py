@@ -25,9 +25,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics.bag_analysis import joint_effort
-from robot_dynamics.bag_tasks import Configuration
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics.analysis.bag_analysis import joint_effort
+from robot_dynamics.analysis.batch import Configuration
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
+from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.friction_columns import FrictionStructure
 from robot_dynamics.information import Information
@@ -36,10 +38,8 @@ from robot_dynamics.model.arm_parameters import described_arm
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model_test import ModelTest, try_motion
-from robot_dynamics.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.motion_regression import column_names, model_effort, reduce_motion
 from robot_dynamics.pulled_least_squares import Fit
-from robot_dynamics.result_store import Result
 from robot_dynamics.validation import FloatArray
 
 SHOWN = 3000

@@ -23,8 +23,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.motion_filter import FilteredMotion
 from robot_dynamics.motion_regression import model_effort, parts_of
 from robot_dynamics.pulled_least_squares import Fit
 from robot_dynamics.validation import FloatArray

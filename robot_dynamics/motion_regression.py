@@ -24,12 +24,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.analysis.motion_filter import filter_like, FilteredMotion, samples_a_sample
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.friction_columns import COLUMN_NAMES, INERTIA, joint_columns, SHARP
 from robot_dynamics.information import Information, reduce_rows
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names, TorqueRegressor
-from robot_dynamics.motion_filter import filter_like, FilteredMotion, samples_a_sample
 from robot_dynamics.pulled_least_squares import Fit, without_memory
 from robot_dynamics.validation import FloatArray
 

@@ -17,11 +17,11 @@
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia
 from robot_dynamics.model.regressor import inertial_parameters, with_inertial_parameters
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.recordings.reader import JointSeries
 
 HARMONICS, BASE_FREQUENCY = 5, 0.1

@@ -22,8 +22,8 @@ import pytest
 pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
 from recordings import KnownMotion, write_recording  # noqa: E402
-from robot_dynamics.arm_recording import AnalysisSettings  # noqa: E402
-from robot_dynamics.bag_analysis import analyze_recording  # noqa: E402
+from robot_dynamics.analysis.arm_recording import AnalysisSettings  # noqa: E402
+from robot_dynamics.analysis.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
 from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
 from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file  # noqa: E402

@@ -21,9 +21,9 @@ import sys
 import children
 import numpy as np
 import pytest
-from robot_dynamics.bag_tasks import run_tasks, task_key
+from robot_dynamics.analysis.batch import run_tasks, task_key
+from robot_dynamics.analysis.result_store import load_result, save_result
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
-from robot_dynamics.result_store import load_result, save_result
 import tasks
 
 
@@ -109,7 +109,7 @@ import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 if __name__ == '__main__':
     from pathlib import Path
-    from robot_dynamics.bag_tasks import run_tasks
+    from robot_dynamics.analysis.batch import run_tasks
     import tasks
     directory = Path({str(tmp_path)!r})
     run_tasks(

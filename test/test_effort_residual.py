@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.effort_residual import (
+from robot_dynamics.analysis.residual import (
     merged_statistics,
     model_terms,
     residual_statistics,

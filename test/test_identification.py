@@ -24,6 +24,7 @@ from identification_bench import (
 )
 import numpy as np
 import pytest
+from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.drive_gain import drive_gains, DriveGains
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.friction_columns import FrictionStructure, OFFSET
@@ -35,7 +36,6 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.pseudo_inertia import is_consistent
 from robot_dynamics.model.regressor import inertial_parameters
-from robot_dynamics.motion_filter import filter_motion
 from robot_dynamics.motion_regression import (
     correlation_time,
     huber_weights,

@@ -16,8 +16,8 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.analysis.motion_filter import filter_motion, zero_phase
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.motion_filter import filter_motion, zero_phase
 from robot_dynamics.recordings.reader import JointSeries
 
 JOINTS = ('a', 'b')

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.effort_residual import model_terms
+from robot_dynamics.analysis.residual import model_terms
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm

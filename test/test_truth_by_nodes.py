@@ -26,11 +26,11 @@ import sys
 import children
 import numpy as np
 import pytest
+from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.identification import identify
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import described_arm
 from robot_dynamics.model.regressor import inertial_parameters
-from robot_dynamics.motion_filter import filter_motion
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording, RecordingWriter
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros, trajectory_to_ros

@@ -18,17 +18,17 @@ from collections.abc import Sequence
 import sys
 
 import numpy as np
-from robot_dynamics.analysis_task import limit_use_of, statistics_of
-from robot_dynamics.analysis_words import (
+from robot_dynamics.analysis.batch import TaskOutcome
+from robot_dynamics.analysis.residual import merged_statistics
+from robot_dynamics.analysis.result_store import Result
+from robot_dynamics.analysis.summary import (
     fact_lines,
     limit_use_rows,
     percent,
     residual_rows,
     table,
 )
-from robot_dynamics.bag_tasks import TaskOutcome
-from robot_dynamics.effort_residual import merged_statistics
-from robot_dynamics.result_store import Result
+from robot_dynamics.analysis.tasks import limit_use_of, statistics_of
 
 LONGEST_LIST = 20
 """Failures that are printed; of more it is said how many."""

@@ -26,8 +26,11 @@ from pathlib import Path
 import sys
 from typing import Any, NoReturn
 
-from robot_dynamics.analysis_files import require_parquet
-from robot_dynamics.analysis_task import (
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
+from robot_dynamics.analysis.bag_analysis import STEPS
+from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
+from robot_dynamics.analysis.sample_files import require_parquet
+from robot_dynamics.analysis.tasks import (
     analyze_task,
     OUTPUTS,
     outputs_exist,
@@ -38,9 +41,6 @@ from robot_dynamics.analysis_task import (
     task_configuration,
     TERMS,
 )
-from robot_dynamics.arm_recording import AnalysisSettings
-from robot_dynamics.bag_analysis import STEPS
-from robot_dynamics.bag_tasks import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names

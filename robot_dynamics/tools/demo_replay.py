@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
+from robot_dynamics.analysis.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure

@@ -19,7 +19,7 @@ from pathlib import Path
 import sys
 import textwrap
 
-from robot_dynamics.analysis_words import fact_lines, table
+from robot_dynamics.analysis.summary import fact_lines, table
 from robot_dynamics.bag_identification import BagIdentification
 from robot_dynamics.identification_words import (
     fact_rows,

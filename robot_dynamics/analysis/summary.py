@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.bag_analysis import BagAnalysis, LimitUse
-from robot_dynamics.effort_residual import ResidualStatistics
+from robot_dynamics.analysis.bag_analysis import BagAnalysis, LimitUse
+from robot_dynamics.analysis.residual import ResidualStatistics
 
 Rows = list[tuple[str, ...]]
 

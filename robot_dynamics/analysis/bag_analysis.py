@@ -26,8 +26,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
-from robot_dynamics.effort_residual import (
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
+from robot_dynamics.analysis.residual import (
     model_terms,
     residual_statistics,
     ResidualStatistics,
@@ -38,7 +39,6 @@ from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import described_semantics
-from robot_dynamics.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.validation import FloatArray
 
 

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.analysis_words import facts, limit_rows, residual_rows
-from robot_dynamics.bag_analysis import BagAnalysis
+from robot_dynamics.analysis.bag_analysis import BagAnalysis
+from robot_dynamics.analysis.summary import facts, limit_rows, residual_rows
 from robot_dynamics.reporting.figures import (
     effort_panel,
     joint_figure,

@@ -26,12 +26,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
+from robot_dynamics.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
+from robot_dynamics.analysis.velocity_check import contradicts_position
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, RecordingError
 from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.recordings.reader import IntArray, JointSeries, NANOSECONDS_PER_SECOND
 from robot_dynamics.validation import check_scalar, FloatArray
-from robot_dynamics.velocity_check import contradicts_position
 
 FILTER_ORDER = 4
 SHORTEST_SEGMENT = 2.0

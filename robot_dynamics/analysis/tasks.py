@@ -24,14 +24,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.analysis_files import write_csv, write_parquet, write_terms
-from robot_dynamics.analysis_report import write_report
-from robot_dynamics.analysis_words import facts
-from robot_dynamics.arm_recording import AnalysisSettings
-from robot_dynamics.bag_analysis import analyze_recording, BagAnalysis, LimitUse
-from robot_dynamics.bag_tasks import Configuration
-from robot_dynamics.effort_residual import ResidualStatistics
-from robot_dynamics.result_store import Result
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
+from robot_dynamics.analysis.bag_analysis import analyze_recording, BagAnalysis, LimitUse
+from robot_dynamics.analysis.batch import Configuration
+from robot_dynamics.analysis.report import write_report
+from robot_dynamics.analysis.residual import ResidualStatistics
+from robot_dynamics.analysis.result_store import Result
+from robot_dynamics.analysis.sample_files import write_csv, write_parquet, write_terms
+from robot_dynamics.analysis.summary import facts
 
 REPORT, PICTURE, TABLE, PARQUET, TERMS = (
     'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')

@@ -35,9 +35,9 @@ import signal
 import threading
 from typing import Any
 
+from robot_dynamics.analysis.result_store import load_result, Result, save_result
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
 from robot_dynamics.recordings.bag_files import METADATA, storage_groups
-from robot_dynamics.result_store import load_result, Result, save_result
 
 Configuration = Mapping[str, Any]
 """What the results depend on beside the recording: whatever JSON can write."""

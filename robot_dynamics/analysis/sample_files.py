@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.bag_analysis import BagAnalysis
+from robot_dynamics.analysis.bag_analysis import BagAnalysis
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.recordings.bag_files import METADATA
 from robot_dynamics.recordings.message_encoding import (
