@@ -35,10 +35,10 @@ from benchmarks.safe_motion_cases import (
     PUSH,
 )
 import numpy as np
-from robot_dynamics.command_supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
-from robot_dynamics.control import make_gains
-from robot_dynamics.controller import Controller, ControllerOptions
-from robot_dynamics.effort_guard import GuardLimits
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics

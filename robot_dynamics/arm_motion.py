@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from robot_dynamics.control import ErrorFeedback, make_gains
+from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.model.arm import ArmModel

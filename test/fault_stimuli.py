@@ -31,7 +31,7 @@ from fault_bench import (
     TimedCollector,
 )
 import numpy as np
-from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics.control.effort_limiter import LONGEST_STEP
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 

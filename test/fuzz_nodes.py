@@ -30,7 +30,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import serialize_message
-from robot_dynamics.controller import Controller
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.dynamics_node import DynamicsNode, options_from, SPECS
 from robot_dynamics.ros.dynamics_services import DynamicsServices

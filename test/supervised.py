@@ -19,8 +19,8 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from robot_dynamics.command_supervisor import CommandSupervisor, Fault, SafetyOptions
-from robot_dynamics.effort_guard import GuardLimits
+from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions
 
 NAMES = ('shoulder', 'elbow')
 HOLD, OTHER_HOLD = np.array([-50.0, 11.0]), np.array([-40.0, -6.0])

@@ -24,7 +24,7 @@ from robot_dynamics.arm_motion import simulate_motion
 from robot_dynamics.chain_animation import chain_frames
 from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
 from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_for, StageScales
-from robot_dynamics.control import wrap_to_pi
+from robot_dynamics.control.control_law import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -22,7 +22,7 @@ import re
 
 import numpy as np
 import pytest
-from robot_dynamics.control import ErrorFeedback, make_gains
+from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.exceptions import (
     InvalidInputError,
     LONGEST_MESSAGE,

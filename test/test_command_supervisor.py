@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.command_supervisor import Fault, FAULT_ACTIONS, Mode, SafetyOptions
+from robot_dynamics.control.supervisor import Fault, FAULT_ACTIONS, Mode, SafetyOptions
 from supervised import (
     answer,
     course,

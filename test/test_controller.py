@@ -22,8 +22,8 @@ import time
 from children import LONG
 import numpy as np
 import pytest
-from robot_dynamics.control import make_gains
-from robot_dynamics.controller import Controller, ControllerOptions, ControlOutput
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller, ControllerOptions, ControlOutput
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.effort_guard import EffortGuard, GuardLimits, LONGEST_STEP
+from robot_dynamics.control.effort_limiter import EffortGuard, GuardLimits, LONGEST_STEP
 
 N = 2
 INF = np.full(N, np.inf)

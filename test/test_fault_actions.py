@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.command_supervisor import FAULT_ACTIONS, Mode
+from robot_dynamics.control.supervisor import FAULT_ACTIONS, Mode
 from supervised import (
     answer,
     course,

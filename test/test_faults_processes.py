@@ -34,7 +34,7 @@ from fault_table import fault
 from joint_state_driver import DriverProcess
 import numpy as np
 import pytest
-from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics.control.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient, wait_until
 
 GROUP = 'Processes that fall silent, stall and are killed'

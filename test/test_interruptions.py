@@ -36,7 +36,7 @@ from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
-from robot_dynamics.effort_guard import LONGEST_STEP
+from robot_dynamics.control.effort_limiter import LONGEST_STEP
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf

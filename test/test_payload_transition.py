@@ -18,10 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.control.payload_transition import PayloadTransition, scaled
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload, merged, Payload
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.payload_transition import PayloadTransition, scaled
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 SECOND = 1_000_000_000

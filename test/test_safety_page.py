@@ -25,8 +25,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 import fault_table
 from fault_table import Row, rows_of_page
 import pytest
-import robot_dynamics.command_supervisor as command_supervisor
-import robot_dynamics.effort_guard as effort_guard
+import robot_dynamics.control.effort_limiter as effort_guard
+import robot_dynamics.control.setpoint_stream as set_point_stream
+import robot_dynamics.control.supervisor as command_supervisor
 import robot_dynamics.monitoring.state_plausibility as state_watch
 import robot_dynamics.ros.control_path as control_path
 from robot_dynamics.ros.dynamics_parameters import SPECS
@@ -35,7 +36,6 @@ import robot_dynamics.ros.message_bytes as message_bytes
 import robot_dynamics.ros.robot_description as robot_description
 import robot_dynamics.ros.safe_command as safe_command
 from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
-import robot_dynamics.set_point_stream as set_point_stream
 import robot_dynamics.urdf.parser as urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 

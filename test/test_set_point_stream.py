@@ -17,7 +17,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from robot_dynamics.set_point_stream import SetPointStream, STREAM_LENGTH
+from robot_dynamics.control.setpoint_stream import SetPointStream, STREAM_LENGTH
 
 TIMEOUT = 0.125
 """Exact in binary, as are whole seconds, so that the very timeout can be tried."""

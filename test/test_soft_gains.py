@@ -19,13 +19,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control import make_gains
-from robot_dynamics.controller import Controller, ControllerOptions
-from robot_dynamics.effort_guard import EffortGuard, GuardLimits
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.effort_limiter import EffortGuard, GuardLimits
+from robot_dynamics.control.gain_softening import crossover, share_of_gains
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.soft_gains import crossover, share_of_gains
 from robot_dynamics.trajectories.interpolation import make_trajectory
 
 ARM = load_arm(default_arm_urdf())

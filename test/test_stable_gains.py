@@ -18,19 +18,19 @@ import math
 
 import numpy as np
 import pytest
-from robot_dynamics.control import make_gains
-from robot_dynamics.controller import Controller, ControllerOptions
-from robot_dynamics.loop_warnings import loop_warnings
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.stable_gains import (
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.loop_warnings import loop_warnings
+from robot_dynamics.control.stable_gains import (
     CROSSOVER,
     DELAY_LAG,
     LOOP_DELAY,
     slowest_rate,
     StateQuality,
 )
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.interpolation import make_trajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 

@@ -18,14 +18,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import numpy as np
-from robot_dynamics.command_supervisor import (
+from robot_dynamics.control.effort_limiter import GuardLimits, LONGEST_STEP
+from robot_dynamics.control.supervisor import (
     CommandSupervisor,
     Fault,
     FAULT_ACTIONS,
     Mode,
     SafetyOptions,
 )
-from robot_dynamics.effort_guard import GuardLimits, LONGEST_STEP
 from supervised import NAMES
 
 REACH, LARGEST = 1.0, 100.0

@@ -19,8 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control import ErrorFeedback, make_gains, wrap_angle, wrap_to_pi
-from robot_dynamics.tracking import FEW, SegmentTracking
+from robot_dynamics.control.control_law import ErrorFeedback, make_gains, wrap_angle, wrap_to_pi
+from robot_dynamics.control.segment_tracking import FEW, SegmentTracking
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory, make_trajectory, Reference
 
 SECOND = 1_000_000_000

@@ -42,9 +42,9 @@ GROUPS = {
         'planar.urdf',
     ),
     'Control and simulation': (
-        'control',
-        'controller',
-        'stable_gains',
+        'control.control_law',
+        'control.controller',
+        'control.stable_gains',
         'simulation.arm_simulation',
         'joints.effort_convention',
         'monitoring.external_effort',

@@ -23,9 +23,10 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.command_supervisor import Fault, SafetyOptions
-from robot_dynamics.controller import Controller, ControlOutput, NonFiniteEffortError
-from robot_dynamics.effort_guard import GuardLimits
+from robot_dynamics.control.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.setpoint_stream import SetPointStream
+from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
 from robot_dynamics.monitoring.event_timing import EventTiming
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateWatch
@@ -43,7 +44,6 @@ from robot_dynamics.ros.serialized import (
     SensedState,
     state_template,
 )
-from robot_dynamics.set_point_stream import SetPointStream
 from robot_dynamics.trajectories.interpolation import JointTrajectory
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms

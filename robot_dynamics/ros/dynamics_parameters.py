@@ -14,13 +14,13 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
-from robot_dynamics.control import (
+from robot_dynamics.control.control_law import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
     per_joint,
 )
-from robot_dynamics.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
+from robot_dynamics.control.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.live_estimates import ESTIMATE_SPECS

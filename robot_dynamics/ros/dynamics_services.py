@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import QoSProfile
-from robot_dynamics.controller import Controller
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics

@@ -25,7 +25,7 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.controller import Controller
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortSemantics, joint_from_measured
 from robot_dynamics.model.arm_dynamics import ArmDynamics

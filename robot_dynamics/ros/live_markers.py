@@ -27,7 +27,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.controller import Controller, ControlOutput
+from robot_dynamics.control.controller import Controller, ControlOutput
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.marker_messages import drawn

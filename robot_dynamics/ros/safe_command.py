@@ -30,15 +30,15 @@ from typing import Any
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
-from robot_dynamics.command_supervisor import (
+from robot_dynamics.control.controller import ControlOutput
+from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.supervisor import (
     Brake,
     CommandSupervisor,
     Fault,
     Mode,
     SafetyOptions,
 )
-from robot_dynamics.controller import ControlOutput
-from robot_dynamics.effort_guard import GuardLimits
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD

@@ -17,8 +17,8 @@
 import math
 
 import numpy as np
-from robot_dynamics.command_supervisor import FAULT_ACTIONS, SafetyOptions
-from robot_dynamics.effort_guard import GuardLimits
+from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 from robot_dynamics.validation import FloatArray

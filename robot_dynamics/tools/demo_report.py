@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.control import wrap_to_pi
+from robot_dynamics.control.control_law import wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.recordings.reader import IntArray, Recording, stack, stamp_ns

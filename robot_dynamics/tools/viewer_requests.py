@@ -19,7 +19,7 @@ import math
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
-from robot_dynamics.control import wrap_to_pi
+from robot_dynamics.control.control_law import wrap_to_pi
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros

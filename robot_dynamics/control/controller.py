@@ -28,16 +28,16 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.control import ErrorFeedback, Gains
+from robot_dynamics.control.control_law import ErrorFeedback, Gains
+from robot_dynamics.control.gain_softening import crossover, share_of_gains
+from robot_dynamics.control.payload_transition import PayloadTransition
+from robot_dynamics.control.segment_tracking import FEW, SegmentTracking, Tracked
+from robot_dynamics.control.stable_gains import longest_period, StateQuality, UNKNOWN
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.payload_transition import PayloadTransition
-from robot_dynamics.soft_gains import crossover, share_of_gains
-from robot_dynamics.stable_gains import longest_period, StateQuality, UNKNOWN
-from robot_dynamics.tracking import FEW, SegmentTracking, Tracked
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory, JointTrajectory, Reference
 from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory

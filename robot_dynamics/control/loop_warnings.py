@@ -17,9 +17,9 @@
 from collections.abc import Iterator
 
 import numpy as np
-from robot_dynamics.controller import ControllerOptions
-from robot_dynamics.soft_gains import crossover
-from robot_dynamics.stable_gains import slowest_rate
+from robot_dynamics.control.controller import ControllerOptions
+from robot_dynamics.control.gain_softening import crossover
+from robot_dynamics.control.stable_gains import slowest_rate
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 LEAST_DAMPING = 0.3

@@ -33,7 +33,7 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from robot_dynamics.control import Gains, wrap_to_pi
+from robot_dynamics.control.control_law import Gains, wrap_to_pi
 from robot_dynamics.validation import FloatArray
 
 LOOP_DELAY = 0.008

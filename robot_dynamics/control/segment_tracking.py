@@ -23,7 +23,7 @@ from math import pi
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.control import ErrorFeedback, wrap_angle
+from robot_dynamics.control.control_law import ErrorFeedback, wrap_angle
 from robot_dynamics.trajectories.interpolation import Segment
 from robot_dynamics.validation import FloatArray
 

@@ -31,7 +31,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from robot_dynamics.effort_guard import EffortGuard, GuardedEffort, GuardLimits
+from robot_dynamics.control.effort_limiter import EffortGuard, GuardedEffort, GuardLimits
 from robot_dynamics.validation import FloatArray
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
