@@ -25,26 +25,26 @@ from identification_bench import (
 import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
-from robot_dynamics.drive_gain import drive_gains, DriveGains
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.friction_columns import FrictionStructure, OFFSET
-from robot_dynamics.identification import base_parameters_of, identify, prior_of
-from robot_dynamics.identified_model import identified_arm
-from robot_dynamics.information import merge
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.pseudo_inertia import is_consistent
-from robot_dynamics.model.regressor import inertial_parameters
-from robot_dynamics.motion_regression import (
+from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
+from robot_dynamics.identification.friction_regressor import FrictionStructure, OFFSET
+from robot_dynamics.identification.identified_arm import identified_arm
+from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
+from robot_dynamics.identification.qr_information import merge
+from robot_dynamics.identification.regression import (
     correlation_time,
     huber_weights,
     reduce_motion,
     regression_rows,
 )
-from robot_dynamics.parameter_estimate import estimate_parameters
+from robot_dynamics.identification.regularized_fit import without_memory
+from robot_dynamics.identification.uncertainty import estimate_parameters
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.pseudo_inertia import is_consistent
+from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.pulled_least_squares import without_memory
 from robot_dynamics.recordings.reader import JointSeries
 from robots import robot_urdf
 

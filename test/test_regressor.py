@@ -17,8 +17,8 @@
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification import base_parameters_of
-from robot_dynamics.information import BLOCKS, merge, reduce_rows
+from robot_dynamics.identification.pipeline import base_parameters_of
+from robot_dynamics.identification.qr_information import BLOCKS, merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.base_parameters import base_parameters
 from robot_dynamics.model.regressor import (

@@ -27,7 +27,7 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
-from robot_dynamics.identification import identify
+from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import described_arm
 from robot_dynamics.model.regressor import inertial_parameters

@@ -20,8 +20,8 @@ import sys
 import textwrap
 
 from robot_dynamics.analysis.summary import fact_lines, table
-from robot_dynamics.bag_identification import BagIdentification
-from robot_dynamics.identification_words import (
+from robot_dynamics.identification.bag_identification import BagIdentification
+from robot_dynamics.identification.summary import (
     fact_rows,
     friction_rows,
     gain_rows,

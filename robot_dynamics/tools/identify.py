@@ -151,9 +151,9 @@ def _count(text: str) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
     from robot_dynamics.analysis.batch import require_dask, run_tasks, Task, TaskOutcome
-    from robot_dynamics.bag_identification import identify_bags, STAGES
-    from robot_dynamics.identification_report import write_identification
-    from robot_dynamics.identify_task import arm_of, identify_configuration
+    from robot_dynamics.identification.bag_identification import identify_bags, STAGES
+    from robot_dynamics.identification.report import write_identification
+    from robot_dynamics.identification.tasks import arm_of, identify_configuration
     from robot_dynamics.model.arm_parameters import read_parameter_file
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings

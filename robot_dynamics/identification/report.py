@@ -21,8 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.bag_identification import BagIdentification
-from robot_dynamics.identification_words import (
+from robot_dynamics.identification.bag_identification import BagIdentification
+from robot_dynamics.identification.identified_arm import (
+    joint_estimates,
+    parameter_file,
+    parameter_values,
+)
+from robot_dynamics.identification.identified_urdf import identified_urdf
+from robot_dynamics.identification.summary import (
     fact_rows,
     friction_rows,
     gain_rows,
@@ -32,8 +38,6 @@ from robot_dynamics.identification_words import (
     residual_rows,
     warnings,
 )
-from robot_dynamics.identified_model import joint_estimates, parameter_file, parameter_values
-from robot_dynamics.identified_urdf import identified_urdf
 from robot_dynamics.reporting.figures import (
     effort_panel,
     joint_figure,

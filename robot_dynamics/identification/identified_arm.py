@@ -23,13 +23,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from robot_dynamics.friction_columns import joint_estimate, JointEstimate
+from robot_dynamics.identification.friction_regressor import joint_estimate, JointEstimate
+from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import with_inertial_parameters
-from robot_dynamics.pulled_least_squares import Fit
 
 _DIGITS = 9
 

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.identification.regression import model_effort, parts_of
+from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.motion_regression import model_effort, parts_of
-from robot_dynamics.pulled_least_squares import Fit
 from robot_dynamics.validation import FloatArray
 
 

@@ -25,10 +25,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.friction_columns import COLUMN_NAMES, FrictionStructure, INERTIA
-from robot_dynamics.information import Information
+from robot_dynamics.identification.friction_regressor import (
+    COLUMN_NAMES,
+    FrictionStructure,
+    INERTIA,
+)
+from robot_dynamics.identification.qr_information import Information
+from robot_dynamics.identification.regularized_fit import Prior
 from robot_dynamics.model.base_parameters import BaseParameters
-from robot_dynamics.pulled_least_squares import Prior
 from robot_dynamics.validation import FloatArray
 
 UNEXCITED = 1.0

@@ -26,9 +26,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
-from robot_dynamics.consistent_parameters import consistent_fit
-from robot_dynamics.friction_columns import FrictionStructure
-from robot_dynamics.information import Information, merge
+from robot_dynamics.identification.consistent_fit import consistent_fit
+from robot_dynamics.identification.friction_regressor import FrictionStructure
+from robot_dynamics.identification.holdout import merge_tests, ModelTest, try_motion
+from robot_dynamics.identification.model_selection import choose_model, ModelChoice
+from robot_dynamics.identification.qr_information import Information, merge
+from robot_dynamics.identification.regression import bare_arm, reduce_motion
+from robot_dynamics.identification.regularized_fit import (
+    Fit,
+    make_prior,
+    Prior,
+    PULL_OF_URDF,
+    solve_bounded,
+)
+from robot_dynamics.identification.uncertainty import estimate_parameters, ParameterEstimate
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.base_parameters import base_parameters, BaseParameters
 from robot_dynamics.model.regressor import (
@@ -38,11 +49,6 @@ from robot_dynamics.model.regressor import (
     TorqueRegressor,
 )
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.model_choice import choose_model, ModelChoice
-from robot_dynamics.model_test import merge_tests, ModelTest, try_motion
-from robot_dynamics.motion_regression import bare_arm, reduce_motion
-from robot_dynamics.parameter_estimate import estimate_parameters, ParameterEstimate
-from robot_dynamics.pulled_least_squares import Fit, make_prior, Prior, PULL_OF_URDF, solve_bounded
 
 TRAIN_FRACTION = 0.6
 _STATES = 60

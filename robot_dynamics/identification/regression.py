@@ -26,11 +26,16 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_like, FilteredMotion, samples_a_sample
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.friction_columns import COLUMN_NAMES, INERTIA, joint_columns, SHARP
-from robot_dynamics.information import Information, reduce_rows
+from robot_dynamics.identification.friction_regressor import (
+    COLUMN_NAMES,
+    INERTIA,
+    joint_columns,
+    SHARP,
+)
+from robot_dynamics.identification.qr_information import Information, reduce_rows
+from robot_dynamics.identification.regularized_fit import Fit, without_memory
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names, TorqueRegressor
-from robot_dynamics.pulled_least_squares import Fit, without_memory
 from robot_dynamics.validation import FloatArray
 
 HUBER = 4.0

@@ -28,10 +28,12 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.batch import Task, TaskOutcome
 from robot_dynamics.analysis.result_store import Result
-from robot_dynamics.drive_gain import drive_gains, DriveGains
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.identification import describe, fit_model, Identification
-from robot_dynamics.identify_task import (
+from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
+from robot_dynamics.identification.holdout import merge_tests
+from robot_dynamics.identification.pipeline import describe, fit_model, Identification
+from robot_dynamics.identification.qr_information import Information, merge
+from robot_dynamics.identification.tasks import (
     arm_of,
     fit_as_data,
     information_of,
@@ -39,10 +41,8 @@ from robot_dynamics.identify_task import (
     tests_of,
     try_task,
 )
-from robot_dynamics.information import Information, merge
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters
-from robot_dynamics.model_test import merge_tests
 
 Runner = Callable[[Task, Sequence[Path], Mapping[str, Any]], list[TaskOutcome]]
 """Runs a task on recordings, with a configuration."""

@@ -25,8 +25,8 @@ robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.friction_columns import FrictionStructure
-from robot_dynamics.information import Information
+from robot_dynamics.identification.friction_regressor import FrictionStructure
+from robot_dynamics.identification.qr_information import Information
 from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 

@@ -27,7 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.friction_columns import (
+from robot_dynamics.identification.friction_regressor import (
     COLUMN_COUNT,
     COULOMB,
     FrictionStructure,

@@ -31,15 +31,15 @@ from robot_dynamics.analysis.batch import Configuration
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.friction_columns import FrictionStructure
-from robot_dynamics.information import Information
+from robot_dynamics.identification.friction_regressor import FrictionStructure
+from robot_dynamics.identification.holdout import ModelTest, try_motion
+from robot_dynamics.identification.qr_information import Information
+from robot_dynamics.identification.regression import column_names, model_effort, reduce_motion
+from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import described_arm
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.model_test import ModelTest, try_motion
-from robot_dynamics.motion_regression import column_names, model_effort, reduce_motion
-from robot_dynamics.pulled_least_squares import Fit
 from robot_dynamics.validation import FloatArray
 
 SHOWN = 3000

@@ -25,14 +25,14 @@ URDF.
 from collections.abc import Sequence
 
 import numpy as np
-from robot_dynamics.friction_columns import COLUMN_COUNT, FrictionStructure
+from robot_dynamics.identification.friction_regressor import COLUMN_COUNT, FrictionStructure
+from robot_dynamics.identification.regularized_fit import bounded_problem, Fit, Prior
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     divergence_residuals,
     from_coordinates,
     jacobian,
 )
-from robot_dynamics.pulled_least_squares import bounded_problem, Fit, Prior
 from robot_dynamics.validation import FloatArray
 
 MOST_EVALUATIONS = 100

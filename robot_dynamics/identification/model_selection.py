@@ -27,10 +27,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.friction_columns import FrictionStructure, SIMPLEST, structures
-from robot_dynamics.information import BLOCKS, Information
+from robot_dynamics.identification.friction_regressor import (
+    FrictionStructure,
+    SIMPLEST,
+    structures,
+)
+from robot_dynamics.identification.qr_information import BLOCKS, Information
+from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
 from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.pulled_least_squares import Fit, grams_of, is_physical, Prior, solve
 from robot_dynamics.validation import FloatArray
 
 PULLS = tuple(10.0**exponent for exponent in range(-3, 7))

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.analysis.summary import percent, Rows
-from robot_dynamics.bag_identification import BagIdentification
-from robot_dynamics.drive_gain import DriveGains
-from robot_dynamics.identification import Identification
-from robot_dynamics.identified_model import joint_estimates
-from robot_dynamics.model_choice import PULLS
+from robot_dynamics.identification.bag_identification import BagIdentification
+from robot_dynamics.identification.drive_gains import DriveGains
+from robot_dynamics.identification.identified_arm import joint_estimates
+from robot_dynamics.identification.model_selection import PULLS
+from robot_dynamics.identification.pipeline import Identification
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
