@@ -23,8 +23,8 @@ import shutil
 from typing import NamedTuple
 
 import pytest
+from robot_dynamics.animation.video import check_format
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.moving_picture import check_format
 from robots import is_installed, PACKAGE
 
 DURATION = 'duration: about 7 minutes in three processes on two idle cores'

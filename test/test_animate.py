@@ -20,10 +20,16 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.arm_motion import simulate_motion
-from robot_dynamics.chain_animation import chain_frames
-from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
-from robot_dynamics.chain_stage import ChainStage, FORCE, round_number, scales_for, StageScales
+from robot_dynamics.animation.arm_motion import simulate_motion
+from robot_dynamics.animation.chain_animation import chain_frames
+from robot_dynamics.animation.chain_stage import (
+    ChainStage,
+    FORCE,
+    round_number,
+    scales_for,
+    StageScales,
+)
+from robot_dynamics.animation.panels import EffortPanel, EnergyPanel
 from robot_dynamics.control.control_law import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.pictures.planar_view import PlanarView

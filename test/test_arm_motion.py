@@ -18,7 +18,12 @@ import numpy as np
 import numpy.testing as npt
 from planar_chains import arm_of, on_a_turned_base, random_chain, urdf_of
 import pytest
-from robot_dynamics.arm_motion import LIFT_SHARE, lowest_position, motion_of, simulate_motion
+from robot_dynamics.animation.arm_motion import (
+    LIFT_SHARE,
+    lowest_position,
+    motion_of,
+    simulate_motion,
+)
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

@@ -20,8 +20,8 @@ import sys
 import numpy as np
 import numpy.testing as npt
 import pytest
+from robot_dynamics.animation.video import check_format, Frame, write_moving_picture
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
-from robot_dynamics.moving_picture import check_format, Frame, write_moving_picture
 
 Image = pytest.importorskip('PIL.Image')
 from PIL import ImageSequence  # noqa: E402

@@ -98,9 +98,9 @@ GROUPS = {
     ),
     'Pictures': (
         'reporting.figures',
-        'chain_animation',
+        'animation.chain_animation',
         'pictures.stick_figure',
-        'moving_picture',
+        'animation.video',
     ),
     'Input and errors': (
         'validation',

@@ -26,11 +26,11 @@ import sys
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
-from robot_dynamics.arm_motion import ArmMotion, LIFT_SHARE, motion_of, simulate_motion
-from robot_dynamics.chain_animation import chain_frames
+from robot_dynamics.animation.arm_motion import ArmMotion, LIFT_SHARE, motion_of, simulate_motion
+from robot_dynamics.animation.chain_animation import chain_frames
+from robot_dynamics.animation.video import check_format, write_moving_picture
 from robot_dynamics.exceptions import InvalidInputError, RecordingError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.moving_picture import check_format, write_moving_picture
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording

@@ -24,16 +24,16 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_motion import ArmMotion
-from robot_dynamics.chain_panels import EffortPanel, EnergyPanel
-from robot_dynamics.chain_stage import (
+from robot_dynamics.animation.arm_motion import ArmMotion
+from robot_dynamics.animation.chain_stage import (
     ChainStage,
     NEXT_ACCELERATION,
     scales_for,
     StageScales,
     WEIGHT,
 )
-from robot_dynamics.moving_picture import Frame, Pixels
+from robot_dynamics.animation.panels import EffortPanel, EnergyPanel
+from robot_dynamics.animation.video import Frame, Pixels
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.reporting.figures import GREY, styled_figure

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arm_motion import ArmMotion
+from robot_dynamics.animation.arm_motion import ArmMotion
 from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
