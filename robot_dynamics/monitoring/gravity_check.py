@@ -37,9 +37,9 @@ from robot_dynamics.joints.effort_convention import (
 )
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.monitoring.gravity_verdict import GravityVerdict
 from robot_dynamics.validation import FloatArray
-from robot_dynamics.whole_turns import nearest_turn
 
 STILL_VELOCITY = 0.05
 """[rad/s] or [m/s] that every joint must stay below, each sample: as much may be noise."""

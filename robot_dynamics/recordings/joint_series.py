@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.joints.whole_turns import unwrapped
 from robot_dynamics.recordings.joint_state_decoding import (
     DecodedJointStates,
     FIELDS,
@@ -34,7 +35,6 @@ from robot_dynamics.recordings.sample_faults import (
     SampleFaults,
 )
 from robot_dynamics.validation import FloatArray, LARGEST_VALUE
-from robot_dynamics.whole_turns import unwrapped
 
 BRAKES_LAST = 0.06
 """[s] without any effort between two samples with one that are taken for brakes."""
