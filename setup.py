@@ -52,8 +52,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'dynamics_node = robot_dynamics.ros.start:dynamics_node',
-            'simulated_arm = robot_dynamics.ros.start:simulated_arm',
+            'dynamics_node = robot_dynamics.ros.entry_points:dynamics_node',
+            'simulated_arm = robot_dynamics.ros.entry_points:simulated_arm',
             'analyze_bag = robot_dynamics.tools.analyze_bag:main',
             'animate = robot_dynamics.tools.animate:main',
             'check_model = robot_dynamics.tools.check_model:main',

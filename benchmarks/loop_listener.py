@@ -31,8 +31,8 @@ import numpy as np
 import numpy.typing as npt
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
-from robot_dynamics.ros.serialized import JointStateDecoder
 from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 

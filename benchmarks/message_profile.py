@@ -43,8 +43,8 @@ SPARE = 2e-7
 STEPS = (
     ('take the bytes', 'robot_dynamics.ros.message_loop:MessageLoop._take', 0),
     ('all that follows', 'robot_dynamics.ros.message_loop:MessageLoop._deliver', 0),
-    ('read the numbers', 'robot_dynamics.ros.serialized:JointStateDecoder.decode', 1),
-    ('find the joints', 'robot_dynamics.ros.joint_states:JointStateReader.read', 1),
+    ('read the numbers', 'robot_dynamics.ros.cdr_templates:JointStateDecoder.decode', 1),
+    ('find the joints', 'robot_dynamics.ros.joint_state_reader:JointStateReader.read', 1),
     ('judge the state', 'robot_dynamics.monitoring.state_plausibility:StateWatch.judge', 1),
     ('control law', 'robot_dynamics.control.controller:Controller.answer', 1),
     ('g(q)', 'robot_dynamics.model.rigid_body:RigidBody.gravity', 2),

@@ -40,7 +40,7 @@ from robot_dynamics.ros.conversions import (
     trajectory_to_ros,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.simulation_loop import Plant
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.inner_controller import RobotSide

@@ -41,7 +41,7 @@ from robot_dynamics.ros.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
+from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.trajectories.interpolation import make_trajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from robot_dynamics.ros.serialized import (
+from robot_dynamics.ros.cdr_templates import (
     array_template,
     effort_template,
     JointStateDecoder,

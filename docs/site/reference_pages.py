@@ -31,9 +31,9 @@ from typing import Any
 import rclpy
 from rclpy.node import Node
 from readme_pages import ROOT, sections
+from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics_node import DynamicsNode
 from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
-from robot_dynamics.ros.parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
 
@@ -192,7 +192,7 @@ def _executables_page() -> str:
     text = ['# Executables\n', 'Each is started as `ros2 run robot_dynamics NAME`.\n']
     for name, module, function in sorted(_entry_points()):
         text.append(f'## {name}\n')
-        if module == 'robot_dynamics.ros.start':
+        if module == 'robot_dynamics.ros.entry_points':
             doc = getattr(import_module(module), function).__doc__.strip()
             text.append(f'{doc} It has no options but those of ROS: [topics and services]'
                         '(docs/reference/topics.md), [parameters](docs/reference/parameters.md).'

@@ -30,20 +30,20 @@ from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
 from robot_dynamics.monitoring.event_timing import EventTiming
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateWatch
-from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
-from robot_dynamics.ros.effort_check import EffortCheck
-from robot_dynamics.ros.joint_states import JointStateReader, OtherJointsError
-from robot_dynamics.ros.live_estimates import Estimates, LiveEstimates
-from robot_dynamics.ros.live_markers import LiveMarkers
-from robot_dynamics.ros.message_bytes import UnreadableMessageError
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.safe_command import SafeCommand
-from robot_dynamics.ros.serialized import (
+from robot_dynamics.ros.cdr_templates import (
     effort_template,
     MessageTemplate,
     SensedState,
     state_template,
 )
+from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
+from robot_dynamics.ros.effort_check import EffortCheck
+from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
+from robot_dynamics.ros.live_estimates import Estimates, LiveEstimates
+from robot_dynamics.ros.live_markers import LiveMarkers
+from robot_dynamics.ros.message_bytes import UnreadableMessageError
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.trajectories.interpolation import JointTrajectory
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms

@@ -28,8 +28,10 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateWatch
+from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.control_path import ControlPath
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
+from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.dynamics_parameters import (
     GAINS,
@@ -49,7 +51,6 @@ from robot_dynamics.ros.live_estimates import Estimates
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
 from robot_dynamics.ros.model_check_log import check_or_refuse
-from robot_dynamics.ros.parameters import DeclaredParameters, Values
 from robot_dynamics.ros.robot_description import (
     arm_from_parameters,
     description_from_parameters,
@@ -58,7 +59,6 @@ from robot_dynamics.ros.robot_description import (
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
-from robot_dynamics.ros.serialized import JointStateDecoder
 from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState

@@ -23,9 +23,9 @@ from robot_dynamics.control.control_law import (
 from robot_dynamics.control.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.model_check_log import IGNORE_CHECKS_SPEC
-from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     check_order_is_given,

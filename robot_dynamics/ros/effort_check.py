@@ -20,9 +20,9 @@ from robot_dynamics.joints.effort_convention import EffortSemantics
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.gravity_check import GravityCheck, NO_EFFORT, STILL
 from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
+from robot_dynamics.ros.cdr_templates import SensedState
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.joint_states import JointStateReader
-from robot_dynamics.ros.serialized import SensedState
+from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.validation import FloatArray
 
 NAME = 'effort check'

@@ -35,13 +35,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
 from robot_dynamics.ros.answer_delivery import AnswerDelivery
-from robot_dynamics.ros.end_request import ends_in_time
 from robot_dynamics.ros.message_bytes import (
     LARGEST_MESSAGE,
     read_message,
     UnreadableMessageError,
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.shutdown import ends_in_time
 
 LONGEST_REASON = LONGEST_MESSAGE
 """Characters; a reason that quotes more of what arrived leaves out its middle."""

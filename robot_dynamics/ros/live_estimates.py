@@ -32,11 +32,11 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import Judgement
+from robot_dynamics.ros.cdr_templates import effort_template, SensedState
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
-from robot_dynamics.ros.serialized import effort_template, SensedState
 from robot_dynamics.validation import all_finite, FloatArray
 from sensor_msgs.msg import JointState
 

@@ -20,7 +20,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, refuse_errors
-from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 
 LARGEST_ARM = 12
 """Joints up to which the start of a node has time for the quick search, not only a brief one."""

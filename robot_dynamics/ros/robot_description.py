@@ -23,7 +23,7 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import LARGEST_LOAD_SHARE, make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.description_file import read_description
 
 MOST_JOINTS = 100

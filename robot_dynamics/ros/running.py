@@ -25,10 +25,10 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.end_request import EndRequest, ends_in_time
 from robot_dynamics.ros.guarded_callbacks import reason_of
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.shutdown import EndRequest, ends_in_time
 
 LONGEST_TURN = 0.0001
 """[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""

@@ -40,13 +40,13 @@ from robot_dynamics.control.supervisor import (
     SafetyOptions,
 )
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.serialized import (
+from robot_dynamics.ros.cdr_templates import (
     array_template,
     effort_template,
     MessageTemplate,
 )
+from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.validation import any_of, FloatArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray

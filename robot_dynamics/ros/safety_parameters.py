@@ -20,7 +20,7 @@ import numpy as np
 from robot_dynamics.control.effort_limiter import GuardLimits
 from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.validation import FloatArray
 
 FULL_EFFORT_TIME = 0.1

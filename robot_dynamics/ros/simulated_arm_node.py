@@ -23,12 +23,12 @@ import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
+from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
     reason_of,
 )
-from robot_dynamics.ros.parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     arm_from_parameters,

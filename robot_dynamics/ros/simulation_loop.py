@@ -30,11 +30,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.ros.cdr_templates import JointStateDecoder, stamp_bytes, state_template
 from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import reason_of
-from robot_dynamics.ros.joint_states import JointStateReader
+from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
-from robot_dynamics.ros.serialized import JointStateDecoder, stamp_bytes, state_template
 from robot_dynamics.simulation.plant import Measured, Plant
 from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock

@@ -19,7 +19,7 @@ import sys
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.serialized import Layout, SensedState
+from robot_dynamics.ros.cdr_templates import Layout, SensedState
 from robot_dynamics.validation import all_finite, check_unique, FloatArray, LARGEST_VALUE
 from sensor_msgs.msg import JointState
 
