@@ -34,7 +34,7 @@ os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
 
 LONGEST_END = 10.0
 """[s] that a process gets to end by itself."""
-DYNAMICS = 'robot_dynamics.ros.dynamics_node'
+DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
 

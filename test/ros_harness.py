@@ -48,7 +48,7 @@ import yaml
 RESEND_PERIOD = 0.5
 """[s] after which something said to a best-effort subscription is said again."""
 
-DYNAMICS = 'robot_dynamics.ros.dynamics_node'
+DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 
 EXACT = {

@@ -34,7 +34,7 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import Parameter
 from request_bench import ControlGoesOn
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type
-from robot_dynamics.ros.dynamics_parameters import SPECS
+from robot_dynamics.ros.dynamics.parameters import SPECS
 from ros_harness import RosClient
 
 GROUP = 'Parameters at run time'

@@ -29,13 +29,13 @@ import robot_dynamics.control.effort_limiter as effort_guard
 import robot_dynamics.control.setpoint_stream as set_point_stream
 import robot_dynamics.control.supervisor as command_supervisor
 import robot_dynamics.monitoring.state_plausibility as state_watch
-import robot_dynamics.ros.control_path as control_path
-from robot_dynamics.ros.dynamics_parameters import SPECS
+import robot_dynamics.ros.dynamics.command_output as safe_command
+import robot_dynamics.ros.dynamics.control_path as control_path
+from robot_dynamics.ros.dynamics.parameters import SPECS
+from robot_dynamics.ros.dynamics.safety_parameters import SAFETY_SPECS
 import robot_dynamics.ros.memory as memory
 import robot_dynamics.ros.message_bytes as message_bytes
 import robot_dynamics.ros.robot_description as robot_description
-import robot_dynamics.ros.safe_command as safe_command
-from robot_dynamics.ros.safety_parameters import SAFETY_SPECS
 import robot_dynamics.urdf.parser as urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 

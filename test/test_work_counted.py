@@ -36,7 +36,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, RigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_from_ros
-from robot_dynamics.ros.dynamics_node import DynamicsNode
+from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.trajectories.efforts import trajectory_efforts
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

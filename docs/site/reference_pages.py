@@ -32,8 +32,8 @@ import rclpy
 from rclpy.node import Node
 from readme_pages import ROOT, sections
 from robot_dynamics.ros.declared_parameters import ParameterSpec
-from robot_dynamics.ros.dynamics_node import DynamicsNode
-from robot_dynamics.ros.dynamics_parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
 

@@ -29,7 +29,7 @@ from typing import Any
 
 from robot_dynamics.exceptions import RobotDynamicsError
 
-DYNAMICS = 'robot_dynamics.ros.dynamics_node'
+DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
 VIEWER = 'robot_dynamics.tools.viewer'
 

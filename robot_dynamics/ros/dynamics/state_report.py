@@ -16,8 +16,8 @@
 
 import time
 
-from robot_dynamics.ros.control_path import ControlCounters
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.dynamics.control_path import ControlCounters
 
 
 class StateReport:

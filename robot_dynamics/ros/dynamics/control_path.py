@@ -37,13 +37,13 @@ from robot_dynamics.ros.cdr_templates import (
     state_template,
 )
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
-from robot_dynamics.ros.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.command_output import SafeCommand
+from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
+from robot_dynamics.ros.dynamics.markers import LiveMarkers
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.live_estimates import Estimates, LiveEstimates
-from robot_dynamics.ros.live_markers import LiveMarkers
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.safe_command import SafeCommand
 from robot_dynamics.trajectories.interpolation import JointTrajectory
 from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.msg import DynamicsTerms

@@ -30,7 +30,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.control.controller import Controller, ControlOutput
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.ros.conversions import stamp_to_ros
-from robot_dynamics.ros.marker_messages import drawn
+from robot_dynamics.ros.dynamics.marker_messages import drawn
 from robot_dynamics.validation import FloatArray
 from visualization_msgs.msg import MarkerArray
 

@@ -24,8 +24,9 @@ from robot_dynamics.control.controller import COMMAND_MODES, ControllerOptions, 
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
-from robot_dynamics.ros.live_estimates import ESTIMATE_SPECS
-from robot_dynamics.ros.model_check_log import IGNORE_CHECKS_SPEC
+from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
+from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
+from robot_dynamics.ros.dynamics.safety_parameters import effort_rates, SAFETY_SPECS
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     check_order_is_given,
@@ -34,7 +35,6 @@ from robot_dynamics.ros.robot_description import (
     GEAR_FRICTION_SPECS,
     semantics_from_parameters,
 )
-from robot_dynamics.ros.safety_parameters import effort_rates, SAFETY_SPECS
 from robot_dynamics.validation import FloatArray
 
 SPECS = (

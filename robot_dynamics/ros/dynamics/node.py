@@ -29,28 +29,29 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateWatch
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.control_path import ControlPath
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
-from robot_dynamics.ros.dynamics_parameters import (
+from robot_dynamics.ros.dynamics.control_path import ControlPath
+from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.live_estimates import Estimates
+from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robot_dynamics.ros.dynamics.parameters import (
     GAINS,
     optional_limits,
     options_from,
     SPECS,
 )
-from robot_dynamics.ros.dynamics_report import StateReport
-from robot_dynamics.ros.dynamics_services import DynamicsServices
-from robot_dynamics.ros.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.safety_parameters import guard_limits, safety_options
+from robot_dynamics.ros.dynamics.services import DynamicsServices
+from robot_dynamics.ros.dynamics.state_report import StateReport
 from robot_dynamics.ros.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
     reason_of,
 )
-from robot_dynamics.ros.live_estimates import Estimates
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
-from robot_dynamics.ros.model_check_log import check_or_refuse
 from robot_dynamics.ros.robot_description import (
     arm_from_parameters,
     description_from_parameters,
@@ -58,7 +59,6 @@ from robot_dynamics.ros.robot_description import (
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState
