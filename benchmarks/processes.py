@@ -35,7 +35,7 @@ os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
 LONGEST_END = 10.0
 """[s] that a process gets to end by itself."""
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
-SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
+SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 
 
 def chain_urdf(n: int) -> str:

@@ -41,7 +41,7 @@ from robot_dynamics.ros.conversions import (
     wrenches_from_ros,
 )
 from robot_dynamics.ros.joint_state_reader import JointStateReader
-from robot_dynamics.ros.simulation_loop import Plant
+from robot_dynamics.ros.simulated_arm.loops import Plant
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.inner_controller import RobotSide
 from robot_dynamics.trajectories.interpolation import TrajectoryFollower

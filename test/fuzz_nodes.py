@@ -37,7 +37,7 @@ from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.robot_description import arm_from_parameters
-from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
+from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation
 from sensor_msgs.msg import JointState

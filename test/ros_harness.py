@@ -49,7 +49,7 @@ RESEND_PERIOD = 0.5
 """[s] after which something said to a best-effort subscription is said again."""
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
-SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
+SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 
 EXACT = {
     'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0],

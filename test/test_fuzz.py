@@ -47,7 +47,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.parameters import SPECS
-from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
+from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 
 # A warning of numpy is a number that nobody checked.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')

@@ -34,8 +34,8 @@ from readme_pages import ROOT, sections
 from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-from robot_dynamics.ros.simulated_arm_node import SimulatedArmNode
-from robot_dynamics.ros.simulated_arm_node import SPECS as SIMULATED_ARM_SPECS
+from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
+from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {

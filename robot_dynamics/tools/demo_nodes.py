@@ -30,7 +30,7 @@ from typing import Any
 from robot_dynamics.exceptions import RobotDynamicsError
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
-SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm_node'
+SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 VIEWER = 'robot_dynamics.tools.viewer'
 
 STOP_TIMEOUT = 30.0

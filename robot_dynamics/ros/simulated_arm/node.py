@@ -39,7 +39,7 @@ from robot_dynamics.ros.robot_description import (
     semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.simulation_loop import ArmTopics, LockStepLoop, WallTimeLoop
+from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics.simulation.inner_controller import RobotSide
 from robot_dynamics.simulation.plant import Plant
