@@ -28,9 +28,9 @@ import numpy as np
 import pytest
 from recordings import KnownMotion, write_recording
 from robot_dynamics.recordings.reader import Recording, stack
+from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.demo import _make_directory
 from robot_dynamics.tools.demo_nodes import choose_domain
-from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics.trajectories.interpolation import make_trajectory, quintic_point_to_point
 from robots import robot_path

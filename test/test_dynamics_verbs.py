@@ -31,10 +31,10 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.tools.dynamics_client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.dynamics_verbs import main, make_parser, run, VERBS
 from robot_dynamics.tools.joint_arguments import joint_values
-from robot_dynamics.tools.text_table import text_table
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 
 ROOT = Path(__file__).parents[1]

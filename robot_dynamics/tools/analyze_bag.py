@@ -44,8 +44,8 @@ from robot_dynamics.analysis.tasks import (
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
+from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.analysis_console import print_failures, print_many, print_one
-from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.robot_argument import read_robot
 
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130

@@ -25,11 +25,11 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.ros.recorder import TopicCount
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, NodeProcess, SIMULATED_ARM, VIEWER
-from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_session import (
     CLOCK,
     COMPUTED_TORQUE,

@@ -28,10 +28,10 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
+from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics.ros.playback import Playback, PlaybackResult
 from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS
-from robot_dynamics.tools.demo_progress import Progress
 from robot_dynamics.tools.demo_report import print_table
 from robot_dynamics.tools.demo_session import (
     DESCRIPTION,

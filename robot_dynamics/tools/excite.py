@@ -113,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(arguments: argparse.Namespace) -> int:
     import numpy as np
     from robot_dynamics.model.arm_dynamics import ArmDynamics
-    from robot_dynamics.tools.demo_progress import Progress
+    from robot_dynamics.reporting.progress import Progress
     from robot_dynamics.trajectories.excitation import find_excitation, GENERATIONS
     from robot_dynamics.trajectories.excitation_limits import LimitShares, motion_limits
     from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory

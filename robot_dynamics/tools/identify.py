@@ -157,7 +157,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.arm_parameters import read_parameter_file
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
-    from robot_dynamics.tools.demo_progress import Progress
+    from robot_dynamics.reporting.progress import Progress
     from robot_dynamics.tools.identification_console import print_identification
     from robot_dynamics.tools.robot_argument import read_robot
     bags = find_recordings(arguments.bags)
