@@ -46,7 +46,7 @@ from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.analysis_console import print_failures, print_many, print_one
-from robot_dynamics.tools.robot_argument import read_robot
+from robot_dynamics.tools.arguments import read_robot
 
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 KEPT = 'results'

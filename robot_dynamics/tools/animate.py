@@ -34,7 +34,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording
-from robot_dynamics.tools.robot_argument import read_robot
+from robot_dynamics.tools.arguments import read_robot
 from robot_dynamics.validation import check_scalar
 
 DONE, NOT_WRITTEN, MISTAKE = 0, 1, 2

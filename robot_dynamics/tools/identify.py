@@ -158,8 +158,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.reporting.progress import Progress
+    from robot_dynamics.tools.arguments import read_robot
     from robot_dynamics.tools.identification_console import print_identification
-    from robot_dynamics.tools.robot_argument import read_robot
     bags = find_recordings(arguments.bags)
     parameters = {} if arguments.parameters is None else read_parameter_file(arguments.parameters)
     urdf = read_robot(arguments.urdf)

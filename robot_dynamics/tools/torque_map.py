@@ -44,7 +44,7 @@ from robot_dynamics.pictures.workspace_gravity import workspace_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import save_figure
-from robot_dynamics.tools.robot_argument import read_robot
+from robot_dynamics.tools.arguments import read_robot
 from robot_dynamics.validation import check_scalar, FloatArray
 
 DONE, NOT_WRITTEN, MISTAKE = 0, 1, 2
