@@ -57,7 +57,7 @@ setup(
             'analyze_bag = robot_dynamics.tools.analyze_bag:main',
             'animate = robot_dynamics.tools.animate:main',
             'check_model = robot_dynamics.tools.check_model:main',
-            'demo = robot_dynamics.tools.demo:main',
+            'demo = robot_dynamics.tools.demo.cli:main',
             'dynamics = robot_dynamics.tools.dynamics_verbs:main',
             'excite = robot_dynamics.tools.excite:main',
             'identify = robot_dynamics.tools.identify:main',

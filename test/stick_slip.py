@@ -30,7 +30,7 @@ from robot_dynamics.recordings.reader import (
     Recording,
     RecordingWriter,
 )
-from robot_dynamics.ros.recorder import Recorder, TopicSpec
+from robot_dynamics.tools.demo.recorder import Recorder, TopicSpec
 from ros_harness import KEEP_MANY, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 

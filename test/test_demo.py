@@ -29,8 +29,8 @@ import pytest
 from recordings import KnownMotion, write_recording
 from robot_dynamics.recordings.reader import Recording, stack
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.demo import _make_directory
-from robot_dynamics.tools.demo_nodes import choose_domain
+from robot_dynamics.tools.demo.cli import _make_directory
+from robot_dynamics.tools.demo.processes import choose_domain
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics.trajectories.interpolation import make_trajectory, quintic_point_to_point
 from robots import robot_path
@@ -58,7 +58,7 @@ def start_demo(directory, *arguments):
         name: value for name, value in os.environ.items()
         if name != 'ROS_DOMAIN_ID'}  # the demo finds one of its own
     return children.popen(
-        [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
+        [sys.executable, '-m', 'robot_dynamics.tools.demo.cli', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True)
 

@@ -119,7 +119,7 @@ def test_the_demo_waits_for_the_page_and_goes_on_after_the_motion(browser, tmp_p
     environment = {
         name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'}
     command = [
-        sys.executable, '-m', 'robot_dynamics.tools.demo', '--viewer', '0', '--duration', '1',
+        sys.executable, '-m', 'robot_dynamics.tools.demo.cli', '--viewer', '0', '--duration', '1',
         '--rate', '100', '--no-plot', '--out', 'here']
     with children.popen(
             command, cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,

@@ -25,8 +25,14 @@ import sys
 import tempfile
 import time
 
-from robot_dynamics.tools.demo_loop import STEP_BY_STEP
-from robot_dynamics.tools.demo_nodes import choose_domain, DYNAMICS, Nodes, SIMULATED_ARM, VIEWER
+from robot_dynamics.tools.demo.loop import STEP_BY_STEP
+from robot_dynamics.tools.demo.processes import (
+    choose_domain,
+    DYNAMICS,
+    Nodes,
+    SIMULATED_ARM,
+    VIEWER,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
 import browser  # noqa: E402

@@ -149,7 +149,7 @@ def _arm(arguments: argparse.Namespace) -> 'ArmModel':
 
 def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajectory') -> None:
     import numpy as np
-    from robot_dynamics.tools.demo_report import print_table
+    from robot_dynamics.tools.demo.report import print_table
     rows: list[tuple[str, ...]] = [('joint', 'start', 'lowest', 'highest', 'velocity',
                                     'acceleration', 'effort')]
     for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):

@@ -27,10 +27,16 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
-from robot_dynamics.ros.recorder import TopicCount
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS, NodeProcess, SIMULATED_ARM, VIEWER
-from robot_dynamics.tools.demo_session import (
+from robot_dynamics.tools.demo.processes import (
+    DemoError,
+    DYNAMICS,
+    NodeProcess,
+    SIMULATED_ARM,
+    VIEWER,
+)
+from robot_dynamics.tools.demo.recorder import TopicCount
+from robot_dynamics.tools.demo.session import (
     CLOCK,
     COMPUTED_TORQUE,
     DESCRIPTION,

@@ -137,7 +137,7 @@ def _run(arguments: argparse.Namespace) -> int:
     except OSError as error:
         return _mistake(f'--out: {error.filename!r} cannot be used: {error.strerror}')
     print(f'Writing to {directory}', flush=True)
-    from robot_dynamics.tools.demo_nodes import choose_domain
+    from robot_dynamics.tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
     if arguments.replay is not None:
         return _replay(arguments, directory)
@@ -145,10 +145,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
-    from robot_dynamics.tools.demo_loop import Page, run_closed_loop
-    from robot_dynamics.tools.demo_nodes import DemoError
-    from robot_dynamics.tools.demo_report import loop_report, print_report, save_picture
-    from robot_dynamics.tools.demo_session import PICTURE, RECORDING
+    from robot_dynamics.tools.demo.loop import Page, run_closed_loop
+    from robot_dynamics.tools.demo.processes import DemoError
+    from robot_dynamics.tools.demo.report import loop_report, print_report, save_picture
+    from robot_dynamics.tools.demo.session import PICTURE, RECORDING
     try:
         urdf = _description(arguments.robot, directory)
         arm = _arm(urdf, arguments.parameters)
@@ -193,15 +193,15 @@ def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion'
 
 
 def _replay(arguments: argparse.Namespace, directory: Path) -> int:
-    from robot_dynamics.tools.demo_nodes import DemoError
-    from robot_dynamics.tools.demo_replay import (
+    from robot_dynamics.tools.demo.processes import DemoError
+    from robot_dynamics.tools.demo.replay import (
         compare,
         play_recording,
         print_comparison,
         read_recording,
         save_comparison,
     )
-    from robot_dynamics.tools.demo_session import PICTURE, RECORDING
+    from robot_dynamics.tools.demo.session import PICTURE, RECORDING
     try:
         recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
         urdf = _description(arguments.robot, directory, recorded.urdf)
@@ -225,7 +225,7 @@ def _replay(arguments: argparse.Namespace, directory: Path) -> int:
 def _description(robot: str | None, directory: Path, recorded: str | None = None) -> str:
     """Return the URDF, which `directory` gets too."""
     from robot_dynamics.ros.robot_description import embedded_description, read_description_file
-    from robot_dynamics.tools.demo_session import DESCRIPTION
+    from robot_dynamics.tools.demo.session import DESCRIPTION
     if robot is not None:
         urdf = read_description_file(robot)
     else:

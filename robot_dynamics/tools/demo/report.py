@@ -30,8 +30,8 @@ from robot_dynamics.reporting.figures import (
     position_panel,
     save_figure,
 )
-from robot_dynamics.tools.demo_loop import LoopRun
-from robot_dynamics.tools.demo_session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics.tools.demo.loop import LoopRun
+from robot_dynamics.tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
 from robot_dynamics.trajectories.demo_motion import sample_trajectory
 from robot_dynamics.validation import FloatArray
 

@@ -30,10 +30,10 @@ from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.conversions import floats_to_ros
-from robot_dynamics.ros.playback import Playback, PlaybackResult
-from robot_dynamics.tools.demo_nodes import DemoError, DYNAMICS
-from robot_dynamics.tools.demo_report import print_table
-from robot_dynamics.tools.demo_session import (
+from robot_dynamics.tools.demo.playback import Playback, PlaybackResult
+from robot_dynamics.tools.demo.processes import DemoError, DYNAMICS
+from robot_dynamics.tools.demo.report import print_table
+from robot_dynamics.tools.demo.session import (
     DESCRIPTION,
     GRAVITY,
     JOINT_STATES,

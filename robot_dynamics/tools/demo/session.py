@@ -30,8 +30,8 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics.ros.recorder import interface_definitions, Recorder, TopicSpec
-from robot_dynamics.tools.demo_nodes import DemoError, Nodes
+from robot_dynamics.tools.demo.processes import DemoError, Nodes
+from robot_dynamics.tools.demo.recorder import interface_definitions, Recorder, TopicSpec
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
