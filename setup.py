@@ -63,7 +63,7 @@ setup(
             'identify = robot_dynamics.tools.identify:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
             'torque_map = robot_dynamics.tools.torque_map:main',
-            'viewer = robot_dynamics.tools.viewer:main',
+            'viewer = robot_dynamics.tools.viewer.cli:main',
         ],
         # `ros2 dynamics`, where there is ros2cli
         'ros2cli.command': ['dynamics = robot_dynamics.tools.ros2_command:DynamicsCommand'],

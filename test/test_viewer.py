@@ -46,12 +46,12 @@ if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
     pytest.importorskip('trimesh', reason='the viewer needs trimesh')
 from robot_dynamics.tools import viewer_requests as requests
-from robot_dynamics.tools.viewer_app import values_of
-from robot_dynamics.tools.viewer_node import worst_words
-from robot_dynamics.tools.viewer_panel import ArmPanel, hand_of
-from robot_dynamics.tools.viewer_plots import LivePlot, SHOWN
-from robot_dynamics.tools.viewer_scene import ArmScene
-from robot_dynamics.tools.viewer_server import start_server, stop_server
+from robot_dynamics.tools.viewer.app import values_of
+from robot_dynamics.tools.viewer.node import worst_words
+from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of
+from robot_dynamics.tools.viewer.plots import LivePlot, SHOWN
+from robot_dynamics.tools.viewer.scene import ArmScene
+from robot_dynamics.tools.viewer.server import start_server, stop_server
 
 SECOND = 1_000_000_000
 ONE_JOINT = """

@@ -45,7 +45,7 @@ from trajectory_msgs.msg import JointTrajectory
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
 
-VIEWER = 'robot_dynamics.tools.viewer'
+VIEWER = 'robot_dynamics.tools.viewer.cli'
 TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
 COARSE = 0.5
 """Scale of a page with meshes of 100,000 triangles, which software draws: a quarter the pixels."""

@@ -32,8 +32,8 @@ import rclpy
 from rclpy.context import Context
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.tools.viewer import AT, main
-from robot_dynamics.tools.viewer_server import address_of, is_loopback, start_server, stop_server
+from robot_dynamics.tools.viewer.cli import AT, main
+from robot_dynamics.tools.viewer.server import address_of, is_loopback, start_server, stop_server
 from robots import must_have_everything, robot_path
 from ros_harness import DYNAMICS, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
@@ -42,14 +42,14 @@ from std_msgs.msg import String
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
 import msgspec
-from robot_dynamics.tools.viewer_app import Viewer
-from robot_dynamics.tools.viewer_node import ViewerNode
+from robot_dynamics.tools.viewer.app import Viewer
+from robot_dynamics.tools.viewer.node import ViewerNode
 import viser
 import websockets.asyncio.server
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-VIEWER = 'robot_dynamics.tools.viewer'
+VIEWER = 'robot_dynamics.tools.viewer.cli'
 OPEN = re.compile(AT)
 PROTOCOL = f'viser-v{viser.__version__}'
 LISTENS = '0A'  # in /proc/net/tcp

@@ -30,7 +30,7 @@ import sys
 from typing import NoReturn, TYPE_CHECKING
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.tools.viewer import DEFAULT_PORT, port_number
+from robot_dynamics.tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
     from robot_dynamics.model.arm import ArmModel

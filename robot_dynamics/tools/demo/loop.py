@@ -49,7 +49,7 @@ from robot_dynamics.tools.demo.session import (
     TOPICS,
     TRAJECTORY,
 )
-from robot_dynamics.tools.viewer import AT, PAGE_OPEN
+from robot_dynamics.tools.viewer.cli import AT, PAGE_OPEN
 from robot_dynamics.trajectories.demo_motion import ReferenceMotion
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 

@@ -30,11 +30,11 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.conversions import stamp_from_ros
-from robot_dynamics.tools.viewer_actions import PageActions, Shown
-from robot_dynamics.tools.viewer_node import Heard, ViewerNode, worst_words
-from robot_dynamics.tools.viewer_panel import ArmPanel
-from robot_dynamics.tools.viewer_scene import ArmScene
-from robot_dynamics.tools.viewer_source import ArmSource, Description
+from robot_dynamics.tools.viewer.actions import PageActions, Shown
+from robot_dynamics.tools.viewer.node import Heard, ViewerNode, worst_words
+from robot_dynamics.tools.viewer.panel import ArmPanel
+from robot_dynamics.tools.viewer.scene import ArmScene
+from robot_dynamics.tools.viewer.source import ArmSource, Description
 from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 

@@ -23,7 +23,7 @@ from robot_dynamics.ros.robot_description import (
     description_path,
     embedded_description,
 )
-from robot_dynamics.tools.viewer_node import Described, ViewerNode
+from robot_dynamics.tools.viewer.node import Described, ViewerNode
 from robot_dynamics.urdf.description_file import read_description
 
 ASK_PERIOD = 1.0

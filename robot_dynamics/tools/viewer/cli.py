@@ -91,7 +91,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     is_over = threading.Event()
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: is_over.set())
-    from robot_dynamics.tools.viewer_server import (
+    from robot_dynamics.tools.viewer.server import (
         address_of,
         is_loopback,
         start_server,
@@ -102,8 +102,8 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
     from robot_dynamics.ros.running import MiddlewareError
-    from robot_dynamics.tools.viewer_app import Viewer
-    from robot_dynamics.tools.viewer_node import ViewerNode
+    from robot_dynamics.tools.viewer.app import Viewer
+    from robot_dynamics.tools.viewer.node import ViewerNode
     try:
         rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
         node = ViewerNode(

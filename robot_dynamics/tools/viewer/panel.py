@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.tools.viewer_plots import LivePlot, TERMS
+from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
 from robot_dynamics.validation import FloatArray
 
 Ask = Callable[[Callable[[], None]], None]
