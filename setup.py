@@ -58,7 +58,7 @@ setup(
             'animate = robot_dynamics.tools.animate:main',
             'check_model = robot_dynamics.tools.check_model:main',
             'demo = robot_dynamics.tools.demo.cli:main',
-            'dynamics = robot_dynamics.tools.dynamics_verbs:main',
+            'dynamics = robot_dynamics.tools.ros2_dynamics.verbs:main',
             'excite = robot_dynamics.tools.excite:main',
             'identify = robot_dynamics.tools.identify:main',
             'planar_urdf = robot_dynamics.tools.planar_urdf:main',
@@ -66,16 +66,16 @@ setup(
             'viewer = robot_dynamics.tools.viewer.cli:main',
         ],
         # `ros2 dynamics`, where there is ros2cli
-        'ros2cli.command': ['dynamics = robot_dynamics.tools.ros2_command:DynamicsCommand'],
+        'ros2cli.command': ['dynamics = robot_dynamics.tools.ros2_dynamics.ros2cli:DynamicsCommand'],
         'ros2cli.extension_point': [
-            'robot_dynamics.verb = robot_dynamics.tools.ros2_command:VerbExtension',
+            'robot_dynamics.verb = robot_dynamics.tools.ros2_dynamics.ros2cli:VerbExtension',
         ],
         'robot_dynamics.verb': [
-            'inverse = robot_dynamics.tools.ros2_command:InverseVerb',
-            'equation = robot_dynamics.tools.ros2_command:EquationVerb',
-            'check = robot_dynamics.tools.ros2_command:CheckVerb',
-            'payload = robot_dynamics.tools.ros2_command:PayloadVerb',
-            'status = robot_dynamics.tools.ros2_command:StatusVerb',
+            'inverse = robot_dynamics.tools.ros2_dynamics.ros2cli:InverseVerb',
+            'equation = robot_dynamics.tools.ros2_dynamics.ros2cli:EquationVerb',
+            'check = robot_dynamics.tools.ros2_dynamics.ros2cli:CheckVerb',
+            'payload = robot_dynamics.tools.ros2_dynamics.ros2cli:PayloadVerb',
+            'status = robot_dynamics.tools.ros2_dynamics.ros2cli:StatusVerb',
         ],
     },
 )

@@ -32,16 +32,16 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.text_table import text_table
-from robot_dynamics.tools.dynamics_client import DynamicsClient, NoAnswerError
-from robot_dynamics.tools.dynamics_verbs import main, make_parser, run, VERBS
-from robot_dynamics.tools.joint_arguments import joint_values
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
+from robot_dynamics.tools.ros2_dynamics.verbs import main, make_parser, run, VERBS
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 
 ROOT = Path(__file__).parents[1]
 COMPLETE = """
 import sys
 import argcomplete
-from robot_dynamics.tools.dynamics_verbs import make_parser
+from robot_dynamics.tools.ros2_dynamics.verbs import make_parser
 argcomplete.CompletionFinder()(make_parser(), exit_method=sys.exit, output_stream=sys.stdout)
 """
 LIFT = """
@@ -294,7 +294,7 @@ def test_every_verb_is_an_extension_of_ros2cli() -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     for name, verb in VERBS.items():
         assert helps[f'{name.capitalize()}Verb'] == f'{verb.help}.'
-        assert f"'{name} = robot_dynamics.tools.ros2_command:{name.capitalize()}Verb'" in setup
+        assert f"'{name} = robot_dynamics.tools.ros2_dynamics.ros2cli:{name.capitalize()}Verb'" in setup
 
 
 def test_ros2_dynamics() -> None:

@@ -20,7 +20,7 @@ Nothing else imports this module, as ros2cli is not everywhere.
 
 from argparse import ArgumentParser, Namespace
 
-from robot_dynamics.tools.dynamics_verbs import add_arguments, run
+from robot_dynamics.tools.ros2_dynamics.verbs import add_arguments, run
 from ros2cli.command import add_subparsers_on_demand, CommandExtension
 from ros2cli.plugin_system import PLUGIN_SYSTEM_VERSION, satisfies_version
 

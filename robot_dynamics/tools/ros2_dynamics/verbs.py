@@ -16,7 +16,7 @@
 Ask a running `dynamics` node in the words of a command line: `ros2 dynamics inverse 0.1 0.2`.
 
 Where there is no ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
-`python -m robot_dynamics.tools.dynamics_verbs inverse 0.1 0.2`.
+`python -m robot_dynamics.tools.ros2_dynamics.verbs inverse 0.1 0.2`.
 """
 # PYTHON_ARGCOMPLETE_OK
 
@@ -29,7 +29,7 @@ import sys
 from typing import Any, NamedTuple
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.tools.dynamics_answers import (
+from robot_dynamics.tools.ros2_dynamics.answers import (
     Answer,
     answer_check,
     answer_equation,
@@ -37,8 +37,8 @@ from robot_dynamics.tools.dynamics_answers import (
     answer_payload,
     answer_status,
 )
-from robot_dynamics.tools.dynamics_client import DynamicsClient, TIMEOUT
-from robot_dynamics.tools.dynamics_completion import (
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, TIMEOUT
+from robot_dynamics.tools.ros2_dynamics.completion import (
     complete_checks,
     complete_joints,
     complete_links,

@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.tools.dynamics_client import DynamicsClient
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 
 _TIMEOUT = 2.0
 """[s] that somebody waits for a completion."""

@@ -24,8 +24,8 @@ from lifecycle_msgs.srv import GetState
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.text_table import matrix_table, text_table
-from robot_dynamics.tools.dynamics_client import DynamicsClient, LATCHED, NoAnswerError
-from robot_dynamics.tools.joint_arguments import joint_values
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, LATCHED, NoAnswerError
+from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
 
 TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
