@@ -66,7 +66,9 @@ setup(
             'viewer = robot_dynamics.tools.viewer.cli:main',
         ],
         # `ros2 dynamics`, where there is ros2cli
-        'ros2cli.command': ['dynamics = robot_dynamics.tools.ros2_dynamics.ros2cli:DynamicsCommand'],
+        'ros2cli.command': [
+            'dynamics = robot_dynamics.tools.ros2_dynamics.ros2cli:DynamicsCommand',
+        ],
         'ros2cli.extension_point': [
             'robot_dynamics.verb = robot_dynamics.tools.ros2_dynamics.ros2cli:VerbExtension',
         ],

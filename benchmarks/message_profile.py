@@ -52,8 +52,10 @@ STEPS = (
     ('inverse dynamics', 'robot_dynamics.model.rigid_body:RigidBody.inverse_dynamics', 2),
     ('command', 'robot_dynamics.ros.dynamics.command_output:SafeCommand.answer', 1),
     ('limits and modes', 'robot_dynamics.control.supervisor:CommandSupervisor.answer', 2),
-    ('publish it, to one reader', 'robot_dynamics.ros.dynamics.command_output:SafeCommand._publish', 2),
-    ('publish both efforts, to none', 'robot_dynamics.ros.dynamics.control_path:ControlPath._publish', 1),
+    ('publish it, to one reader',
+     'robot_dynamics.ros.dynamics.command_output:SafeCommand._publish', 2),
+    ('publish both efforts, to none',
+     'robot_dynamics.ros.dynamics.control_path:ControlPath._publish', 1),
 )
 """What it is, the function, and how deep it lies."""
 
@@ -152,7 +154,7 @@ def _repeat(loop: Any, data: bytes) -> None:
 
 
 if __name__ == '__main__':
-    import robot_dynamics.ros.dynamics.node as dynamics_node
+    from robot_dynamics.ros.dynamics import node as dynamics_node
 
     _measure_in(Path(sys.argv[1]))
     sys.exit(dynamics_node.main(sys.argv[1:]))

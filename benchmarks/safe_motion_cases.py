@@ -50,7 +50,7 @@ FILES = {
     'z1': 'z1_description/urdf/z1.urdf',
     'talos_left_arm': 'talos_data/robots/talos_left_arm.urdf',
 }
-"""Descriptions in the package example-robot-data, by the names of test/robots.py."""
+"""Descriptions in the package example-robot-data, by the names of test/support/robots.py."""
 JOINTS = {
     'panda': [f'panda_joint{i + 1}' for i in range(7)],
     'talos_left_arm': [f'arm_left_{i + 1}_joint' for i in range(1, 7)]}

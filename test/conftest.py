@@ -43,8 +43,8 @@ if 'PYTEST_XDIST_WORKER' in os.environ:  # which got that of the process that st
     os.environ['ROS_DOMAIN_ID'] = str(os.getpid() % 100 + 1)
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
-os.environ.setdefault(
-    'FASTRTPS_DEFAULT_PROFILES_FILE', str(Path(__file__).with_name('fast_discovery.xml')))
+SUPPORT = Path(__file__).parent / 'support'
+os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(SUPPORT / 'fast_discovery.xml'))
 
 # The background job of a shell script ignores SIGINT, which processes started by it inherit: tests
 # could not interrupt theirs. A handler is not inherited, and leaves them the default.

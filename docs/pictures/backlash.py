@@ -15,7 +15,7 @@
 """
 Draw docs/images/backlash.png: hysteresis, dead zone, and the limit cycle that backlash causes.
 
-The runs are those that test/test_backlash_theory.py checks.
+The runs are those that test/simulation/test_backlash_theory.py checks.
 """
 
 from pathlib import Path
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.reporting.figures import BLACK, BLUE, GREY, ORANGE, styled_figure, VERMILION
 
-sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import backlash_theory as theory  # noqa: E402
 
 MILLI = 1e3

@@ -15,7 +15,8 @@
 """
 Draw docs/images/friction.png: the curve of friction, and a joint that sticks and slips.
 
-The joint is that of the running simulated arm, in the run that test/test_stick_slip.py checks.
+The joint is that of the running simulated arm, in the run that
+test/simulation/test_stick_slip.py checks.
 """
 
 import os
@@ -37,7 +38,7 @@ from robot_dynamics.reporting.figures import (
 )
 from robot_dynamics.tools.demo.processes import choose_domain
 
-sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import stick_slip as run  # noqa: E402
 
 

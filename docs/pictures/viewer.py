@@ -34,7 +34,7 @@ from robot_dynamics.tools.demo.processes import (
     VIEWER,
 )
 
-sys.path.insert(0, str(Path(__file__).parents[2] / 'test'))
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import browser  # noqa: E402
 from robots import robot_path  # noqa: E402
 

@@ -27,18 +27,18 @@ import sys
 
 def dynamics_node() -> int:
     """Run the node `dynamics`."""
-    return _run('dynamics_node')
+    return _run('robot_dynamics.ros.dynamics.node')
 
 
 def simulated_arm() -> int:
     """Run the node `simulated_arm`."""
-    return _run('simulated_arm_node')
+    return _run('robot_dynamics.ros.simulated_arm.node')
 
 
 def _run(module: str) -> int:
     for end_signal in (signal.SIGINT, signal.SIGTERM):
         signal.signal(end_signal, _leave)
-    return int(importlib.import_module(f'robot_dynamics.ros.{module}').main())
+    return int(importlib.import_module(module).main())
 
 
 def _leave(*_: object) -> None:

@@ -261,7 +261,3 @@ def _mistake(message: str) -> int:
 def _failure(message: str) -> int:
     print(f'demo: {message}', file=sys.stderr)
     return FAILED
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -31,7 +31,7 @@ from robot_dynamics.exceptions import RobotDynamicsError
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
-VIEWER = 'robot_dynamics.tools.viewer.cli'
+VIEWER = 'robot_dynamics.tools.viewer'
 
 STOP_TIMEOUT = 30.0
 """[s] that a node has to exit before it is killed; a busy machine may take seconds."""

@@ -16,7 +16,7 @@
 Ask a running `dynamics` node in the words of a command line: `ros2 dynamics inverse 0.1 0.2`.
 
 Where there is no ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
-`python -m robot_dynamics.tools.ros2_dynamics.verbs inverse 0.1 0.2`.
+`python -m robot_dynamics.tools.ros2_dynamics inverse 0.1 0.2`.
 """
 # PYTHON_ARGCOMPLETE_OK
 
@@ -186,7 +186,3 @@ def make_parser() -> argparse.ArgumentParser:
     for name, verb in VERBS.items():
         add_arguments(name, verbs.add_parser(name, help=verb.help, description=verb.help))
     return parser
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -125,7 +125,3 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         node.close()
         rclpy.try_shutdown()
     return DONE
-
-
-if __name__ == '__main__':
-    sys.exit(main())

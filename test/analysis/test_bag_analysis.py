@@ -1,0 +1,252 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording beside the model: known motions, and the real one of a UR10."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags')
+pytest.importorskip('scipy')
+from recordings import KnownMotion, write_recording  # noqa: E402
+from robot_dynamics.analysis.arm_recording import AnalysisSettings  # noqa: E402
+from robot_dynamics.analysis.bag_analysis import analyze_recording  # noqa: E402
+from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
+from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
+from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file  # noqa: E402
+from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
+from robot_dynamics.recordings.message_encoding import joint_state_messages  # noqa: E402
+from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
+from robots import robot_urdf  # noqa: E402
+
+# A warning of numpy is a number that nobody checked.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
+UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
+URDF = default_arm_urdf()
+MOTION = KnownMotion()
+HANGING = KnownMotion(rest=(np.pi, 0.0))
+SETTINGS = AnalysisSettings(URDF)
+
+
+def recorded(path, messages):
+    return write_recording(path / 'bag', messages)
+
+
+@pytest.fixture(scope='module')
+def known(tmp_path_factory):
+    return recorded(tmp_path_factory.mktemp('known'), MOTION.messages())
+
+
+def test_the_right_model_explains_a_noise_free_recording(known):
+    analysis = analyze_recording(known, SETTINGS)
+    assert analysis.recording.losses == ()
+    assert analysis.recording.remarks == ()
+    np.testing.assert_array_equal(analysis.motion.stamps_ns, MOTION.stamps_ns)
+    assert (analysis.statistics.relative < 2e-3).all()
+    assert (analysis.statistics.r_squared > 0.9999).all()
+    counts = analysis.motion.usable
+    assert analysis.statistics.sample_count == counts.sum() > 0.8 * len(counts)
+    np.testing.assert_allclose(
+        analysis.residual, analysis.measured - analysis.terms.effort, atol=1e-12)
+
+
+@pytest.mark.parametrize('velocity', [True, False])
+def test_positions_that_wrap_change_nothing(tmp_path, velocity):
+    """The arm swings about its rest pose, where a position within ±π steps by 2π."""
+    straight, wrapped = (
+        analyze_recording(write_recording(tmp_path / name, HANGING.messages(
+            velocity=velocity, wrapped=name == 'wrapped')), SETTINGS)
+        for name in ('straight', 'wrapped'))
+    assert (wrapped.statistics.relative < (2e-3 if velocity else 2e-2)).all()
+    assert wrapped.motion.differentiated == ()
+    assert wrapped.motion.cutoff_hz == straight.motion.cutoff_hz
+    assert wrapped.statistics.relative == pytest.approx(straight.statistics.relative, rel=1e-6)
+
+
+def test_use_of_limits(known):
+    limits, use = MOTION.arm.limits, analyze_recording(known, SETTINGS).limit_use
+    np.testing.assert_allclose(
+        use.effort, np.abs(MOTION.tau).max(axis=0) / limits.effort, rtol=0.01)
+    np.testing.assert_allclose(
+        use.velocity, np.abs(MOTION.v).max(axis=0) / limits.velocity, rtol=0.01)
+    expected = np.minimum(limits.upper - MOTION.q.max(axis=0), MOTION.q.min(axis=0) - limits.lower)
+    np.testing.assert_allclose(
+        use.position, np.where(np.isfinite(expected), expected, np.nan), atol=0.01)
+
+
+def test_missing_velocity_is_differentiated_and_said(tmp_path):
+    bag = recorded(tmp_path, MOTION.messages(velocity=False))
+    analysis = analyze_recording(bag, SETTINGS)
+    assert any('no velocity was recorded' in remark for remark in analysis.recording.remarks)
+    assert (analysis.statistics.relative < 1e-2).all()
+    counts = analysis.motion.usable
+    np.testing.assert_allclose(analysis.motion.velocity[counts], MOTION.v[counts], atol=0.01)
+
+
+def test_missing_effort_is_said_and_the_model_is_computed(tmp_path):
+    bag = recorded(tmp_path, MOTION.messages(effort=False))
+    analysis = analyze_recording(bag, SETTINGS)
+    assert any('no effort was recorded' in remark for remark in analysis.recording.remarks)
+    assert analysis.statistics is analysis.residual is analysis.measured is None
+    counts = analysis.motion.usable
+    np.testing.assert_allclose(analysis.terms.effort[counts], MOTION.tau[counts], atol=0.2)
+
+
+@pytest.mark.parametrize('pair', [('j1', 'joint1'), ('joint1', 'j1')])
+def test_joints_of_other_names_are_mapped_in_either_order(tmp_path, pair):
+    bag = recorded(tmp_path, MOTION.messages(names=('j1', 'joint2')))
+    analysis = analyze_recording(bag, AnalysisSettings(URDF, joint_map=(pair,)))
+    assert analysis.arm.joint_names == MOTION.names
+    assert (analysis.statistics.relative < 2e-3).all()
+
+
+def test_a_map_that_fits_no_joint_is_refused(known):
+    with pytest.raises(InvalidInputError, match=r"--map x=joint1.*\['joint1', 'joint2'\]"):
+        analyze_recording(known, AnalysisSettings(URDF, joint_map=(('x', 'joint1'),)))
+
+
+def test_joints_that_were_not_recorded_are_locked_and_said(tmp_path):
+    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
+        MOTION.stamps_ns, ('joint1', 'gripper'), MOTION.q, MOTION.v, MOTION.tau)))
+    analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
+    assert analysis.arm.joint_names == ('joint1',)
+    assert 'not recorded, and so locked: joint2' in analysis.recording.remarks
+
+
+def test_another_robot_is_refused_by_name(known):
+    with pytest.raises(InvalidInputError, match=r"'joint1', 'joint2'.*'ur10'.*--map"):
+        analyze_recording(known, AnalysisSettings(robot_urdf('ur10')))
+
+
+def test_a_topic_by_name_by_type_and_wrong(known):
+    for topic in ('/joint_states', 'sensor_msgs/msg/JointState', 'sensor_msgs/JointState'):
+        assert analyze_recording(
+            known, AnalysisSettings(URDF, topic=topic)).recording.topic == '/joint_states'
+    for topic in ('/joints', 'sensor_msgs/msg/Imu'):
+        with pytest.raises(RecordingError, match='/joint_states'):
+            analyze_recording(known, AnalysisSettings(URDF, topic=topic))
+
+
+def test_the_description_in_the_recording_is_used(tmp_path, known):
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        writer.add_topic('/joint_states', JOINT_STATE)
+        writer.add_topic('/robot_description', 'std_msgs/msg/String')
+        writer.write_message('/robot_description', 1, writer.make_message(
+            'std_msgs/msg/String', data=URDF))
+        for time_ns, data in MOTION.messages():
+            writer.write('/joint_states', time_ns, data)
+    assert (analyze_recording(
+        tmp_path / 'bag', AnalysisSettings()).statistics.relative < 2e-3).all()
+    with pytest.raises(InvalidInputError, match='--urdf'):
+        analyze_recording(known, AnalysisSettings())
+
+
+@pytest.mark.parametrize('braked', [slice(0, 100), slice(500, 600), slice(-100, None)])
+def test_brakes_are_left_out_and_said(tmp_path, braked):
+    tau = MOTION.tau.copy()
+    tau[braked] = 0.0
+    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
+        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, tau)))
+    analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
+    assert any('left out: 100 samples without any effort' in remark
+               for remark in analysis.recording.remarks)
+    assert not np.isin(MOTION.stamps_ns[braked], analysis.motion.stamps_ns).any()
+    assert (analysis.statistics.relative < 2e-3).all()
+
+
+def test_noise_of_a_damaged_file_is_left_out_and_said(tmp_path):
+    v = MOTION.v.copy()
+    v[400, 1] = 1e6
+    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
+        MOTION.stamps_ns, MOTION.names, MOTION.q, v, MOTION.tau)))
+    analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
+    assert any('1 sample beyond 10 times' in remark for remark in analysis.recording.remarks)
+    assert (analysis.statistics.relative < 2e-3).all()
+
+
+# --- what the effort is --------------------------------------------------------------------------
+
+def test_motor_currents_are_converted_by_the_parameters(tmp_path):
+    motors = make_actuators(MOTION.names, [0.1, 0.2], [50.0, 100.0], rotor_inertia=[1e-4, 2e-4])
+    arm = MOTION.arm.with_actuators(motors)
+    from robot_dynamics.model.arm_dynamics import ArmDynamics
+    tau = ArmDynamics(arm).inverse_dynamics_batch(MOTION.q, MOTION.v, MOTION.a)
+    current = tau / (motors.gear_ratio * motors.torque_constant)
+    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
+        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, current)))
+    file = tmp_path / 'arm.yaml'
+    file.write_text("""/**:
+  ros__parameters:
+    joints: [joint2, joint1]
+    measured_effort: motor_current
+    actuator:
+      torque_constant: [0.2, 0.1]
+      gear_ratio: [100.0, 50.0]
+      rotor_inertia: [2.0e-4, 1.0e-4]
+""")
+    analysis = analyze_recording(recorded(tmp_path, messages), AnalysisSettings(
+        URDF, parameters=read_parameter_file(file)))
+    assert analysis.arm.joint_names == ('joint2', 'joint1')
+    assert (analysis.statistics.relative < 2e-3).all()
+    assert any('motor_current' in remark for remark in analysis.recording.remarks)
+
+
+def test_gravity_that_the_robot_took_out_is_added(tmp_path):
+    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
+        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v,
+        MOTION.tau - _gravity(MOTION.arm, MOTION.q))))
+    analysis = analyze_recording(recorded(tmp_path, messages), AnalysisSettings(
+        URDF, parameters={'measured_effort': 'joint_torque_without_gravity'}))
+    assert (analysis.statistics.relative < 2e-3).all()
+
+
+def _gravity(arm, positions):
+    from robot_dynamics.model.rigid_body import RigidBody
+    body = RigidBody(arm)
+    return np.array([body.gravity(q) for q in positions])
+
+
+def test_parameters_go_with_their_joints():
+    values = {'joints': ['joint2', 'joint1'], 'friction.viscous': [2.0, 1.0],
+              'friction.coulomb': [3.0], 'gravity': [0.0, 0.0, 0.0]}
+    whole = described_arm(URDF, ('joint1', 'joint2'), values)
+    np.testing.assert_array_equal(whole.friction.viscous, [1.0, 2.0])
+    np.testing.assert_array_equal(whole.friction.coulomb, [3.0, 3.0])
+    assert not _gravity(whole, np.ones((1, 2))).any()
+    with pytest.raises(InvalidInputError, match=r'friction\.viscous has 2 values'):
+        described_arm(URDF, (), {'friction.viscous': [2.0, 1.0]})
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('- 1', 'nothing for the node'), ('dynamics: {a: 1}', r"it has \['dynamics'\]"),
+    ('a: [', 'cannot be read'), ('/arm: {ros__parameters: {joints: [a]}}', r"'/arm'")])
+def test_parameter_files_that_do_not_fit(tmp_path, text, words):
+    (tmp_path / 'a.yaml').write_text(text)
+    with pytest.raises(InvalidInputError, match=words):
+        read_parameter_file(tmp_path / 'a.yaml')
+
+
+# --- a real arm ----------------------------------------------------------------------------------
+
+def test_the_urdf_of_a_real_ur10_leaves_a_third_to_all_of_the_effort():
+    if not UR10.is_dir():
+        pytest.skip('the recording of a UR10 is not here')
+    analysis = analyze_recording(UR10, AnalysisSettings(robot_urdf('ur10')))
+    assert len(analysis.motion.stamps_ns) == 3441
+    assert (analysis.statistics.relative > 0.32).all()
+    assert (analysis.statistics.relative < 1.01).all()
+    assert not analysis.recording.losses

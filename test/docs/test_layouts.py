@@ -1,0 +1,204 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The layouts for PlotJuggler and Foxglove show what the running nodes publish."""
+
+from collections.abc import Iterator
+import json
+from pathlib import Path
+import re
+from typing import Any
+from xml.etree import ElementTree
+
+from diagnostic_msgs.msg import DiagnosticArray
+import pytest
+from robot_dynamics.reporting.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+CONFIG = Path(__file__).parents[2] / 'config'
+PLOTJUGGLER = ElementTree.parse(CONFIG / 'plotjuggler.xml').getroot()
+FOXGLOVE = json.loads((CONFIG / 'foxglove.json').read_text(encoding='utf-8'))
+SNIPPETS = {snippet.attrib['name']: snippet for snippet in PLOTJUGGLER.iter('snippet')}
+"""What PlotJuggler computes of the curves that are published."""
+COLOURS = {BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION}
+"""Those of the pictures; black would not be seen on the dark ground of both programs."""
+TYPES: dict[str, type] = {
+    '/joint_states': JointState, '/effort_command': JointState,
+    '/dynamics/gravity_compensation': JointState, '/dynamics/computed_torque': JointState,
+    '/dynamics/terms': DynamicsTerms, '/dynamics/reference': JointState,
+    '/dynamics/external_effort': JointState, '/dynamics/residual': JointState,
+    '/diagnostics': DiagnosticArray,
+}
+PATH = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\$?\w+\])?)+)$')
+"""A topic and the fields below it, in Foxglove's grammar of message paths."""
+
+
+@pytest.fixture(scope='module')
+def messages(client: RosClient) -> Iterator[dict[str, Any]]:
+    """Return a message of each topic, while the arm follows a reference."""
+    with running(NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
+        collectors = {
+            topic: client.collect(kind, topic) for topic, kind in TYPES.items()}
+        collectors['/effort_command'].wait_for()  # nothing is followed before the first state
+        client.publisher(JointTrajectory, '/dynamics/joint_trajectory').publish(JointTrajectory(
+            joint_names=['joint1', 'joint2'], points=[
+                JointTrajectoryPoint(positions=[0.1, 0.2], velocities=[0.0, 0.0])]))
+        yield {topic: collector.wait_for(
+            lambda m: not isinstance(m, DiagnosticArray) or any(
+                'rate' in pair.key and float(pair.value) > 0.0
+                for status in m.status for pair in status.values))
+            for topic, collector in collectors.items()}
+        for collector in collectors.values():
+            collector.close()
+
+
+# --- PlotJuggler ---------------------------------------------------------------------------------
+
+def is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def series(topic: str, message: Any) -> set[str]:
+    """Return the names of the curves that PlotJuggler makes of a message."""
+    if isinstance(message, JointState):
+        return {
+            f'{topic}/{name}/{field}' for field in ('position', 'velocity', 'effort')
+            for name, _ in zip(message.name, getattr(message, field))}
+    if isinstance(message, DiagnosticArray):
+        return {
+            f'{topic}/{status.hardware_id}/{status.name}/{key}' for status in message.status
+            for key in ['level', *(
+                pair.key for pair in status.values if is_number(pair.value))]}
+    names = set()
+    for field, kind in message.get_fields_and_field_types().items():
+        value = getattr(message, field)
+        if kind == 'sequence<double>':
+            names |= {f'{topic}/{field}[{i}]' for i in range(len(value))}
+        elif isinstance(value, float):
+            names.add(f'{topic}/{field}')
+    return names
+
+
+def test_every_curve_of_plotjuggler_is_published(messages: dict[str, Any]) -> None:
+    published: set[str] = set()
+    for topic, message in messages.items():
+        published |= series(topic, message)
+    wanted = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
+    assert len(wanted) > 30
+    assert wanted - published == set(SNIPPETS)
+
+
+def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(
+    messages: dict[str, Any],
+) -> None:
+    """Of curves that are drawn, too: PlotJuggler waits for no others when it starts."""
+    drawn = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
+    joints = messages['/dynamics/reference'].name
+    assert set(SNIPPETS) == {f'tracking error/{joint}' for joint in joints}
+    for joint in joints:
+        snippet = SNIPPETS[f'tracking error/{joint}']
+        sources = [snippet.findtext(tag) for tag in (
+            'function', 'linked_source', 'additional_sources/v1')]
+        assert sources == ['return value - v1', *(
+            f'{topic}/{joint}/position' for topic in ('/dynamics/reference', '/joint_states'))]
+        assert drawn.issuperset(sources[1:])
+    stamps = PLOTJUGGLER.find(".//plugin[@ID='ROS2 Topic Subscriber']/use_header_stamp")
+    assert stamps is not None
+    assert stamps.attrib['value'] == 'true'
+
+
+def test_plotjuggler_subscribes_to_what_it_draws() -> None:
+    chosen = PLOTJUGGLER.findall(".//plugin[@ID='ROS2 Topic Subscriber']/selected_topics")
+    topics = chosen[0].attrib['value'].split(';')
+    assert set(topics) == set(TYPES)
+    for curve in PLOTJUGGLER.iter('curve'):
+        name = curve.attrib['name']
+        assert name in SNIPPETS or any(name.startswith(f'{topic}/') for topic in topics)
+
+
+def test_the_parts_of_plotjuggler_fit_together() -> None:
+    """A splitter that counts more parts than it has ends PlotJuggler."""
+    splitters = list(PLOTJUGGLER.iter('DockSplitter'))
+    assert len(splitters) >= 5
+    for splitter in splitters:
+        assert len(splitter) == int(splitter.attrib['count'])
+        shares = [float(share) for share in splitter.attrib['sizes'].split(';')]
+        assert len(shares) == len(splitter)
+        assert sum(shares) == pytest.approx(1.0, abs=1e-5)
+    for plot in PLOTJUGGLER.iter('plot'):
+        colours = [curve.attrib['color'] for curve in plot.iter('curve')]
+        assert set(colours) <= COLOURS
+        assert len(set(colours)) == len(colours)
+
+
+# --- Foxglove ------------------------------------------------------------------------------------
+
+PLOTS = {name: panel for name, panel in FOXGLOVE['configById'].items() if 'paths' in panel}
+
+
+def found(path: str, messages: dict[str, Any]) -> Any:
+    """Return what a message path of Foxglove leads to."""
+    match = PATH.match(path)
+    assert match is not None, path
+    value = messages[match[1]]
+    for name, index in re.findall(r'\.(\w+)(?:\[(.+?)\])?', match[2]):
+        value = getattr(value, name)
+        if index:
+            variable = index.removeprefix('$')
+            value = value[int(FOXGLOVE['globalVariables'].get(variable, variable))]
+    return value
+
+
+def test_every_path_of_foxglove_leads_to_a_number(messages: dict[str, Any]) -> None:
+    assert len(PLOTS) >= 5
+    for name, plot in PLOTS.items():
+        for path in plot['paths']:
+            assert isinstance(found(path['value'], messages), float), name
+            assert path['color'] in COLOURS
+            has_header = hasattr(messages[path['value'].split('.')[0]], 'header')
+            assert path['timestampMethod'] != 'headerStamp' or has_header
+
+
+def test_the_scene_of_foxglove_is_published(
+    client: RosClient, messages: dict[str, Any],
+) -> None:
+    published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
+        'dynamics', '/')}
+    shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
+    assert shown - published == {'/robot_description'}  # of robot_state_publisher
+    assert '/dynamics/markers' in shown
+
+
+def test_the_panels_of_foxglove_are_those_of_its_layout() -> None:
+    def leaves(node: Any) -> list[str]:
+        if isinstance(node, str):
+            return [node]
+        assert node['direction'] in ('row', 'column')
+        assert 0 < node['splitPercentage'] < 100
+        return leaves(node['first']) + leaves(node['second'])
+
+    panels = leaves(FOXGLOVE['layout'])
+    assert sorted(panels) == sorted(FOXGLOVE['configById'])
+    variables = {panel['globalVariableName'] for panel in FOXGLOVE['configById'].values()
+                 if 'globalVariableName' in panel}
+    assert variables == set(FOXGLOVE['globalVariables']) == {'joint'}
+    health = FOXGLOVE['configById']['DiagnosticSummary!health']
+    assert health['topicToRender'] in TYPES

@@ -1,0 +1,59 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The set-up points the wheels' CMake files here, and leaves other environments alone."""
+
+import os
+from pathlib import Path
+import sys
+import sysconfig
+
+import children
+import numpy as np
+import pytest
+
+SCRIPT = Path(__file__).parents[2] / 'scripts' / '_relocate_cmake.py'
+HERE = (sysconfig.get_paths()['include'], np.get_include())
+
+
+def export(python: str, numpy: str) -> str:
+    return (
+        'set_target_properties(a PROPERTIES\n'
+        f'  INTERFACE_INCLUDE_DIRECTORIES "{python};{numpy};${{_IMPORT_PREFIX}}/include/python3"\n'
+        ')\n')
+
+
+def relocate(environment: Path) -> None:
+    children.run([sys.executable, str(SCRIPT), str(environment)], check=True)
+
+
+@pytest.mark.parametrize(('python', 'numpy'), [
+    ('/opt/python/cp312-cp312/include/python3.12',
+     '/opt/python/cp312-cp312/lib/python3.12/site-packages/numpy/_core/include'),
+    ('/usr/include/python3.11',
+     '/srv/other/.venv/lib/python3.11/site-packages/numpy/core/include'),
+])
+def test_a_file_that_other_environments_share_is_replaced_and_not_changed(
+    tmp_path: Path, python: str, numpy: str,
+) -> None:
+    cached, linked = tmp_path / 'cached.cmake', tmp_path / 'venv' / 'share' / 'a' / 'a.cmake'
+    linked.parent.mkdir(parents=True)
+    cached.write_text(export(python, numpy), encoding='utf-8')
+    os.link(cached, linked)
+    relocate(tmp_path / 'venv')
+    assert linked.read_text(encoding='utf-8') == export(*HERE)
+    assert cached.read_text(encoding='utf-8') == export(python, numpy)
+    inode = linked.stat().st_ino
+    relocate(tmp_path / 'venv')
+    assert linked.stat().st_ino == inode

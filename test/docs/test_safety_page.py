@@ -1,0 +1,168 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""docs/safety.md says what is so: every fault that is tried, every default, every figure."""
+
+from collections.abc import Iterator
+import json
+from pathlib import Path
+import re
+import sys
+
+import children
+from diagnostic_msgs.msg import DiagnosticArray
+import fault_table
+from fault_table import Row, rows_of_page
+import pytest
+from robot_dynamics.control import effort_limiter as effort_guard
+from robot_dynamics.control import setpoint_stream as set_point_stream
+from robot_dynamics.control import supervisor as command_supervisor
+from robot_dynamics.monitoring import state_plausibility as state_watch
+from robot_dynamics.ros import memory, message_bytes, robot_description
+from robot_dynamics.ros.dynamics import command_output as safe_command
+from robot_dynamics.ros.dynamics import control_path
+from robot_dynamics.ros.dynamics.parameters import SPECS
+from robot_dynamics.ros.dynamics.safety_parameters import SAFETY_SPECS
+from robot_dynamics.urdf import parser as urdf
+from ros_harness import DYNAMICS, NodeProcess, RosClient
+
+TEXT = fault_table.PAGE.read_text(encoding='utf-8')
+COLLECTION_TIMEOUT = 300.0
+"""[s] to import all the tests."""
+
+
+def tables() -> Iterator[list[dict[str, str]]]:
+    """Yield each table of the page as rows of cells by heading."""
+    for block in re.findall(r'(?:^\|.*\n)+', TEXT, re.MULTILINE):
+        lines = [[cell.strip() for cell in line.strip('|').split('|')]
+                 for line in block.splitlines()]
+        yield [dict(zip(lines[0], cells)) for cells in lines[2:]]
+
+
+def quoted_defaults() -> list[tuple[str, str]]:
+    """Return parameters and what the page says is their default; words for an empty array."""
+    return [
+        (row['parameter'].strip('`'), [*re.findall('`([^`]*)`', row['default']), '[]'][0])
+        for table in tables() for row in table if row.get('parameter') and 'default' in row]
+
+
+# --- the faults ----------------------------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
+    """Return group, injected and expected of each fault that the suite has."""
+    file = tmp_path_factory.mktemp('faults') / 'faults.json'
+    result = children.run(
+        [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
+         '-m', 'fault', '--list-faults', str(file), str(Path(__file__).parents[1])],
+        capture_output=True, text=True, timeout=COLLECTION_TIMEOUT)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]
+
+
+def test_the_table_has_every_fault_of_the_suite_and_no_other(
+    collected: list[tuple[str, str, str]],
+) -> None:
+    listed = [(row.group, row.injected, row.expected) for row in rows_of_page()]
+    assert listed, 'the table is empty: scripts/test -m fault --write-fault-table writes it'
+    assert sorted(listed) == sorted(collected)
+
+
+def test_every_row_says_what_was_seen_and_none_that_it_failed() -> None:
+    rows = rows_of_page()
+    assert rows
+    assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
+
+
+def test_what_is_written_to_the_page_is_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    page = tmp_path / 'safety.md'
+    page.write_text(TEXT, encoding='utf-8')
+    monkeypatch.setattr(fault_table, 'PAGE', page)
+    rows = [Row('One', 'a', 'b', 'as expected'), Row('Two', 'a, b', '`c`', 'not run: no network'),
+            Row('One', 'c', 'd', '**failed**')]
+    for _ in range(2):  # over whatever stands there
+        fault_table.write_page(rows)
+        assert fault_table.rows_of_page() == [rows[0], rows[2], rows[1]]
+    before = TEXT.split(fault_table.BEGIN)[0]
+    assert page.read_text(encoding='utf-8').startswith(before)
+
+
+def test_words_of_faults_fit_into_a_table(collected: list[tuple[str, str, str]]) -> None:
+    assert collected
+    for words in collected:
+        for cell in words:
+            assert cell.strip() == cell
+            assert cell
+            assert not re.search(r'[|\n]', cell), cell
+
+
+# --- the figures ---------------------------------------------------------------------------------
+
+def test_every_default_that_is_quoted_is_that_of_the_node() -> None:
+    defaults = {spec.name: spec.default for spec in SPECS}
+    quoted = quoted_defaults()
+    assert len(quoted) >= 6
+    for name, default in quoted:
+        assert default == str(defaults[name]), name
+
+
+def test_every_parameter_of_safety_is_explained() -> None:
+    for spec in SAFETY_SPECS:
+        assert f'`{spec.name}' in TEXT, spec.name
+        for choice in spec.choices:
+            assert f'`{choice}`' in TEXT or f'`{spec.name}: {choice}`' in TEXT, choice
+
+
+@pytest.mark.parametrize(('words', 'value'), [
+    ('of which at most {:g} s count', effort_guard.LONGEST_STEP),
+    ('every {:.0f} ms', 1e3 * safe_command.ACTION_PERIOD),
+    ('after {} valid states without a contradiction', control_path.CONFLICT_RECOVERY),
+    ('a jump of stamps by more than {:.0f} s', state_watch.LONGEST_GAP),
+    ('After {:.0f} s\n  without a believable state', state_watch.LONGEST_GAP),
+    ('further than {:g} rad (m)', state_watch.PLAY),
+    ('{:g} times the way at its velocity limit', state_watch.SPEED_FACTOR),
+    ('{} or more that came within it', {5: 'five'}[set_point_stream.STREAM_LENGTH]),
+    ('more than {} off', {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
+    ('topic | {:,} bytes', message_bytes.LARGEST_MESSAGE),
+    ('points of a trajectory | {:,}', message_bytes.MOST_POINTS),
+    ('`robot_description` | {:,} bytes', message_bytes.LARGEST_DESCRIPTION),
+    ('{} links', urdf.MOST_LINKS),
+    ('{} joints in use', robot_description.MOST_JOINTS),
+    ('{:.0f} GiB', memory.MEMORY_LIMIT / 2**30),
+])
+def test_figures_that_are_no_parameters(words: str, value: object) -> None:
+    assert words.format(value) in TEXT
+
+
+def test_every_fault_action_and_mode_is_there() -> None:
+    for words in (*command_supervisor.FAULT_ACTIONS, *command_supervisor.Mode):
+        name = words if isinstance(words, str) else words.value
+        assert name in TEXT, name
+
+
+# --- the diagnostics -----------------------------------------------------------------------------
+
+def test_the_diagnostics_are_those_of_a_running_node(client: RosClient) -> None:
+    table, = (rows for rows in tables() if 'figures' in rows[0])
+    told = {row['status'].strip('`'): re.findall('`([^`]*)`', row['figures']) for row in table}
+    with NodeProcess(DYNAMICS, namespace='/page'):
+        report = client.wait_for(
+            DiagnosticArray, '/diagnostics', lambda message: len(message.status) >= len(told))
+    for status in report.status:
+        name = status.name.removeprefix('dynamics: ')
+        figures = told.pop(name)
+        assert {value.key for value in status.values} <= set(figures), name
+    assert not told

@@ -1,0 +1,183 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The pages, as the site and GitHub show them: links, anchors, and what the site makes of them."""
+
+import ast
+import doctest
+from pathlib import Path
+import re
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / 'docs' / 'site'))
+
+import api_pages  # noqa: E402
+from check_site import faults_of, main  # noqa: E402
+import readme_pages  # noqa: E402
+
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+
+
+def anchors(page: Path) -> list[str]:
+    text = readme_pages.FENCE.sub('', page.read_text(encoding='utf-8'))
+    return [readme_pages.github_slug(heading)
+            for heading in re.findall(r'^#+ (.+)$', text, re.MULTILINE)]
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_anchors_of_links_are_headings(page: Path) -> None:
+    for link in readme_pages.links(page.read_text(encoding='utf-8')):
+        path, _, anchor = link.partition('#')
+        if anchor and not link.startswith('http'):
+            target = page.parent / path if path else page
+            assert anchor in anchors(target), f'{link}: {target.name} has no such heading'
+
+
+def test_the_example_of_the_students_page() -> None:
+    result = doctest.testfile(
+        str(ROOT / 'docs' / 'concepts.md'), module_relative=False, encoding='utf-8')
+    assert result.attempted > 0
+    assert result.failed == 0
+
+
+def test_every_page_of_docs_is_in_the_navigation() -> None:
+    navigation = (ROOT / 'mkdocs.yml').read_text(encoding='utf-8').split('\nnav:\n')[1]
+    for page in (ROOT / 'docs').glob('*.md'):
+        assert f': {page.name}\n' in navigation, page.name
+
+
+# --- the README as pages -------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('heading', 'anchor'), [
+    ('Two commands', 'two-commands'),
+    ('### `dynamics`'.lstrip('# '), 'dynamics'),
+    ('10. Corrections to the notes', '10-corrections-to-the-notes'),
+    ('M, C & g: what?', 'm-c--g-what'),
+    ('Größe des Δ', 'größe-des-δ'),
+])
+def test_anchors_are_those_of_github(heading: str, anchor: str) -> None:
+    assert readme_pages.github_slug(heading) == anchor
+
+
+def test_each_section_of_the_readme_has_one_place() -> None:
+    pages = readme_pages.readme_pages(README)
+    for heading in readme_pages.sections(README):
+        if heading:
+            shown = [page for page, text in pages.items() if f'## {heading}\n' in text]
+            in_reference = readme_pages.SECTIONS.get(heading, '').startswith('reference/')
+            assert len(shown) == (0 if in_reference else 1), heading
+    assert set(readme_pages.SECTIONS) <= set(readme_pages.sections(README))
+
+
+@pytest.mark.parametrize(('link', 'source', 'page', 'shown'), [
+    ('docs/safety.md', 'README.md', 'index.md', 'safety.md'),
+    ('docs/images/demo.png', 'README.md', 'index.md', 'images/demo.png'),
+    ('docs/safety.md', 'README.md', 'reference/topics.md', '../safety.md'),
+    ('#topics', 'README.md', 'index.md', 'reference/topics.md#topics'),
+    ('#what', 'docs/safety.md', 'safety.md', '#what'),
+    ('../README.md#see-it', 'docs/safety.md', 'safety.md', 'index.md#see-it'),
+    ('../README.md', 'docs/safety.md', 'safety.md', 'index.md'),
+    ('CONTRIBUTING.md', 'README.md', 'index.md', 'contributing.md'),
+    ('config/ur10.yaml', 'README.md', 'quick_start.md', 'code/config/ur10.yaml.md'),
+    ('../setup.py', 'docs/safety.md', 'safety.md', 'code/setup.py.md'),
+    ('https://a.example/b', 'README.md', 'index.md', 'https://a.example/b'),
+])
+def test_links_lead_to_pages_of_the_site(link: str, source: str, page: str, shown: str) -> None:
+    text = f'see [this]({link}), not\n```\n[that]({link})\n```\n'
+    assert readme_pages.with_links_of_site(text, source, page, README) == text.replace(
+        link, shown, 1)
+
+
+@pytest.mark.parametrize(('link', 'source'), [
+    ('absent.yaml', 'README.md'), ('#absent', 'README.md'), ('../../absent', 'docs/safety.md')])
+def test_links_to_nothing_are_refused(link: str, source: str) -> None:
+    with pytest.raises(ValueError, match='absent'):
+        readme_pages.target_in_site(link, source, README)
+
+
+# --- the reference of Python ---------------------------------------------------------------------
+
+def test_modules_of_the_reference_have_names_and_words() -> None:
+    for group in api_pages.GROUPS.values():
+        for module in group:
+            assert api_pages.public_names(module), module
+    pages = api_pages.api_pages()
+    page = pages[api_pages.page_of_group('Planar arms')]
+    assert '### mass_matrix {: #planar.mass_matrix }' in page
+    assert 'mass_matrix(arm: PlanarTwoLink' in page
+
+
+def test_what_examples_import_is_in_the_reference() -> None:
+    known = {module for group in api_pages.GROUPS.values() for module in group}
+    found = set()
+    for page in PAGES:
+        for code in re.findall(r'^```python\n(.*?)^```', page.read_text(encoding='utf-8'),
+                               re.MULTILINE | re.DOTALL):
+            lines = [line.removeprefix('>>> ') for line in code.splitlines()
+                     if re.match(r'(>>> )?from robot_dynamics[. ]', line)]
+            for node in ast.walk(ast.parse('\n'.join(lines))):
+                if isinstance(node, ast.ImportFrom) and node.module:
+                    names = [alias.name for alias in node.names]
+                    module = node.module.removeprefix('robot_dynamics').lstrip('.')
+                    found |= {module} if module else set(names)
+    assert {'planar', 'arm_dynamics'} <= found
+    assert {name for name in found if not name.startswith('ros.')} <= known
+
+
+# --- the check of the built site -----------------------------------------------------------------
+
+GOOD = ('<a href="other.html#there">o</a><a href="#here">h</a><p id="here"></p>'
+        '<a href="https://elsewhere.example">e</a><img src="a.png"><script src="a.js"></script>')
+
+
+def write_site(directory: Path, index: str) -> Path:
+    (directory / 'index.html').write_text(index, encoding='utf-8')
+    (directory / 'other.html').write_text('<p id="there"></p>', encoding='utf-8')
+    for name in ('a.png', 'a.js'):
+        (directory / name).touch()
+    return directory
+
+
+def test_a_good_site_has_no_faults(tmp_path: Path) -> None:
+    assert main([str(write_site(tmp_path, GOOD))]) == 0
+
+
+@pytest.mark.parametrize(('more', 'fault'), [
+    ('<a href="absent.html">', 'absent.html leads nowhere'),
+    ('<a href="other.html#absent">', 'other.html#absent leads nowhere'),
+    ('<a href="#absent">', '#absent leads nowhere'),
+    ('<img src="absent.png">', 'absent.png leads nowhere'),
+    ('<a href="file:///absent">', 'file:///absent leads nowhere'),
+    ('<p id="here">', 'the anchor #here is there twice'),
+    ('<script src="https://elsewhere.example/a.js">', 'loads https://elsewhere.example/a.js'),
+    ('<link href="//elsewhere.example/a.css">', 'loads //elsewhere.example/a.css'),
+])
+def test_each_fault_is_found(tmp_path: Path, more: str, fault: str) -> None:
+    faults = faults_of(write_site(tmp_path, GOOD + more))
+    assert any(line.endswith(fault) for line in faults), faults
+    assert main([str(tmp_path)]) == 1
+
+
+def test_fonts_of_another_server_are_found(tmp_path: Path) -> None:
+    write_site(tmp_path, GOOD)
+    (tmp_path / 'a.css').write_text('@font-face {src: url(https://elsewhere.example/f.woff)}')
+    assert any('elsewhere.example' in line for line in faults_of(tmp_path))
+
+
+def test_an_empty_directory_is_no_site(tmp_path: Path) -> None:
+    assert faults_of(tmp_path) == [f'{tmp_path} has no page']

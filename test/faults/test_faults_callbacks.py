@@ -1,0 +1,123 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults inside callbacks: what nobody foresaw is answered and told, and the node goes on."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import re
+import time
+from typing import Any
+
+from failing_node import WORDS
+from fault_bench import FaultBench, STEADY
+from fault_table import fault
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+import pytest
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+from ros_harness import NodeProcess, RosClient
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+GROUP = 'Exceptions inside callbacks'
+TOLD = 'the log has one line in 5 s; control goes on'
+CALLS = 10
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node with callbacks that fail, which commands, as tests leave it."""
+    support = Path(__file__).parents[1] / 'support'
+    path = os.pathsep.join([str(support), os.environ.get('PYTHONPATH', '')])
+    with NodeProcess(
+            'failing_node', STEADY, namespace='/failing', environment={'PYTHONPATH': path},
+            patient=False) as node:
+        one = FaultBench(client, node, '/failing')
+        one.driver.start()
+        one.check_commanding()
+        yield one
+        one.close()
+
+
+def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
+    """Check that the log told of a callback, and not too often since a moment."""
+    line = bench.node.wait_for_log(f'The callback of {of} failed: internal error: {words}')
+    assert '[ERROR]' in line
+    lines = re.findall(f'The callback of {of} failed', bench.node.log)
+    assert len(lines) <= 1 + (time.monotonic() - since) / LOG_PERIOD, bench.node.log
+    assert 'Traceback' not in bench.node.log
+    assert bench.figure('model', 'callbacks that failed') >= CALLS
+    bench.check_commanding()
+
+
+@pytest.mark.parametrize(('service', 'kind', 'words'), [
+    pytest.param(service, kind, words, marks=fault(GROUP, injected, (
+        f'`success` false and what failed; {TOLD}'))) for service, kind, words, injected in (
+            ('raises', Trigger, rf"ZeroDivisionError\('{WORDS}'\)", 'a service that raises'),
+            ('answers_nothing', SetBool, r"TypeError\('the service .* answered None'\)",
+             'a service that answers `None`'),
+            ('answers_another_type', Trigger, r'TypeError\(.the service .* answered .*SetBool',
+             'a service that answers with another type'))])
+def test_a_service_that_fails(
+    bench: FaultBench, service: str, kind: Any, words: str,
+) -> None:
+    begun = time.monotonic()
+    for _ in range(CALLS):
+        response = bench.client.call(kind, bench.name(service))
+        assert not response.success
+        assert re.search(f'^internal error: {words}', response.message), response.message
+    check_told(bench, f'~/{service}', words, begun)
+
+
+@fault(GROUP, 'a subscription that raises', TOLD)
+def test_a_subscription_that_fails(bench: FaultBench) -> None:
+    begun = time.monotonic()
+    publisher = bench.client.publisher(String, bench.name('raises'))
+    for _ in range(CALLS):
+        publisher.publish(String())
+    check_told(bench, '~/raises', 'ZeroDivisionError', begun)
+    bench.client.node.destroy_publisher(publisher)
+
+
+@fault(GROUP, 'a parameter callback that raises',
+       f'refused with what failed, old value kept; {TOLD}')
+def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
+    node = bench.name('').rstrip('/')
+    before, begun = bench.client.get_parameter(node, 'hold_time'), time.monotonic()
+    for _ in range(CALLS):
+        result, = bench.client.set_parameters(node, {'hold_time': before + 1.0})
+        assert not result.successful
+        assert result.reason == f"internal error: ZeroDivisionError('{WORDS}')"
+    assert bench.client.get_parameter(node, 'hold_time') == before
+    check_told(bench, 'dynamics/set_parameters', 'ZeroDivisionError', begun)
+
+
+@fault(GROUP, 'a lifecycle transition that raises',
+       '`success` false; efforts have ramped out, the node is unconfigured and can be configured')
+def test_a_transition_that_fails(bench: FaultBench) -> None:
+    def change(transition: int) -> bool:
+        return bool(bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(
+            transition=Transition(id=transition))).success)
+
+    bench.check_commanding()
+    assert change(Transition.TRANSITION_DEACTIVATE)
+    assert not change(Transition.TRANSITION_CLEANUP)
+    state = bench.client.call(GetState, bench.name('get_state')).current_state
+    assert state.id == State.PRIMARY_STATE_UNCONFIGURED
+    assert list(bench.efforts.messages[-1].effort) == [0.0, 0.0]
+    assert change(Transition.TRANSITION_CONFIGURE)
+    assert change(Transition.TRANSITION_ACTIVATE)
+    bench.check_commanding()

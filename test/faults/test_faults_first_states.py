@@ -1,0 +1,108 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults at the first joint state, and far too many of them; each from a node's start."""
+
+from collections.abc import Callable, Iterator
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+from typing import Any
+
+import children
+from fault_bench import Change, fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q
+from fault_stimuli import altered, NO_STREAM, shifted, wait_states
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import RosClient, TIMEOUT
+from sensor_msgs.msg import JointState
+
+GROUP = 'The first joint states'
+FLOOD = Path(__file__).parents[1] / 'support' / 'state_flood.py'
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that has not had a joint state, until the last test of this module."""
+    with fault_bench(client, '/faults_first', NO_STREAM, stream=False) as one:
+        yield one
+
+
+@pytest.mark.parametrize(('change', 'told'), [
+    pytest.param(change, told, marks=fault(
+        GROUP, f'before any other: {words}', 'dropped and told; not one effort goes out'))
+    for words, change, told in (
+        ('an empty message', lambda _: JointState(), ''),
+        ('a joint missing', altered(name=NAMES[:1], position=Q[:1], velocity=[]), 'leaves out'),
+        ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
+        ('a stamp 10 s in the past', shifted(-10.0), 's old'),
+        ('a stamp 10 s in the future', shifted(10.0), 's in the future'))])
+def test_nothing_before_the_first_valid_state(
+    bench: FaultBench, change: Change, told: str,
+) -> None:
+    bench.driver.go_on()
+    bench.driver.change = change
+    if told:
+        bench.wait_status('joint states', lambda status: told in status.message)
+    else:
+        bench.wait_dropped('other joints')
+    wait_states(bench, 20)
+    bench.driver.be_quiet()
+    assert bench.status('command').message == 'waiting for the first state'
+    assert bench.known('command', 'published') == 0
+    assert bench.efforts.messages == []
+
+
+@fault(GROUP, 'a set-point 2 rad away, sent before the first valid state',
+       'rejected with the reason; the first effort is g(q), and the arm is held')
+def test_the_first_effort(bench: FaultBench) -> None:
+    bench.set_point([Q[0] + 2.0, Q[1]])
+    bench.node.wait_for_log('no joint state with velocities has been received')
+    bench.driver.go_on()
+    for message in bench.efforts.wait_count(100):
+        assert message.effort == pytest.approx(G, abs=1e-6)
+    bench.check_alive()
+
+
+@fault('Too many joint states', '20,000 a second, for 1 s',
+       'the newest is answered, older ones are passed over; services answer; afterwards as ever')
+def test_a_flood(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+    bench.check_alive()
+    bench.driver.be_quiet()
+    flood = children.popen(
+        [sys.executable, str(FLOOD), f'{bench.namespace}/joint_states', '20000', '1'],
+        stdout=subprocess.PIPE, text=True, env=os.environ)
+    try:
+        bench.efforts.clear()
+        moment = time.time_ns()
+        bench.efforts.wait_for(lambda message: nanoseconds_of(message.header.stamp) > moment)
+        response = bench.client.call(
+            InverseDynamics, bench.name('inverse_dynamics'),
+            InverseDynamics.Request(position=Q))
+        assert response.effort == pytest.approx(G, abs=1e-6)
+        output, _ = flood.communicate(timeout=TIMEOUT)
+    finally:
+        flood.kill()
+        flood.wait()
+    sent, _ = map(int, output.split())
+    stamps = [nanoseconds_of(message.header.stamp) for message in bench.efforts.messages
+              if nanoseconds_of(message.header.stamp) > moment]
+    assert all(step >= 0 for step in np.diff(stamps))
+    assert 0 < len(stamps) <= sent
+    seen(f'{sent} sent in 1 s, {len(stamps)} answered')
+    bench.check_alive()

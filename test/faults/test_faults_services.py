@@ -1,0 +1,260 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults in what is asked of services: each is answered or passed over, and control goes on."""
+
+from collections.abc import Iterator
+import random
+import re
+import threading
+from typing import Any
+
+from fault_bench import fault_bench, FaultBench, G, NAMES, Q
+from fault_table import fault
+from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
+from lifecycle_msgs.srv import ChangeState
+import numpy as np
+import pytest
+from raw_requests import LENGTH, RawRequests
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from request_bench import ControlGoesOn
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch, SetPayload
+from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
+from service_requests import REFUSALS, SERVICES
+from std_srvs.srv import SetBool, Trigger
+
+GROUP = 'Requests to services'
+REFUSED = '`success` false with field, value and what was expected; control goes on'
+PASSED_OVER = 'passed over, as nobody can answer it; control goes on'
+RAW_TYPES = {
+    **SERVICES, 'set_parameters': SetParameters, 'get_parameters': GetParameters,
+    'set_parameters_atomically': SetParametersAtomically, 'change_state': ChangeState}
+MOST_MEMORY = 1.5 * 2**30
+"""[bytes]: the limit of a node, what it starts with, and some air."""
+
+
+@pytest.fixture(scope='module')
+def control(client: RosClient) -> Iterator[ControlGoesOn]:
+    """Return a node that commands gravity compensation, as tests leave it."""
+    with fault_bench(client, '/faults_services') as bench:
+        yield ControlGoesOn(bench)
+
+
+@pytest.fixture(scope='module')
+def large(control: ControlGoesOn) -> Iterator[LargeRequests]:
+    """Return a process that makes large requests."""
+    with LargeRequests(control.bench.namespace) as process:
+        yield process
+
+
+@pytest.fixture(scope='module')
+def raw(control: ControlGoesOn) -> Iterator[RawRequests]:
+    """Return a process that makes requests of any bytes."""
+    with RawRequests(control.bench.namespace) as process:
+        yield process
+
+
+def memory_of(bench: FaultBench) -> int:
+    """Return the most memory [bytes] that the node has had at a time."""
+    with open(f'/proc/{bench.node.pid}/status', encoding='utf-8') as status:
+        return 1024 * int(next(line for line in status if line.startswith('VmHWM')).split()[1])
+
+
+# --- malformed -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('service', [
+    pytest.param(service, marks=fault(
+        GROUP, f'malformed requests to `~/{service}`: {words}', REFUSED))
+    for service, words in (
+        ('inverse_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links, overflow'),
+        ('inverse_dynamics_batch', 'no whole samples, other counts, NaN, overflow'),
+        ('inverse_dynamics_trajectory', 'empty, two points at one time'),
+        ('forward_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links'),
+        ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
+        ('set_payload', 'an unknown link, a negative or infinite time'))])
+def test_malformed_requests(control: ControlGoesOn, service: str) -> None:
+    cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
+    assert cases
+    with control.checked():
+        for fields, words in cases:
+            response = control.ask(service, SERVICES[service], **fields)
+            assert not response.success
+            assert re.search(words, response.message), response.message
+
+
+@fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)
+def test_a_payload_beyond_numbers(control: ControlGoesOn) -> None:
+    request = SetPayload.Request()
+    request.payload.header.frame_id, request.payload.inertia.m = 'tool0', 1.7e308
+    with control.checked():
+        response = control.ask('set_payload', SetPayload, payload=request.payload)
+        assert not response.success
+        assert response.message == (
+            'payload.inertia.m is 1.7e+308, expected a number in [0, 1e+09]')
+
+
+@fault(GROUP, '`~/reset_fault` without a fault', '`success` false, says so; control goes on')
+def test_a_reset_without_a_fault(control: ControlGoesOn) -> None:
+    with control.checked():
+        response = control.ask('reset_fault', Trigger)
+        assert (response.success, response.message) == (False, 'there is no fault')
+
+
+# --- huge ----------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('case', 'message'), [
+    pytest.param(case, message, marks=fault(GROUP, words, expected))
+    for case, message, words, expected in (
+        ('batch', '', f'a batch of {SAMPLES:,} samples', 'answered right; control goes on'),
+        ('points', "effort of 'joint1' is .* times its limit",
+         f'a trajectory of {POINTS:,} points', 'answered right; control goes on'),
+        ('wrenches', '', f'{WRENCHES:,} external wrenches', 'answered right; control goes on'),
+        ('names', r"^joint_names has 'joint3', expected \['joint1', 'joint2'\]$",
+         '200,000 joint names', REFUSED),
+        ('one_name', r"^joint_names has 'xxx.* … .*x', expected \['joint1', 'joint2'\]$",
+         'a joint name of 10 million characters', 'refused with a short message; control goes on'),
+        ('link_name', r"^payload\.header\.frame_id is 'xxx.* … .*x', expected one of the links",
+         'a link name of 10 million characters', 'refused with a short message; control goes on'),
+    )])
+def test_large_requests(
+    control: ControlGoesOn, large: LargeRequests, case: str, message: str, seen: Any,
+) -> None:
+    with control.checked():
+        answer = large.call(case)
+    assert answer.is_right
+    assert re.search(message, answer.message), answer.message[:200]
+    assert len(answer.message) < 5000
+    seen(f'in {answer.seconds:.2g} s; longest pause of the efforts '
+         f'{1e3 * control.longest_pause:.0f} ms')
+
+
+# --- many, and dying -----------------------------------------------------------------------------
+
+@fault(GROUP, '20 clients with 5 requests each at the same time',
+       'each gets the answer to its own question; control goes on')
+def test_many_clients_at_the_same_time(control: ControlGoesOn, seen: Any) -> None:
+    node, name = control.bench.client.node, control.bench.name('inverse_dynamics')
+    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    positions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 5, 2))
+    # Each hears the answers to all, and keeps 10 of them where it is not told otherwise.
+    deep = QoSProfile(depth=positions[..., 0].size)
+    clients = [node.create_client(InverseDynamics, name, qos_profile=deep) for _ in positions]
+    with control.checked():
+        for service in clients:
+            assert service.wait_for_service(TIMEOUT)
+        done = threading.Semaphore(0)
+        futures = []
+        for j in range(positions.shape[1]):
+            for i, service in enumerate(clients):
+                request = InverseDynamics.Request(position=positions[i, j].tolist())
+                futures.append((positions[i, j], service.call_async(request)))
+                futures[-1][1].add_done_callback(lambda _: done.release())
+        for _ in futures:
+            assert done.acquire(timeout=TIMEOUT)
+        for q, future in futures:
+            assert future.result().effort == pytest.approx(dynamics.rigid_body.gravity(q))
+    for service in clients:
+        node.destroy_client(service)
+    seen(f'longest pause of the efforts {1e3 * control.longest_pause:.0f} ms')
+
+
+@fault(GROUP, 'a client killed while its request is answered',
+       'the next client gets its answer; control goes on')
+def test_a_client_that_dies_mid_call(control: ControlGoesOn) -> None:
+    doomed = LargeRequests(control.bench.namespace, NO_SHARED_MEMORY)
+    with control.checked():
+        doomed.send('points')
+        doomed.kill()
+        response = control.ask('inverse_dynamics', InverseDynamics, position=Q)
+        assert response.effort == pytest.approx(G, abs=5e-9)
+
+
+@fault(GROUP, 'a client of another service type under the name of a service',
+       'never served; control goes on')
+def test_a_client_of_another_type(control: ControlGoesOn) -> None:
+    name = control.bench.name('inverse_dynamics_batch')
+    with RosClient('stranger') as stranger, control.checked():
+        service = stranger.node.create_client(SetBool, name)
+        future = service.call_async(SetBool.Request(data=True))
+        response = control.ask('inverse_dynamics_batch', InverseDynamicsBatch, position=Q)
+        assert response.effort == pytest.approx(G, abs=5e-9)
+        assert not future.done()
+
+
+# --- raw bytes -----------------------------------------------------------------------------------
+
+def begins(count: int) -> bytes:
+    """Return a raw request that begins with a count."""
+    return count.to_bytes(4, 'little').ljust(LENGTH, b'\1')
+
+
+@fault(GROUP, 'random bytes as requests, to every service', PASSED_OVER)
+def test_random_bytes_as_requests(
+    control: ControlGoesOn, raw: RawRequests, seen: Any,
+) -> None:
+    source = random.Random(1)
+    requests = [
+        (name, kind, source.randbytes(LENGTH)) for name, kind in RAW_TYPES.items()
+        for _ in range(8)]
+    with control.checked():
+        raw.send(requests)
+        for name in SERVICES:  # and no service is lost
+            assert not control.ask(name, SERVICES[name]).message.startswith('internal')
+    assert memory_of(control.bench) < MOST_MEMORY
+    seen(f'{len(requests)} requests; longest pause of the efforts '
+         f'{1e3 * control.longest_pause:.0f} ms')
+
+
+@fault(GROUP, 'requests that break off in the middle', PASSED_OVER)
+def test_truncated_requests(control: ControlGoesOn, raw: RawRequests) -> None:
+    whole = serialize_message(InverseDynamics.Request(joint_names=NAMES, position=Q))[4:]
+    requests = [
+        (name, SERVICES[name], whole[start:start + LENGTH])
+        for name in ('inverse_dynamics', 'inverse_dynamics_batch', 'manipulator_equation')
+        for start in (0, 12, 24)]
+    with control.checked():
+        raw.send(requests)
+        response = control.ask('inverse_dynamics', InverseDynamics, position=Q)
+        assert response.effort == pytest.approx(G, abs=5e-9)
+
+
+@fault(GROUP, 'requests that claim to hold 4 billion, or 500 million, entries',
+       f'{PASSED_OVER}; the node takes at most 1 GiB of memory')
+def test_counts_that_no_memory_holds(
+    control: ControlGoesOn, raw: RawRequests, seen: Any,
+) -> None:
+    requests = [
+        (name, kind, begins(count)) for name, kind in RAW_TYPES.items()
+        for count in (2**32 - 1, 2**29)]
+    with control.checked():
+        raw.send(requests)
+    assert memory_of(control.bench) < MOST_MEMORY
+    seen(f'at most {memory_of(control.bench) / 2**20:.0f} MiB')
+
+
+@fault(GROUP, 'a request that claims to hold 8 million names, and holds none',
+       'passed over; control may pause while the middleware makes room for them, and comes back '
+       'by itself')
+def test_a_count_that_takes_its_time(
+    control: ControlGoesOn, raw: RawRequests, seen: Any,
+) -> None:
+    with control.checked(with_faults=True):
+        raw.send([('inverse_dynamics', InverseDynamics, begins(2**23))])
+    assert memory_of(control.bench) < MOST_MEMORY
+    seen(f'longest pause of the efforts {1e3 * control.longest_pause:.0f} ms')

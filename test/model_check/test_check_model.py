@@ -1,0 +1,205 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tool check_model as a process, and the table of its documentation."""
+
+from importlib import metadata
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+import json
+from pathlib import Path
+import re
+import sys
+
+import children
+import pytest
+from robot_dynamics.model_check.finding import CHECKS
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import missing, PACKAGE, robot_path
+
+ROOT = Path(__file__).parents[2]
+POINT_MASS = """<robot name="r"><link name="base"/>
+  <link name="arm"><inertial><mass value="2"/>
+    <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="hand"><inertial><origin xyz="0 0 0.2"/><mass value="1"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/>
+    <limit lower="-1" upper="1" effort="9" velocity="1"/></joint>
+  <joint name="wrist" type="revolute"><parent link="base"/><child link="hand"/>
+    <limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
+</robot>"""
+
+
+def run(*arguments):
+    return children.run(
+        [sys.executable, '-m', 'robot_dynamics.tools.check_model', *map(str, arguments)],
+        text=True, capture_output=True)
+
+
+@pytest.fixture
+def bad(tmp_path: Path) -> Path:
+    path = tmp_path / 'bad.urdf'
+    path.write_text(POINT_MASS, encoding='utf-8')
+    return path
+
+
+def test_a_good_model(tmp_path: Path):
+    path = tmp_path / 'good.urdf'
+    path.write_text(default_arm_urdf(), encoding='utf-8')
+    done = run(path)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.splitlines() == ['Errors: 0', 'Warnings: 0', f'{path}: no errors']
+
+
+def test_errors_and_warnings_by_level(bad: Path):
+    done = run(bad)
+    assert (done.returncode, done.stderr) == (1, '')
+    errors, warnings = done.stdout.split('Warnings: 2')
+    assert re.search(r"^Errors: 1\n  inertia +joint 'hinge' moves 2 kg and no moment", errors)
+    assert 'point mass' in warnings
+    assert "joint 'wrist' has no effort limit" in warnings
+    assert warnings.splitlines()[-1] == f'{bad}: 1 error'
+    assert max(map(len, done.stdout.splitlines()[:-1])) <= 110
+
+
+def test_ignored_errors_are_still_shown(bad: Path):
+    done = run(bad, '--ignore', 'inertia', 'mass')
+    assert done.returncode == 0
+    assert '(ignored)' in done.stdout
+    assert done.stdout.splitlines()[-1] == f'{bad}: accepted, as the errors are ignored'
+
+
+def test_locked_joints(bad: Path):
+    done = run(bad, '--joints', 'wrist')
+    assert done.returncode == 0
+    assert 'hinge' not in done.stdout
+
+
+def test_json(bad: Path):
+    done = run(bad, '--json', '--ignore', 'limits')
+    assert done.returncode == 1
+    data = json.loads(done.stdout)
+    assert data['links_with_unread_geometry'] == []
+    assert [(f['check'], f['level'], f['where'], f['ignored']) for f in data['findings']] == [
+        ('inertia', 'error', 'hinge', False), ('inertia', 'warning', 'arm', False),
+        ('limits', 'warning', 'wrist', True)]
+
+
+def test_a_negative_mass_is_a_finding(bad: Path):
+    bad.write_text(POINT_MASS.replace('value="2"', 'value="-2"'), encoding='utf-8')
+    done = run(bad)
+    assert done.returncode == 1
+    assert re.search(r"mass +mass of link 'arm' is -2 kg, expected a positive", done.stdout)
+
+
+def test_unread_geometry_is_counted(bad: Path):
+    bad.write_text(POINT_MASS.replace(
+        '<link name="arm">', '<link name="arm"><visual><geometry><mesh filename="no.stl"/>'
+        '</geometry></visual>'), encoding='utf-8')
+    assert 'could not be read, and so was not compared: 1' in run(bad).stdout
+
+
+def test_without_arguments_it_explains_itself():
+    done = run()
+    assert done.returncode == 2
+    assert done.stderr.startswith('usage: check_model')
+    asked = run('--help')
+    assert (asked.returncode, asked.stdout) == (0, done.stderr)
+    for name in CHECKS:
+        assert name in asked.stdout
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['/no/such/arm.urdf'], r"^check_model: URDF is '/no/such/arm.urdf', which cannot be read"),
+    (['BAD', '--joints', 'elbow'], r"^check_model: joints has 'elbow', expected joints out of"),
+    (['BAD', '--ignore', 'beauty'], r"invalid choice: 'beauty'"),
+    (['TEXT'], r'^check_model: robot_description is not well-formed XML'),
+])
+def test_bad_usage(bad: Path, tmp_path: Path, arguments, words):
+    text = tmp_path / 'text.urdf'
+    text.write_text('joint1, joint2', encoding='utf-8')
+    paths = {'BAD': bad, 'TEXT': text}
+    done = run(*(paths.get(argument, argument) for argument in arguments))
+    assert (done.returncode, done.stdout) == (2, '')
+    assert re.search(words, done.stderr), done.stderr
+
+
+@pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
+def test_xacro(tmp_path: Path):
+    path = tmp_path / 'arm.urdf.xacro'
+    path.write_text(
+        POINT_MASS.replace('name="r"', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"')
+        .replace('value="2"', 'value="${1 + 2}"'), encoding='utf-8')
+    assert "joint 'hinge' moves 3 kg" in run(path).stdout
+
+
+def test_it_loads_no_ros():
+    program = ('import sys, robot_dynamics.tools.check_model;'
+               'sys.exit(any(name.split(".")[0] == "rclpy" for name in sys.modules))')
+    assert children.run([sys.executable, '-c', program]).returncode == 0
+
+
+def test_it_is_installed_as_a_command():
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert 'check_model = robot_dynamics.tools.check_model:main' in setup
+
+
+# --- the table of the documentation --------------------------------------------------------------
+
+NUMBER = re.compile(r'(?<![\w.])\d+(?:\.\d+)?(?:e[+-]\d+)?(?![\w])')
+
+
+@pytest.fixture(scope='module')
+def command():
+    """Return the module that writes the table of the page."""
+    spec = spec_from_file_location('table', ROOT / 'docs' / 'tables' / 'model_check.py')
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def committed(command):
+    """Return the lines of the committed table; skip the test for another version of the robots."""
+    robot_path('panda')
+    text = command.PAGE.read_text(encoding='utf-8').split(command.BEGIN)[1].split(command.END)[0]
+    try:
+        version = metadata.version(PACKAGE)
+    except metadata.PackageNotFoundError:
+        missing(f'{PACKAGE} is not installed as a wheel')
+    if f'{PACKAGE} {version}:' not in text:
+        pytest.skip(f'the table is of another version than {PACKAGE} {version}')
+    return text.splitlines()
+
+
+def assert_same_line(line, expected):
+    """Compare text and counts exactly, figures to their rounding, as engines differ a little."""
+    assert NUMBER.sub('#', line) == NUMBER.sub('#', expected)
+    assert [float(n) for n in NUMBER.findall(line)] == pytest.approx(
+        [float(n) for n in NUMBER.findall(expected)], rel=0.11), line
+
+
+@pytest.mark.parametrize('robot', ['panda', 'so100', 'tiago_no_hand', 'ur5'])
+def test_the_table_has_what_the_check_finds(command, committed, robot):
+    path = robot_path(robot)
+    expected, = (line for line in committed if line.startswith(f'| {path.stem} |'))
+    assert_same_line(command.row(path.stem, path).rstrip('\n'), expected)
+
+
+@pytest.mark.soak
+def test_the_table_is_what_the_command_writes(command, committed):
+    written = command.table(command.robot_directory())
+    for line, expected in zip(written.splitlines(), committed, strict=True):
+        assert_same_line(line, expected)

@@ -1,0 +1,279 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real nodes: who holds the arm, as declared and not, and what `dynamics` says about it."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+import re
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from robots import robot_path
+from ros_harness import (
+    DYNAMICS,
+    LATCHED,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+NAMES = ['joint1', 'joint2']
+START = [0.8, 0.5]
+G = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(START))
+PASSED, WARNED = 'Effort check passed: ', r'\[WARN\].*Effort check: '
+MOTORS = {
+    'joints': NAMES, 'actuator.torque_constant': [0.1, 0.05], 'actuator.gear_ratio': [100.0, 50.0],
+    'actuator.efficiency': [0.9, 0.8]}
+# more than gravity, so that the arm sticks whatever holds it, as many gears do
+STICKY = {'joints': NAMES, 'friction.coulomb': [80.0, 20.0]}
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+
+
+@contextmanager
+def both(
+    namespace: str, dynamics: Mapping[str, Any], arm: Mapping[str, Any],
+) -> Iterator[NodeProcess]:
+    """Run both nodes, the arm in lock-step unless told otherwise; give the first."""
+    node = NodeProcess(DYNAMICS, dynamics, namespace=namespace)
+    with running(node, NodeProcess(SIMULATED_ARM, {
+            'rate': 200.0, 'lock_step': True, 'initial_position': START, **arm},
+            namespace=namespace)):
+        yield node
+
+
+def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
+    """Return k, and measured effort, command and g(q) of each joint."""
+    k = re.search(r'exceeds the command by (-?[\d.]+) times', line)
+    assert k is not None, line
+    return float(k[1]), {
+        name: [float(number) for number in rest] for name, *rest in re.findall(
+            r'(joint\d): measured (\S+), command (\S+), g\(q\) (-?\d+\.\d+)', line)}
+
+
+def check_numbers(line: str, k: float, measured: Any, command: Any) -> None:
+    share, joints = numbers(line)
+    assert share == pytest.approx(k, abs=0.02)
+    for j, name in enumerate(NAMES):
+        assert joints[name] == pytest.approx([measured[j], command[j], G[j]], abs=0.05), name
+
+
+# --- as declared ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('dynamics', 'arm', 'k'), [
+    ({}, {}, 0.0),
+    # on its brakes until its first effort arrives, and not again while `dynamics` is slow
+    ({}, {'lock_step': False, 'command_timeout': 0.0}, 0.0),
+    ({'robot_compensates': ['gravity']}, {'robot_compensates': ['gravity']}, 1.0),
+    ({'measured_effort': 'joint_torque_without_gravity'},
+     {'measured_effort': 'joint_torque_without_gravity'}, -1.0),
+    ({**MOTORS, 'measured_effort': 'motor_current'},
+     {**MOTORS, 'measured_effort': 'motor_current'}, 0.0),
+    ({**MOTORS, 'measured_effort': 'motor_torque', 'robot_compensates': ['gravity', 'friction']},
+     {**MOTORS, 'measured_effort': 'motor_torque', 'robot_compensates': ['gravity', 'friction']},
+     1.0),
+], ids=['default', 'wall time', 'gravity', 'without gravity', 'current', 'motor torque'])
+def test_what_is_as_declared_passes(
+    dynamics: dict[str, Any], arm: dict[str, Any], k: float,
+) -> None:
+    with both('/declared', dynamics, arm) as node:
+        line = node.wait_for_log(PASSED, LONG)
+    # the losses of the gears, which may be on either side of what is read without them
+    margin = 0.13 if 'actuator.efficiency' in arm else 0.01
+    assert numbers(line)[0] == pytest.approx(k, abs=margin)
+    assert not re.search(WARNED, node.log)
+
+
+def test_the_bare_defaults_warn_of_nothing() -> None:
+    """The arm stands upright, where no joint bears gravity: it says once that it cannot tell."""
+    with NodeProcess(DYNAMICS, namespace='/bare') as node, \
+            NodeProcess(SIMULATED_ARM, namespace='/bare'):
+        node.wait_for_log('Effort check: cannot decide in this pose', LONG)
+    assert node.log.count('cannot decide in this pose') == 1
+    assert not re.search(WARNED, node.log)
+
+
+@pytest.mark.parametrize(('file', 'robot', 'words'), [
+    ('default_arm.yaml', '', PASSED),
+    ('ur10.yaml', 'ur10', 'cannot decide: the measured effort does not carry the arm'),
+    ('xarm7.yaml', 'xarm7', 'cannot decide: the measured effort does not carry the arm'),
+])
+def test_the_shipped_parameter_files_warn_of_nothing(file: str, robot: str, words: str) -> None:
+    """Those of real robots say command none, so that the simulated one stays on its brakes."""
+    description = {'robot_description_file': str(robot_path(robot))} if robot else {}
+    arguments = ('--ros-args', '--params-file', str(CONFIG / file))
+    with NodeProcess(DYNAMICS, description, arguments=arguments) as node, \
+            NodeProcess(SIMULATED_ARM, description, arguments=arguments):
+        node.wait_for_log(words, LONG)
+    assert not re.search(WARNED, node.log)
+
+
+def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosClient) -> None:
+    gravity = {'robot_compensates': ['gravity']}
+    with client.collect(JointState, '/both/joint_states') as states, \
+            client.collect(JointState, '/both/effort_command') as commands, \
+            client.collect(DynamicsTerms, '/both/dynamics/terms') as all_terms, \
+            both('/both', gravity, gravity) as node:
+        node.wait_for_log(PASSED, LONG)
+        efforts, terms = commands.wait_count(200), all_terms.wait_for()
+    assert np.abs([message.effort for message in efforts]).max() < 1e-9
+    assert list(terms.gravity) == [0.0, 0.0]
+    assert np.abs(np.array([m.position for m in states.messages]) - START).max() < 1e-6
+    assert states.messages[-1].effort == pytest.approx(G, abs=1e-3)
+
+
+def test_a_new_model_is_checked_anew(client: RosClient) -> None:
+    descriptions = client.publisher(String, '/anew/robot_description', LATCHED, 0)
+    other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
+    with both('/anew', {}, {}) as node:
+        node.wait_for_log(PASSED, LONG)
+        assert len(re.findall(PASSED, node.log)) == 1  # there is one verdict a model
+        descriptions.publish(String(data=other))
+        node.wait_for_log("Model 'other_arm'", LONG)
+        wait_until(lambda: len(re.findall(PASSED, node.log)) == 2, 'another verdict', LONG)
+    client.node.destroy_publisher(descriptions)
+
+
+# --- not as declared -----------------------------------------------------------------------------
+
+def test_a_robot_that_holds_itself_is_found_before_anything_is_commanded(
+    client: RosClient,
+) -> None:
+    """As one starts beside a real robot: command none, and the robot stands in its own control."""
+    with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
+            both('/alone', {'command': 'none'}, {
+                'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False}) as node:
+        line = node.wait_for_log(WARNED, LONG)
+
+        def is_warning(message: Any) -> bool:
+            return any(
+                status.name == 'dynamics: effort check' and status.level == DiagnosticStatus.WARN
+                for status in message.status)
+
+        report = diagnostics.wait_for(is_warning)
+    check_numbers(line, 1.0, G, [0.0, 0.0])
+    assert 'set robot_compensates: [gravity]' in line
+    status, = (s for s in report.status if s.name == 'dynamics: effort check')
+    values = {value.key: value.value for value in status.values}
+    assert float(values['k']) == pytest.approx(1.0, abs=0.01)
+    assert values['expected k'] == '0'
+    assert len(re.findall(WARNED, node.log)) == 1
+
+
+def test_gravity_twice_in_a_joint_that_sticks_is_found() -> None:
+    with both('/twice', {}, {**STICKY, 'robot_compensates': ['gravity']}) as node:
+        line = node.wait_for_log(WARNED, LONG)
+    check_numbers(line, 1.0, 2.0 * G, G)
+
+
+def test_a_robot_that_does_not_compensate_is_found() -> None:
+    with both('/neither', {'robot_compensates': ['gravity']}, STICKY) as node:
+        line = node.wait_for_log(WARNED, LONG)
+    check_numbers(line, 0.0, [0.0, 0.0], [0.0, 0.0])
+    assert 'take it out of robot_compensates' in line
+
+
+@pytest.mark.parametrize(('dynamics', 'arm', 'k', 'measured', 'words'), [
+    ('joint_torque', 'joint_torque_without_gravity', -1.0, [0.0, 0.0],
+     'measured_effort: joint_torque_without_gravity'),
+    ('joint_torque_without_gravity', 'joint_torque', 0.0, G, 'measured_effort: joint_torque'),
+])
+def test_an_effort_that_is_another_one_is_found(
+    dynamics: str, arm: str, k: float, measured: Any, words: str,
+) -> None:
+    with both('/other', {'measured_effort': dynamics}, {'measured_effort': arm}) as node:
+        line = node.wait_for_log(WARNED, LONG)
+    check_numbers(line, k, measured, G)
+    assert words in line
+
+
+def test_a_current_that_was_taken_for_a_torque_is_found() -> None:
+    motors = {**MOTORS, 'actuator.efficiency': [1.0]}
+    with both('/current', motors, {**motors, 'measured_effort': 'motor_current'}) as node:
+        line = node.wait_for_log(WARNED, LONG)
+    check_numbers(line, -0.88, G / [10.0, 2.5], G)
+
+
+# --- no effort, no check -------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('effort', 'words'), [
+    ([], 'no measured effort in the joint states'),
+    ([float('nan'), float('nan')], 'no measured effort'),
+    ([1.0], 'no measured effort: effort has 1 values, expected 2 as name has'),
+])
+def test_states_without_an_effort_are_answered_all_the_same(
+    client: RosClient, effort: list[float], words: str,
+) -> None:
+    with NodeProcess(DYNAMICS, namespace='/without') as node, \
+            client.collect(JointState, '/without/effort_command') as commands:
+        commands.wait_matched()
+        states = client.publisher(JointState, '/without/joint_states', 1)
+        for k in range(60):
+            state = JointState(name=NAMES, position=START, velocity=[0.0, 0.0], effort=effort)
+            state.header.stamp = Time(sec=1, nanosec=k * 10_000_000)
+            assert client.answer_to(states, state, commands).effort == pytest.approx(G)
+        node.wait_for_log(f'Effort check: {re.escape(words)}')
+        client.node.destroy_publisher(states)
+    assert node.log.count('Effort check') == 1
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'measured_effort': 'none'}, "no measured effort (measured_effort is 'none')"),
+    ({'effort_check': False}, 'off'),
+])
+def test_the_check_can_be_declared_away(
+    client: RosClient, parameters: dict[str, Any], words: str,
+) -> None:
+    """An arm that holds itself, of which the check would warn."""
+    arm = {'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False,
+           'measured_effort': 'none' if 'measured_effort' in parameters else 'joint_torque'}
+    with client.collect(JointState, '/away/joint_states') as states, \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
+            both('/away', {'command': 'none', **parameters}, arm) as node:
+        states.wait_count(200)
+        report = diagnostics.wait_for(lambda message: any(
+            status.name == 'dynamics: effort check' for status in message.status))
+    status, = (s for s in report.status if s.name == 'dynamics: effort check')
+    assert status.message == words
+    assert len(states.messages[-1].effort) == (0 if 'measured_effort' in parameters else 2)
+    assert 'Effort check' not in node.log
+
+
+@pytest.mark.parametrize('module', [DYNAMICS, SIMULATED_ARM])
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'measured_effort': 'torque'}, "measured_effort is 'torque', expected one of"),
+    ({'measured_effort': 'motor_current'}, "measured_effort is 'motor_current', but there are no"),
+    ({'robot_compensates': ['gravity', 'load']},
+     r"robot_compensates\[1\] is 'load', expected one of \['gravity', 'friction'\]"),
+])
+def test_bad_declarations_are_refused(
+    module: str, parameters: dict[str, Any], words: str,
+) -> None:
+    node = NodeProcess(module, parameters).launch()
+    assert node.wait() == 1
+    assert re.search(words, node.log), node.log
+    assert 'Traceback' not in node.log

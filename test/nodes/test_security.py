@@ -1,0 +1,103 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The policy in config/security names what the running nodes have, and security fails closed."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import re
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+
+ROOT = Path(__file__).parents[2]
+POLICY = ROOT / 'config' / 'security' / 'robot_dynamics.policy.xml'
+NODES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM}
+FILES = ('identity_ca.cert.pem', 'cert.pem', 'key.pem', 'permissions_ca.cert.pem',
+         'governance.p7s', 'permissions.p7s')
+"""What a complete enclave consists of."""
+
+
+def allowed(node: str, kind: str) -> set[str]:
+    """Return the full names that the policy allows a node to publish, subscribe or reply to."""
+    profile = ElementTree.parse(POLICY).find(
+        f".//enclave[@path='/robot_dynamics/{node}']/profiles/profile")
+    assert profile is not None
+    assert profile.attrib == {'ns': '/', 'node': node}
+    names = [entry.text or '' for group in profile for entry in group
+             if group.attrib == {kind: 'ALLOW'}]
+    assert len(names) == len(set(names))
+    return {name if name.startswith('/') else f'/{name}'.replace('/~', f'/{node}')
+            for name in names}
+
+
+@pytest.fixture(scope='module', autouse=True)
+def nodes() -> Iterator[None]:
+    """Run both nodes with all that parameters can add to their topics."""
+    with NodeProcess(DYNAMICS, {'use_sim_time': True}), \
+            NodeProcess(SIMULATED_ARM, {'publish_clock': True}):
+        yield
+
+
+@pytest.mark.parametrize('kind', ['publish', 'subscribe', 'reply', 'request'])
+@pytest.mark.parametrize('node', NODES)
+def test_the_policy_is_that_of_the_running_node(client: RosClient, node: str, kind: str) -> None:
+    ask: Any = {
+        'publish': client.node.get_publisher_names_and_types_by_node,
+        'subscribe': client.node.get_subscriber_names_and_types_by_node,
+        'reply': client.node.get_service_names_and_types_by_node,
+        'request': client.node.get_client_names_and_types_by_node}[kind]
+    expected = allowed(node, kind)
+
+    def running() -> set[str]:
+        try:
+            return {name for name, _ in ask(node, '/')}
+        except RuntimeError:  # not discovered yet
+            return set()
+
+    wait_until(lambda: len(running()) >= len(expected), f'all that {node} has to {kind}')
+    assert running() == expected
+
+
+def test_the_policy_has_no_other_nodes() -> None:
+    profiles = ElementTree.parse(POLICY).findall('.//profile')
+    assert [profile.get('node') for profile in profiles] == list(NODES)
+
+
+def test_one_node_alone_may_publish_effort_command() -> None:
+    assert [node for node in NODES if '/effort_command' in allowed(node, 'publish')] == [
+        'dynamics']
+
+
+@pytest.mark.parametrize(('files', 'words'), [
+    ((), 'SECURITY ERROR|security'),
+    (FILES, "doesn't have the security libraries|SECURITY|security"),
+])
+def test_security_that_is_asked_for_and_cannot_be_had_ends_the_node(
+    tmp_path: Path, files: tuple[str, ...], words: str,
+) -> None:
+    """No node comes up unprotected: keys that are missing, or that are none, end it."""
+    enclave = tmp_path / 'enclaves' / 'arm'
+    enclave.mkdir(parents=True)
+    for name in files:
+        (enclave / name).touch()
+    node = NodeProcess(
+        DYNAMICS, arguments=('--ros-args', '--enclave', '/arm'), ready=None, environment={
+            'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
+            'ROS_SECURITY_KEYSTORE': str(tmp_path)}).launch()
+    assert node.wait() == 1
+    assert re.search(words, node.log), node.log
+    assert 'Traceback' not in node.log

@@ -1,0 +1,438 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The services of `dynamics` over DDS: numbers, refusals, and what they leave alone."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import re
+from typing import Any
+
+from geometry_msgs.msg import InertiaStamped
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.rigid_body import ExternalWrench
+from robot_dynamics.planar.two_link import inverse_dynamics, PlanarTwoLink
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import (
+    floats_to_ros,
+    payload_from_ros,
+    payload_to_ros,
+    trajectory_to_ros,
+)
+from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.interpolation import quintic_via_points
+from robots import robot_urdf
+from ros_harness import DYNAMICS, LATCHED, NodeProcess, RosClient
+from sensor_msgs.msg import JointState
+from service_requests import REFUSALS, SERVICES, wrench
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+Q, V, A = (np.pi / 4, np.pi / 6), (0.5, 0.3), (0.1, 0.2)
+TAU = (-48.74713301, -10.95795578)
+
+
+@dataclass
+class Served:
+    """A running node, and the same arm in this process."""
+
+    client: RosClient
+    namespace: str
+    arm: ArmModel
+
+    @property
+    def dynamics(self) -> ArmDynamics:
+        return ArmDynamics(self.arm)
+
+    def ask(self, service: str, **fields: Any) -> Any:
+        kind = SERVICES[service]
+        return self.client.call(
+            kind, f'{self.namespace}/dynamics/{service}', kind.Request(**fields))
+
+    def answer(self, service: str, **fields: Any) -> Any:
+        response = self.ask(service, **fields)
+        assert response.success, response.message
+        return response
+
+
+@pytest.fixture(scope='module')
+def planar(client: RosClient) -> Iterator[Served]:
+    with NodeProcess(DYNAMICS, namespace='/planar'):
+        yield Served(client, '/planar', load_arm(default_arm_urdf()))
+
+
+@pytest.fixture(scope='module', params=['panda', 'kinova', 'ur10', 'tiago_pro'])
+def robot(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Served]:
+    urdf, namespace = robot_urdf(request.param), f'/{request.param}'
+    with NodeProcess(DYNAMICS, {'robot_description': urdf}, namespace=namespace):
+        yield Served(client, namespace, load_arm(urdf))
+
+
+def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a position within the limits, a velocity and an acceleration."""
+    random = np.random.default_rng(seed)
+    low, high = np.maximum(arm.limits.lower, -2.0), np.minimum(arm.limits.upper, 2.0)
+    n = arm.joint_count
+    return random.uniform(low, high), random.uniform(-1, 1, n), random.uniform(-2, 2, n)
+
+
+# --- the anchors of the planar arm ---------------------------------------------------------------
+
+def test_inverse_dynamics_of_the_planar_arm(planar: Served) -> None:
+    response = planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A)
+    assert list(response.joint_names) == ['joint1', 'joint2']
+    assert response.effort == pytest.approx(TAU, abs=5e-9)
+    terms = response.terms
+    assert list(terms.joint_names) == ['joint1', 'joint2']
+    assert terms.coriolis == pytest.approx([-0.234, 0.15], abs=5e-9)
+    assert terms.gravity == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
+    assert terms.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
+    assert terms.potential_energy == pytest.approx(41.19876418, abs=5e-9)
+    assert list(response.warnings) == []
+    assert terms.header.stamp.sec > 0
+
+
+def test_manipulator_equation_of_the_planar_arm(planar: Served) -> None:
+    response = planar.answer(
+        'manipulator_equation', position=Q, velocity=V, include_christoffel=True)
+    assert response.mass_matrix == pytest.approx(
+        [6.95846097, 1.56923048, 1.56923048, 0.53], abs=5e-9)
+    assert response.gravity == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
+    C = np.reshape(response.coriolis_matrix, (2, 2))
+    assert pytest.approx([-0.234, 0.15], abs=5e-9) == C @ V
+    assert response.nonlinear == pytest.approx(C @ V + response.gravity)
+    assert list(response.friction) == [0.0, 0.0]
+    h = 3.0 * 1.0 * 0.4 * np.sin(Q[1])
+    assert response.christoffel == pytest.approx([0.0, -h, -h, -h, h, 0.0, 0.0, 0.0], abs=1e-12)
+    assert response.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
+
+
+def test_christoffel_symbols_come_only_when_asked_for(planar: Served) -> None:
+    response = planar.answer('manipulator_equation', position=Q, velocity=V)
+    assert list(response.christoffel) == []
+    assert len(response.coriolis_matrix) == 4
+
+
+def test_forward_dynamics_of_the_planar_arm(planar: Served) -> None:
+    response = planar.answer('forward_dynamics', position=Q, velocity=V, effort=TAU)
+    assert response.acceleration == pytest.approx(A, abs=5e-8)
+
+
+def test_the_closed_form_agrees_along_a_swing(planar: Served) -> None:
+    arm, random = PlanarTwoLink(), np.random.default_rng(3)
+    rows = random.uniform(-3.0, 3.0, (3, 50, 2))
+    response = planar.answer(
+        'inverse_dynamics_batch', **{
+            field: floats_to_ros(row)
+            for field, row in zip(('position', 'velocity', 'acceleration'), rows)})
+    expected = [inverse_dynamics(arm, q, v, a) for q, v, a in zip(*rows)]
+    assert np.reshape(response.effort, (-1, 2)) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def test_velocity_and_acceleration_left_out_are_zero(planar: Served) -> None:
+    still = planar.answer('inverse_dynamics', position=Q)
+    assert still.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
+    assert list(still.terms.inertial) == [0.0, 0.0]
+    assert list(planar.answer('manipulator_equation', position=Q).friction) == [0.0, 0.0]
+    released = planar.answer('forward_dynamics', position=Q, effort=[0.0, 0.0])
+    M = planar.dynamics.rigid_body.mass_matrix(np.array(Q))
+    assert M @ released.acceleration == pytest.approx([49.52282521, 11.37087883], abs=5e-9)
+
+
+# --- real robots ---------------------------------------------------------------------------------
+
+def test_numbers_are_those_of_the_library(robot: Served) -> None:
+    arm, dynamics = robot.arm, robot.dynamics
+    q, v, a = some_state(arm, 1)
+    fields = {'position': floats_to_ros(q), 'velocity': floats_to_ros(v)}
+    response = robot.answer('inverse_dynamics', acceleration=floats_to_ros(a), **fields)
+    terms = dynamics.terms(q, v, a)
+    assert tuple(response.joint_names) == arm.joint_names
+    assert list(response.effort) == terms.effort.tolist()
+    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external'):
+        assert list(getattr(response.terms, name)) == getattr(terms, name).tolist()
+    back = robot.answer('forward_dynamics', effort=response.effort, **fields)
+    assert back.acceleration == pytest.approx(a, rel=1e-6, abs=1e-6)
+    equation = robot.answer('manipulator_equation', **fields)
+    n = arm.joint_count
+    M = np.reshape(equation.mass_matrix, (n, n))
+    assert pytest.approx(dynamics.rigid_body.mass_matrix(q)) == M
+    assert M @ a + equation.nonlinear + equation.friction == pytest.approx(terms.effort)
+    assert np.reshape(equation.coriolis_matrix, (n, n)) @ v + equation.gravity == (
+        pytest.approx(np.array(equation.nonlinear)))
+    assert equation.kinetic_energy == pytest.approx(0.5 * v @ M @ v)
+
+
+def test_the_order_of_a_request_is_that_of_its_answer(robot: Served) -> None:
+    arm = robot.arm
+    q, v, a = some_state(arm, 2)
+    order = np.random.default_rng(5).permutation(arm.joint_count)
+    names = [arm.joint_names[i] for i in order]
+    fields = {'position': floats_to_ros(q[order]), 'velocity': floats_to_ros(v[order])}
+    response = robot.answer(
+        'inverse_dynamics', joint_names=names, acceleration=floats_to_ros(a[order]), **fields)
+    tau = robot.dynamics.inverse_dynamics(q, v, a)
+    assert list(response.joint_names) == names
+    assert response.effort == pytest.approx(tau[order])
+    assert response.terms.effort == pytest.approx(tau[order])
+    back = robot.answer(
+        'forward_dynamics', joint_names=names, effort=response.effort, **fields)
+    assert back.acceleration == pytest.approx(a[order], rel=1e-6, abs=1e-6)
+    equation = robot.answer(
+        'manipulator_equation', joint_names=names, include_christoffel=True, **fields)
+    n = arm.joint_count
+    M = robot.dynamics.rigid_body.mass_matrix(q)
+    assert np.reshape(equation.mass_matrix, (n, n)) == pytest.approx(M[np.ix_(order, order)])
+    c = np.reshape(equation.christoffel, (n, n, n))
+    assert c @ v[order] == pytest.approx(np.reshape(equation.coriolis_matrix, (n, n)))
+
+
+def test_wrenches_on_a_link_count(robot: Served) -> None:
+    arm, link = robot.arm, robot.arm.link_names[-1]
+    q, v, a = some_state(arm, 3)
+    force, torque = (1.0, -2.0, 3.0), (0.3, 0.2, -0.1)
+    fields = {'position': floats_to_ros(q), 'velocity': floats_to_ros(v),
+              'external_wrenches': [wrench(link, force, torque), wrench(link, force, torque)]}
+    response = robot.answer('inverse_dynamics', acceleration=floats_to_ros(a), **fields)
+    twice = ExternalWrench(link, 2.0 * np.array(force), 2.0 * np.array(torque))
+    assert response.effort == pytest.approx(robot.dynamics.inverse_dynamics(q, v, a, [twice]))
+    assert response.terms.external == pytest.approx(robot.dynamics.rigid_body.external(q, [twice]))
+    back = robot.answer('forward_dynamics', effort=response.effort, **fields)
+    assert back.acceleration == pytest.approx(a, rel=1e-6, abs=1e-6)
+
+
+def test_a_thousand_samples_at_once(robot: Served) -> None:
+    arm, random = robot.arm, np.random.default_rng(7)
+    n = arm.joint_count
+    rows = random.uniform(-1.0, 1.0, (3, 1000, n))
+    response = robot.answer('inverse_dynamics_batch', **{
+        field: floats_to_ros(row)
+        for field, row in zip(('position', 'velocity', 'acceleration'), rows)})
+    effort = np.reshape(response.effort, (1000, n))
+    assert effort == pytest.approx(robot.dynamics.inverse_dynamics_batch(*rows))
+    for i in (0, 499, 999):
+        assert effort[i] == pytest.approx(robot.dynamics.inverse_dynamics(*rows[:, i]))
+
+
+def test_mimic_joints_may_be_named_where_they_agree(robot: Served) -> None:
+    arm = robot.arm
+    if not arm.mimic_joints:
+        assert robot.namespace in ('/kinova', '/ur10')
+        return
+    q, v, a = some_state(arm, 4)
+    leaders = {name: i for i, name in enumerate(arm.joint_names)}
+    names = [*(m.name for m in arm.mimic_joints), *arm.joint_names]
+
+    def rows(offset: float = 0.0) -> dict[str, Any]:
+        def row(x: np.ndarray, with_offset: bool) -> Any:
+            follow = [m.multiplier * x[leaders[m.leader]] + (m.offset if with_offset else 0.0)
+                      for m in arm.mimic_joints]
+            follow[0] += offset
+            return floats_to_ros(np.array([*follow, *x]))
+        return {'joint_names': names, 'position': row(q, True), 'velocity': row(v, False),
+                'acceleration': row(a, False)}
+
+    response = robot.answer('inverse_dynamics', **rows())
+    assert tuple(response.joint_names) == arm.joint_names
+    assert response.effort == pytest.approx(robot.dynamics.inverse_dynamics(q, v, a))
+    refusal = robot.ask('inverse_dynamics', **rows(offset=0.1))
+    assert not refusal.success
+    assert f"position of mimic joint '{arm.mimic_joints[0].name}'" in refusal.message
+
+
+# --- warnings ------------------------------------------------------------------------------------
+
+def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) -> None:
+    arm = robot.arm
+    q, v, a = some_state(arm, 6)
+    limited = int(np.argmax(np.isfinite(arm.limits.upper)))
+    q[limited] = arm.limits.upper[limited] + 0.1
+    v[0] = 2.0 * arm.limits.velocity[0]
+    response = robot.answer(
+        'inverse_dynamics', position=floats_to_ros(q), velocity=floats_to_ros(v),
+        acceleration=floats_to_ros(a))
+    assert response.effort == pytest.approx(robot.dynamics.inverse_dynamics(q, v, a))
+    fields = {'position': floats_to_ros(q), 'velocity': floats_to_ros(v)}
+    back = robot.answer('forward_dynamics', effort=response.effort, **fields)
+    equation = robot.answer('manipulator_equation', **fields)
+    for field, joint in (('position', limited), ('velocity', 0)):
+        words = f"{field} of '{arm.joint_names[joint]}' is "
+        assert any(line.startswith(words) for line in response.warnings), response.warnings
+        assert words in back.message
+        assert words in equation.message
+
+
+def test_within_the_limits_there_is_nothing_to_say(planar: Served) -> None:
+    for service, fields in (
+            ('inverse_dynamics', {}), ('manipulator_equation', {}),
+            ('forward_dynamics', {'effort': [0.0, 0.0]})):
+        assert planar.answer(service, position=Q, velocity=V, **fields).message == ''
+
+
+def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
+    response = planar.answer('inverse_dynamics', position=Q, acceleration=[100.0, 0.0])
+    assert [line.split(' is ')[0] for line in response.warnings] == [
+        "effort of 'joint1'", "effort of 'joint2'"]
+    assert '[-150, 150]' in response.warnings[0]
+    back = planar.answer('forward_dynamics', position=Q, effort=response.effort)
+    assert back.message == '; '.join(response.warnings)
+
+
+# --- trajectories --------------------------------------------------------------------------------
+
+def test_a_trajectory_gets_its_efforts(planar: Served) -> None:
+    path = quintic_via_points(
+        planar.arm.joint_names, (0.0, 1.0, 2.5), [[0.0, 0.0], [1.5, -0.4], [0.2, 1.0]])
+    message = trajectory_to_ros(path)
+    message.header.frame_id = 'kept'
+    response = planar.answer('inverse_dynamics_trajectory', trajectory=message)
+    expected = trajectory_efforts(planar.dynamics, path)
+    assert response.trajectory.header.frame_id == 'kept'
+    for sent, returned, effort in zip(
+            message.points, response.trajectory.points, expected.efforts, strict=True):
+        assert returned.positions == sent.positions
+        assert returned.time_from_start == sent.time_from_start
+        assert returned.effort == pytest.approx(effort)
+    assert response.feasible
+    assert response.worst_joint == expected.worst_joint
+    assert response.worst_ratio == pytest.approx(expected.worst_ratio)
+    assert response.worst_time == expected.worst_time
+
+
+def test_a_trajectory_that_is_too_quick_is_not_feasible(planar: Served) -> None:
+    path = quintic_via_points(
+        planar.arm.joint_names, (0.0, 0.15, 0.3), [[0.0, 0.0], [1.5, 0.5], [0.0, 0.0]])
+    response = planar.answer('inverse_dynamics_trajectory', trajectory=trajectory_to_ros(path))
+    assert not response.feasible
+    assert response.worst_ratio > 1.0
+    assert response.worst_joint in planar.arm.joint_names
+
+
+def test_the_efforts_of_a_trajectory_are_in_its_own_order(planar: Served) -> None:
+    response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
+        joint_names=['joint2', 'joint1'],
+        points=[JointTrajectoryPoint(positions=[Q[1], Q[0]])]))
+    assert response.trajectory.points[0].effort == pytest.approx(
+        [-11.37087883, -49.52282521], abs=5e-9)
+
+
+def test_a_trajectory_without_names_is_in_the_nodes_order(planar: Served) -> None:
+    response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
+        points=[JointTrajectoryPoint(positions=Q)]))
+    assert response.trajectory.joint_names == list(planar.arm.joint_names)
+    assert response.trajectory.points[0].effort == pytest.approx(
+        [-49.52282521, -11.37087883], abs=5e-9)
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('service', 'fields', 'words'), REFUSALS)
+def test_a_request_that_cannot_be_answered_is_refused_by_name(
+    planar: Served, service: str, fields: dict[str, Any], words: str,
+) -> None:
+    response = planar.ask(service, **fields)
+    assert not response.success
+    assert re.search(words, response.message), response.message
+    empty = SERVICES[service].Response(success=False, message=response.message)
+    assert response == empty  # nothing half filled in
+
+
+def test_the_control_path_goes_on_between_bad_requests(
+    planar: Served, client: RosClient,
+) -> None:
+    states = client.publisher(JointState, '/planar/joint_states', 1)
+    with client.collect(JointState, '/planar/effort_command') as efforts:
+        efforts.wait_matched()
+        for i, (service, fields, _) in enumerate(REFUSALS):
+            state = JointState(name=planar.arm.joint_names, position=Q, velocity=V)
+            state.header.stamp.sec = i + 1
+            refused = planar.ask(service, **fields)
+            assert not refused.success
+            effort = client.answer_to(states, state, efforts)
+            assert effort.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
+
+
+# --- payload -------------------------------------------------------------------------------------
+
+LOAD = make_payload('tool0', 2.5, (0.1, 0.0, 0.2), np.diag((0.01, 0.02, 0.015)))
+
+
+def test_a_payload_counts_in_every_service_and_is_latched(
+    planar: Served, client: RosClient,
+) -> None:
+    arm = planar.arm
+    loaded = ArmDynamics(arm.with_payloads([LOAD]))
+    q, v, a = np.array(Q), np.array(V), np.array(A)
+    answer = planar.answer('set_payload', payload=payload_to_ros(LOAD))
+    assert answer.message == "2.5 kg on 'tool0'"
+    response = planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A)
+    assert response.effort == pytest.approx(loaded.inverse_dynamics(q, v, a))
+    equation = planar.answer('manipulator_equation', position=Q)
+    assert equation.gravity == pytest.approx(loaded.rigid_body.gravity(q))
+    in_force = client.wait_for(  # it came after the payload did
+        InertiaStamped, '/planar/dynamics/payload', qos=LATCHED)
+    back = payload_from_ros(arm, in_force)
+    assert back is not None
+    assert (back.link, back.mass, back.com.tolist()) == ('tool0', 2.5, [0.1, 0.0, 0.2])
+    assert back.inertia.tolist() == LOAD.inertia.tolist()
+    assert in_force.header.stamp.sec > 0
+    assert not planar.ask('set_payload', payload=payload_to_ros(
+        Payload('hand', 1.0, LOAD.com, LOAD.inertia))).success
+    assert planar.answer('inverse_dynamics', position=Q).terms.gravity == pytest.approx(
+        loaded.rigid_body.gravity(q))  # a refused one changes nothing
+    assert planar.answer('set_payload').message == 'no payload'
+    assert planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A).effort == (
+        pytest.approx(TAU, abs=5e-9))
+    client.wait_for(
+        InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m == 0.0,
+        qos=LATCHED)
+
+
+def test_a_transition_takes_the_time_of_the_joint_states(
+    planar: Served, client: RosClient,
+) -> None:
+    loaded = ArmDynamics(planar.arm.with_payloads([LOAD]))
+    bare_g, loaded_g = (
+        d.rigid_body.gravity(np.array(Q)) for d in (planar.dynamics, loaded))
+    states = client.publisher(JointState, '/planar/joint_states', 1)
+    payload_topic = '/planar/dynamics/payload'
+    with client.collect(JointState, '/planar/effort_command') as efforts, \
+            client.collect(InertiaStamped, payload_topic, LATCHED) as payloads:
+        efforts.wait_matched()
+        payloads.wait_for(lambda message: message.inertia.m == 0.0)
+        planar.answer('set_payload', payload=payload_to_ros(LOAD), transition_time=2.0)
+        for quarter in range(6):
+            state = JointState(name=planar.arm.joint_names, position=Q)
+            state.header.stamp.sec = 1000 + quarter // 2
+            state.header.stamp.nanosec = 500_000_000 * (quarter % 2)
+            effort = client.answer_to(states, state, efforts)
+            share = min(quarter / 4, 1.0)
+            assert effort.effort == pytest.approx(bare_g + share * (loaded_g - bare_g))
+            announced = [m for m in payloads.messages if m.inertia.m == 2.5]
+            assert quarter >= 4 or not announced
+        payloads.wait_for(lambda message: message.inertia.m == 2.5)
+        planar.answer('set_payload')
+
+
+# --- a node without a model ----------------------------------------------------------------------
+
+def test_before_the_model_every_service_says_so(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
+        for service, kind in SERVICES.items():
+            response = client.call(kind, f'/empty/dynamics/{service}')
+            assert not response.success
+            assert 'no model yet' in response.message

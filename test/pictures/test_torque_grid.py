@@ -1,0 +1,235 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Maps over two joints: each value is the library's at that point, and obeys its laws."""
+
+import re
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.worst_gravity import worst_gravity
+from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics.pictures.torque_grid import (
+    gravity_efforts,
+    inertia_diagonal,
+    make_grid,
+    motion_efforts,
+)
+from robot_dynamics.pictures.workspace_gravity import limit_shares, workspace_gravity
+from robot_dynamics.planar import two_link as planar
+from robot_dynamics.planar.two_link import PlanarTwoLink
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robots import robot_urdf
+
+DEFAULT = load_arm(default_arm_urdf())
+ROBOTS = ('ur10', 'panda', 'tiago_no_hand')
+"""Turning joints, a mimic joint, and a slide under a continuous one."""
+
+
+@pytest.fixture(scope='module', params=ROBOTS)
+def arm(request):
+    return load_arm(robot_urdf(request.param))
+
+
+def some_points(grid):
+    rng = np.random.default_rng(4)
+    rows, columns, _ = grid.positions.shape
+    return zip(rng.integers(0, rows, 12), rng.integers(0, columns, 12))
+
+
+def motion_of(arm):
+    return np.random.default_rng(2).normal(0.0, 1.0, (2, arm.joint_count))
+
+
+# --- the values ----------------------------------------------------------------------------------
+
+def test_values_are_those_of_the_library_at_each_point(arm):
+    arm = arm.with_friction(make_friction(arm.joint_names, [0.8], [1.5]))
+    v, a = motion_of(arm)
+    home = np.clip(
+        np.linspace(0.3, -0.4, arm.joint_count), arm.limits.lower, arm.limits.upper)
+    grid = make_grid(arm, arm.joint_names[1:3], home, samples=9)
+    gravity, motion = gravity_efforts(arm, grid), motion_efforts(arm, grid, v, a)
+    inertia = inertia_diagonal(arm, grid)
+    body, dynamics = RigidBody(arm), ArmDynamics(arm)
+    for row, column in some_points(grid):
+        q = grid.positions[row, column]
+        assert (q[1], q[2]) == (grid.x[column], grid.y[row])
+        npt.assert_array_equal(np.delete(q, [1, 2]), np.delete(home, [1, 2]))
+        npt.assert_allclose(gravity[row, column], body.gravity(q), rtol=0.0, atol=1e-9)
+        npt.assert_allclose(
+            motion[row, column], dynamics.inverse_dynamics(q, v, a), rtol=0.0, atol=1e-9)
+        npt.assert_allclose(
+            inertia[row, column], np.diag(body.mass_matrix(q)), rtol=0.0, atol=1e-9)
+
+
+def test_the_default_arm_is_the_closed_form():
+    grid, two_link = make_grid(DEFAULT, samples=13), PlanarTwoLink()
+    v, a = np.array([0.5, 0.3]), np.array([0.1, 0.2])
+    gravity, motion = gravity_efforts(DEFAULT, grid), motion_efforts(DEFAULT, grid, v, a)
+    inertia = inertia_diagonal(DEFAULT, grid)
+    for row, column in some_points(grid):
+        q = grid.positions[row, column]
+        npt.assert_allclose(gravity[row, column], planar.gravity_vector(two_link, q), atol=1e-10)
+        npt.assert_allclose(
+            motion[row, column], planar.inverse_dynamics(two_link, q, v, a), atol=1e-10)
+        npt.assert_allclose(
+            inertia[row, column], np.diag(planar.mass_matrix(two_link, q)), atol=1e-10)
+
+
+def test_gravity_is_the_slope_of_the_potential_energy(arm):
+    grid = make_grid(arm, samples=61)
+    first, second = grid.joints
+    gravity, body = gravity_efforts(arm, grid), RigidBody(arm)
+    # Round a field of the grid the work against gravity is 0, and along an edge it is the energy.
+    along = np.trapezoid(gravity[0, :, first], grid.x) if hasattr(np, 'trapezoid') else (
+        np.trapz(gravity[0, :, first], grid.x))
+    energies = [body.potential_energy(grid.positions[0, column]) for column in (0, -1)]
+    assert along == pytest.approx(energies[1] - energies[0], abs=0.02 * np.abs(gravity).max())
+    slope = np.gradient(gravity[..., first], grid.y, axis=0)[1:-1, 1:-1]
+    other = np.gradient(gravity[..., second], grid.x, axis=1)[1:-1, 1:-1]
+    npt.assert_allclose(slope, other, rtol=0.0, atol=0.02 * max(np.abs(slope).max(), 1.0))
+
+
+def test_the_map_is_largest_where_the_search_says():
+    grid = make_grid(DEFAULT)
+    worst = worst_gravity(DEFAULT).effort
+    largest = np.abs(gravity_efforts(DEFAULT, grid)).max(axis=(0, 1))
+    npt.assert_allclose(largest, worst, rtol=1e-3)
+    assert (largest <= worst + 1e-9).all()
+
+
+def test_inertia_is_positive_and_does_not_depend_on_joint_1(arm):
+    grid = make_grid(arm, arm.joint_names[:2], samples=7)
+    inertia = inertia_diagonal(arm, grid)
+    assert (inertia > 0.0).all()
+    npt.assert_allclose(inertia, np.broadcast_to(inertia[:, :1], inertia.shape), atol=1e-9)
+
+
+# --- the grid ------------------------------------------------------------------------------------
+
+def test_grids_cover_the_limits_and_a_turn_where_there_are_none():
+    grid = make_grid(DEFAULT, samples=5)
+    npt.assert_allclose(grid.x, np.linspace(-np.pi, np.pi, 5))
+    panda = load_arm(robot_urdf('panda'))
+    grid = make_grid(panda, ('panda_joint4', 'panda_finger_joint1'), samples=5)
+    assert grid.joints == (3, 7)
+    npt.assert_allclose(grid.x[[0, -1]], [panda.limits.lower[3], panda.limits.upper[3]])
+    npt.assert_allclose(grid.y[[0, -1]], [panda.limits.lower[7], panda.limits.upper[7]])
+
+
+def test_without_names_the_joints_with_the_most_gravity_are_taken():
+    ur10 = load_arm(robot_urdf('ur10'))
+    joints = make_grid(ur10, samples=3).joints
+    assert [ur10.joint_names[j] for j in joints] == ['shoulder_lift_joint', 'elbow_joint']
+
+
+@pytest.mark.parametrize(('joints', 'position', 'message'), [
+    (('joint1', 'elbow'), (),
+     "joints has 'elbow', expected joints out of ['joint1', 'joint2']"),
+    (('joint1',), (), "joints has ['joint1'], expected two out of ['joint1', 'joint2']"),
+    (('joint1', 'joint1'), (), "joints has 'joint1' twice"),
+    ((), (1.0,), "position has 1 values, expected 2, one for each of ['joint1', 'joint2']"),
+    ((), (1.0, np.nan), 'position[1] (joint2) is nan'),
+])
+def test_mistakes_name_the_joints(joints, position, message):
+    with pytest.raises(InvalidInputError, match=re.escape(message)):
+        make_grid(DEFAULT, joints, position)
+
+
+def test_one_joint_is_not_enough():
+    arm = load_arm(planar_arm_urdf([1.0], [1.0], [0.5], [0.1]))
+    with pytest.raises(InvalidInputError, match='expected at least two joints'):
+        make_grid(arm)
+
+
+# --- the arm as a line, and its workspace --------------------------------------------------------
+
+def test_stick_figures_are_where_the_arm_is():
+    figure = StickFigure(DEFAULT, tool_link(DEFAULT))
+    q = np.array([0.4, -0.9])
+    places = planar.forward_kinematics(PlanarTwoLink(), q)
+    points = figure.points(q)
+    npt.assert_allclose(points[:, [0, 2]], [*places.joints, places.tip], atol=1e-12)
+    npt.assert_allclose(points[:, 1], 0.0, atol=1e-12)
+    npt.assert_allclose(figure.tip(q[None])[0], points[-1], atol=1e-12)
+    npt.assert_allclose(side_view(DEFAULT, points), [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_an_unknown_link_is_refused():
+    with pytest.raises(InvalidInputError, match=r"link is 'hand', expected one of .*'tool0'"):
+        StickFigure(DEFAULT, 'hand')
+
+
+@pytest.fixture(scope='module')
+def loaded():
+    """Return the default arm with a load at its tip that it cannot hold everywhere."""
+    return DEFAULT.with_payloads([make_payload('tool0', 8.0)])
+
+
+def test_places_have_the_shares_of_the_poses_that_reach_them(loaded):
+    found = workspace_gravity(loaded, 'tool0', positions=4000, cells=24)
+    body, figure = RigidBody(loaded), StickFigure(loaded, 'tool0')
+    assert found.is_plane
+    rng = np.random.default_rng(1)
+    known = 0
+    for q in rng.uniform(-np.pi, np.pi, (300, 2)):
+        x, _, z = figure.points(q)[-1]
+        column = int(np.searchsorted(found.across, x)) - 1
+        row = int(np.searchsorted(found.up, z)) - 1
+        if not (0 <= row < len(found.up) - 1 and 0 <= column < len(found.across) - 1):
+            continue
+        if np.isnan(found.most[row, column]):
+            continue
+        share = limit_shares(loaded, body.gravity(q)[None])[0]
+        # Another pose in the same cell may differ by what gravity changes across the cell.
+        assert found.least[row, column] - 0.15 < share < found.most[row, column] + 0.15
+        known += 1
+    assert known > 250
+
+
+def test_the_workspace_ends_where_the_arm_ends(loaded):
+    found = workspace_gravity(loaded, 'tool0', positions=4000, cells=24)
+    for edges in (found.across, found.up):
+        npt.assert_allclose(edges[[0, -1]], [-1.8, 1.8], atol=0.16)
+    assert (found.least <= found.most)[~np.isnan(found.most)].all()
+    worst = (worst_gravity(loaded).effort / loaded.limits.effort).max()
+    assert np.nanmax(found.most) == pytest.approx(worst, rel=0.02)
+    assert np.nanmax(found.most) <= worst + 1e-9
+    assert 0.3 < found.held < 0.7
+
+
+def test_without_any_effort_limit_there_is_nothing_to_compare_with():
+    arm = load_arm(default_arm_urdf().replace('effort="150.0"', 'effort="0"').replace(
+        'effort="60.0"', 'effort="0"'))
+    with pytest.raises(InvalidInputError, match=r"no effort limit at any of .*'joint2'"):
+        workspace_gravity(arm, 'tool0')
+    half = load_arm(default_arm_urdf().replace('effort="150.0"', 'effort="0"'))
+    found = workspace_gravity(half, 'tool0', positions=500, cells=8)
+    assert np.nanmax(found.most) == pytest.approx(11.772 / 60.0, rel=0.01)
+
+
+def test_an_arm_in_space_is_mapped_by_distance_and_height():
+    found = workspace_gravity(load_arm(robot_urdf('ur10')), 'tool0', positions=2000, cells=20)
+    assert not found.is_plane
+    assert found.across[0] >= 0.0
+    assert found.held == 1.0
+    assert np.nanmax(found.most) < 1.0

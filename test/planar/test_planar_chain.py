@@ -1,0 +1,337 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The Newton-Euler recursion: its laws, the closed form, and recursions that do not work."""
+
+import dataclasses
+import math
+import re
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar import chain as planar_chain
+from robot_dynamics.planar import two_link as planar
+from robot_dynamics.planar.chain import newton_euler, PlanarChain
+from robot_dynamics.planar.two_link import PlanarTwoLink
+
+ARM = PlanarTwoLink()
+CHAIN = PlanarChain.from_two_link(ARM)
+Q = np.array([math.pi / 4, math.pi / 6])
+V = np.array([0.5, 0.3])
+A = np.array([0.1, 0.2])
+EXAMPLE = np.array([-48.74713301, -10.95795578])
+PRINTED = 5e-9
+
+law = settings(deadline=None, derandomize=True)
+
+
+def vectors(count, limit):
+    return st.lists(st.floats(-limit, limit), min_size=count, max_size=count).map(np.array)
+
+
+@st.composite
+def motions(draw, least=1, most=8):
+    """Draw a chain and a state q, v, a of it."""
+    n = draw(st.integers(least, most))
+
+    def numbers(low, high):
+        return draw(st.lists(st.floats(low, high), min_size=n, max_size=n))
+
+    lengths = numbers(0.1, 2.0)
+    coms = [length * part for length, part in zip(lengths, numbers(0.0, 1.0))]
+    chain = PlanarChain(numbers(0.05, 10.0), lengths, coms, numbers(0.001, 1.0), 9.81)
+    return chain, draw(vectors(n, 7.0)), draw(vectors(n, 2.0)), draw(vectors(n, 10.0))
+
+
+def assert_close(actual, expected, atol):
+    """Compare by the absolute difference alone, as `atol` has the scale of the arm in it."""
+    npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
+
+
+def along(q, v, a, t):
+    """Return the positions at t of the motion that passes q with v and a at t = 0."""
+    return q + t * v + 0.5 * t**2 * a
+
+
+def second_derivative(function, step=1e-3):
+    """Return the second derivative at 0, from five points and so to the fourth order."""
+    weights = {-2: -1.0, -1: 16.0, 0: -30.0, 1: 16.0, 2: -1.0}
+    return sum(w * function(k * step) for k, w in weights.items()) / (12.0 * step**2)
+
+
+def first_derivative(function, step=1e-4):
+    near = (function(step) - function(-step)) / (2.0 * step)
+    far = (function(2.0 * step) - function(-2.0 * step)) / (4.0 * step)
+    return (4.0 * near - far) / 3.0
+
+
+def size(chain):
+    """Return a torque that the chain's own reach and mass set, as the unit of errors."""
+    reach = sum(chain.lengths)
+    return (sum(chain.masses) * reach * (reach + chain.gravity) + sum(chain.inertias))
+
+
+# --- the laws ---------------------------------------------------------------------------------
+
+@law
+@given(motion=motions())
+def test_joint_force_is_what_the_links_beyond_need_by_newton(motion):
+    chain, q, v, a = motion
+    masses = np.array(chain.masses)
+    accelerations = second_derivative(
+        lambda t: planar_chain.forward_kinematics(chain, along(q, v, a, t)).coms)
+    needed = masses[:, None] * (accelerations + [0.0, chain.gravity])
+    beyond = np.cumsum(needed[::-1], axis=0)[::-1]
+    force = newton_euler(chain, q, v, a).force
+    scale = max(np.abs(force).max(), size(chain))
+    assert_close(force, beyond, atol=1e-7 * scale)
+
+
+@law
+@given(motion=motions())
+def test_joint_moment_is_the_rate_of_the_angular_momentum_beyond(motion):
+    chain, q, v, a = motion
+    result = newton_euler(chain, q, v, a)
+    for i in range(chain.link_count):
+        # Euler about the fixed point where joint i is at this instant, for all links beyond it.
+        expected = sum(
+            chain.inertias[k] * result.omega_dot[k] + float(
+                lever[1] * needed[0] - lever[0] * needed[1])
+            for k in range(i, chain.link_count)
+            for lever in [result.com_position[k] - result.joint_position[i]]
+            for needed in [chain.masses[k] * (
+                result.com_acceleration[k] + np.array([0.0, chain.gravity]))])
+        scale = max(np.abs(result.tau).max(), size(chain))
+        assert result.tau[i] == pytest.approx(expected, abs=1e-12 * scale)
+
+
+@law
+@given(motion=motions())
+def test_accelerations_are_those_of_the_positions(motion):
+    chain, q, v, a = motion
+
+    def points(t):
+        found = planar_chain.forward_kinematics(chain, along(q, v, a, t))
+        return np.stack([found.joints, found.coms])
+
+    result = newton_euler(chain, q, v, a)
+    expected = np.stack([result.joint_acceleration, result.com_acceleration])
+    assert_close(
+        second_derivative(points), expected, atol=1e-7 * max(1.0, np.abs(expected).max()))
+
+
+@law
+@given(motion=motions())
+def test_power_of_the_torques_is_the_rate_of_the_energy(motion):
+    chain, q, v, a = motion
+
+    def energy(t):
+        position, velocity = along(q, v, a, t), v + t * a
+        return (planar_chain.kinetic_energy(chain, position, velocity)
+                + planar_chain.potential_energy(chain, position))
+
+    tau = planar_chain.inverse_dynamics(chain, q, v, a)
+    scale = max(np.abs(tau).max(), size(chain)) * (1.0 + np.abs(v).max())
+    assert_close(first_derivative(energy), tau @ v, atol=1e-7 * scale)
+
+
+@law
+@given(motion=motions())
+def test_at_rest_each_joint_carries_the_weight_beyond_it(motion):
+    chain, q, _, _ = motion
+    zero = np.zeros(chain.link_count)
+    result = newton_euler(chain, q, zero, zero)
+    weights = 9.81 * np.cumsum(chain.masses[::-1])[::-1]
+    npt.assert_array_equal(result.force[:, 0], zero)
+    npt.assert_allclose(result.force[:, 1], weights, rtol=1e-13)
+    npt.assert_array_equal(result.joint_acceleration, 0.0)
+    npt.assert_array_equal(result.com_acceleration, 0.0)
+
+
+@law
+@given(motion=motions(least=2, most=2))
+def test_recursion_is_the_closed_form(motion):
+    chain, q, v, a = motion
+    (m1, m2), (l1, l2) = chain.masses, chain.lengths
+    (r1, r2), (I1, I2) = chain.com_distances, chain.inertias
+    arm = PlanarTwoLink(m1, m2, l1, l2, r1, r2, I1, I2, chain.gravity)
+    assert PlanarChain.from_two_link(arm) == chain
+    expected = planar.inverse_dynamics(arm, q, v, a)
+    scale = max(np.abs(expected).max(), size(chain))
+    assert_close(newton_euler(chain, q, v, a).tau, expected, atol=1e-12 * scale)
+    energies = planar.energies(arm, q, v)
+    kinetic = planar_chain.kinetic_energy(chain, q, v)
+    assert kinetic == pytest.approx(energies.kinetic, rel=1e-12, abs=1e-12 * size(chain))
+    potential = planar_chain.potential_energy(chain, q)
+    assert potential == pytest.approx(energies.potential, abs=1e-12 * size(chain))
+    ours, theirs = planar_chain.forward_kinematics(chain, q), planar.forward_kinematics(arm, q)
+    for one, other in zip(ours, theirs):
+        assert_close(one, other, atol=1e-14)
+
+
+@law
+@given(motion=motions(least=1, most=1))
+def test_one_link_is_the_compound_pendulum(motion):
+    chain, q, v, a = motion
+    (m,), (r,), (inertia,) = chain.masses, chain.com_distances, chain.inertias
+    expected = (inertia + m * r**2) * a[0] - m * 9.81 * r * math.sin(q[0])
+    tau = newton_euler(chain, q, v, a).tau
+    assert tau[0] == pytest.approx(expected, abs=1e-12 * size(chain) * (1.0 + abs(a[0])))
+
+
+def test_worked_example_with_its_vectors():
+    result = newton_euler(CHAIN, Q, V, A)
+    assert_close(result.tau, EXAMPLE, atol=PRINTED)
+    npt.assert_allclose(result.omega, [0.5, 0.8], rtol=1e-14)
+    npt.assert_allclose(result.omega_dot, [0.1, 0.3], rtol=1e-14)
+    # By hand: the elbow is at 45° and 1 m, so it has 0.1 across and 0.25 inward.
+    half = math.sqrt(0.5)
+    assert_close(
+        result.joint_acceleration[1], [(0.1 - 0.25) * half, (-0.1 - 0.25) * half], atol=1e-15)
+    npt.assert_allclose(result.com_acceleration[0], 0.5 * result.joint_acceleration[1])
+    npt.assert_array_equal(result.joint_position[0], [0.0, 0.0])
+    npt.assert_allclose(result.joint_position[1], [half, half], rtol=1e-14)
+
+
+# --- what is often got wrong: a test for each row of the table in docs/planar_arm.md --------
+
+def scalar_recursion_that_forgets_the_joint():
+    """Add gravity, tangential and inward terms in one direction; joint 2 starts at rest."""
+    along_link = [
+        9.81 + 0.1 * 0.5 - 0.5**2 * 0.5,
+        0.0 + 0.3 * 0.4 - 0.8**2 * 0.4,
+    ]
+    force2 = 3.0 * along_link[1]
+    tau2 = 0.4 * force2 + 0.05 * 0.3
+    tau1 = tau2 + 0.5 * (force2 + 5.0 * along_link[0]) + 0.1 * 0.1
+    return np.array([tau1, tau2])
+
+
+def scalar_recursion_from_centre_to_centre():
+    """Add the same scalars, with the acceleration of COM 1 handed on as that of joint 2."""
+    first = 9.81 + 0.1 * 0.5 - 0.5**2 * 0.5
+    second = first + 0.3 * 0.4 - 0.8**2 * 0.4
+    force2 = 3.0 * second
+    tau2 = 0.4 * force2 + 0.05 * 0.3
+    tau1 = tau2 + 0.5 * (force2 + 5.0 * first) + 0.1 * 0.1
+    return np.array([tau1, tau2])
+
+
+@pytest.mark.parametrize(('recursion', 'wrong'), [
+    (scalar_recursion_that_forgets_the_joint, [24.00, -0.15]),
+    (scalar_recursion_from_centre_to_centre, [50.28, 11.53]),
+])
+def test_correction_scalar_recursions_are_wrong(recursion, wrong):
+    assert_close(recursion(), wrong, atol=5e-3)
+    right = newton_euler(CHAIN, Q, V, A).tau
+    assert_close(right, EXAMPLE, atol=PRINTED)
+    assert np.abs(recursion() - right).min() > 10.0
+
+
+def vector_recursion(start='end', carry_moment=True, up=1.0):
+    """Return the torques of the example by a recursion in which one step can be spoilt."""
+    result = newton_euler(CHAIN, Q, V, A)
+    levers = result.com_position - result.joint_position
+    ends = np.array([result.joint_position[1], result.tip_position]) - result.joint_position
+    relative = [result.com_acceleration[i] - result.joint_acceleration[i] for i in range(2)]
+    second_joint = result.joint_acceleration[1] if start == 'end' else relative[0]
+    accelerations = [relative[0], second_joint + relative[1]]
+    tau, force, moment = np.zeros(2), np.zeros(2), 0.0
+    for i in (1, 0):
+        own = CHAIN.masses[i] * (accelerations[i] + [0.0, up * CHAIN.gravity])
+        lever_of_next = ends[i] if carry_moment else np.zeros(2)
+        moment += CHAIN.inertias[i] * result.omega_dot[i]
+        for lever, f in ((levers[i], own), (lever_of_next, force)):
+            moment += lever[1] * f[0] - lever[0] * f[1]
+        force, tau[i] = force + own, moment
+    return tau
+
+
+def test_recursion_to_spoil_is_right_before_it_is_spoilt():
+    npt.assert_allclose(vector_recursion(), newton_euler(CHAIN, Q, V, A).tau, rtol=1e-13)
+
+
+def test_correction_next_joint_starts_from_the_end_of_the_link():
+    spoilt = vector_recursion(start='com')
+    right = newton_euler(CHAIN, Q, V, A).tau
+    assert np.abs(spoilt - right).min() > 0.05
+
+
+def test_correction_force_of_the_next_link_has_a_moment():
+    spoilt = vector_recursion(carry_moment=False)
+    right = newton_euler(CHAIN, Q, V, A)
+    assert spoilt[1] == pytest.approx(right.tau[1], rel=1e-13)
+    x, y = right.joint_position[1]
+    missing = y * right.force[1, 0] - x * right.force[1, 1]
+    assert right.tau[0] - spoilt[0] == pytest.approx(missing, rel=1e-12)
+    assert abs(missing) > 20.0
+
+
+def test_correction_force_acts_at_the_joint_and_not_at_the_centre_of_mass():
+    # "Lever to the COM times the whole force" takes the next link's force at the COM as well.
+    result = newton_euler(CHAIN, Q, V, A)
+    (x, y), (fx, fy) = result.com_position[0], result.force[0]
+    written = result.tau[1] + CHAIN.inertias[0] * result.omega_dot[0] + y * fx - x * fy
+    assert abs(written - result.tau[0]) > 5.0
+
+
+def test_correction_weight_is_carried_upwards():
+    flipped = vector_recursion(up=-1.0)
+    g = planar.gravity_vector(ARM, Q)
+    assert_close(EXAMPLE - flipped, 2.0 * g, atol=2.0 * PRINTED)
+
+
+# --- input ------------------------------------------------------------------------------------
+
+def test_parameters_are_kept_as_tuples_of_floats():
+    chain = PlanarChain(np.array([5, 3]), [1, 0.8], (0.5, 0.4), [0.1, 0.05])
+    assert chain == CHAIN
+    assert hash(chain) == hash(CHAIN)
+    assert isinstance(chain.masses, tuple)
+    assert all(type(value) is float for value in chain.masses + chain.lengths)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        chain.gravity = 0.0
+
+
+@pytest.mark.parametrize(('change', 'message'), [
+    ({'masses': []}, 'masses has 0 values, expected at least 1'),
+    ({'masses': 5.0}, 'masses is 5.0, expected one number for each link'),
+    ({'masses': [[1.0, 2.0], [3.0]]}, 'expected numbers'),
+    ({'masses': [5.0, -3.0]}, 'masses[1] (link2) is -3, expected a number > 0'),
+    ({'masses': [5.0, math.nan]}, 'masses[1] (link2) is nan, expected a finite number'),
+    ({'lengths': [1.0]},
+     "lengths has 1 values, expected 2, one for each of ['link1', 'link2']"),
+    ({'lengths': [0.0, 1.0]}, 'lengths[0] (link1) is 0, expected a number > 0'),
+    ({'com_distances': [0.5, 0.9]},
+     'com_distances[1] (link2) is 0.9, expected a number in [0, 0.8]'),
+    ({'inertias': [0.0, 0.05]}, 'inertias[0] (link1) is 0, expected a number > 0'),
+    ({'gravity': -1.0}, 'gravity is -1, expected a number >= 0'),
+])
+def test_parameters_out_of_range_are_named(change, message):
+    with pytest.raises(InvalidInputError, match=re.escape(message)):
+        dataclasses.replace(CHAIN, **change)
+
+
+@pytest.mark.parametrize(('q', 'v', 'a', 'message'), [
+    ([0.0], V, A, "q has 1 values, expected 2, one for each of ['joint1', 'joint2']"),
+    (Q, [0.0, math.nan], A, 'v[1] (joint2) is nan, expected a finite number'),
+    (Q, V, [0.0, 0.0, 0.0], 'a has 3 values, expected 2'),
+])
+def test_states_of_another_shape_are_named(q, v, a, message):
+    with pytest.raises(InvalidInputError, match=re.escape(message)):
+        newton_euler(CHAIN, q, v, a)

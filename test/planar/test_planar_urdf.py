@@ -1,0 +1,293 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The URDF of a planar arm, read by Pinocchio, and the tool that writes it."""
+
+import re
+import sys
+from xml.etree import ElementTree
+
+import children
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pinocchio
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar import two_link as planar
+from robot_dynamics.planar.chain import (
+    forward_kinematics,
+    kinetic_energy,
+    newton_euler,
+    PlanarChain,
+    potential_energy,
+)
+from robot_dynamics.planar.two_link import PlanarTwoLink
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.tools.planar_urdf import main
+
+TWO = {
+    'masses': [5.0, 3.0], 'lengths': [1.0, 0.8], 'com_distances': [0.5, 0.4],
+    'inertias': [0.1, 0.05],
+}
+
+
+def assert_close(actual, expected, atol):
+    """Compare by the absolute difference alone, as `atol` has the scale of the arm in it."""
+    npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
+
+
+def urdf_of(chain, **more):
+    return planar_arm_urdf(
+        chain.masses, chain.lengths, chain.com_distances, chain.inertias, **more)
+
+
+def model_of(urdf):
+    return pinocchio.buildModelFromXML(urdf)
+
+
+def unrolled(q):
+    """Return q as Pinocchio keeps continuous joints: cosine and sine of each."""
+    return np.column_stack([np.cos(q), np.sin(q)]).ravel()
+
+
+@st.composite
+def motions(draw):
+    n = draw(st.integers(1, 8))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    lengths = rng.uniform(0.1, 2.0, n)
+    chain = PlanarChain(
+        rng.uniform(0.05, 10.0, n), lengths, lengths * rng.uniform(0.0, 1.0, n),
+        rng.uniform(0.001, 1.0, n))
+    return chain, rng.uniform(-7.0, 7.0, n), rng.normal(0.0, 3.0, n), rng.normal(0.0, 10.0, n)
+
+
+# --- the general engine finds the same --------------------------------------------------------
+
+@settings(deadline=None, derandomize=True)
+@given(motion=motions())
+def test_recursion_is_that_of_the_general_engine(motion):
+    chain, q, v, a = motion
+    model = model_of(urdf_of(chain))
+    data = model.createData()
+    ours = newton_euler(chain, q, v, a)
+    tau = pinocchio.rnea(model, data, unrolled(q), v, a)
+    assert_close(ours.tau, tau, atol=1e-12 * np.abs(tau).max())
+
+    pinocchio.forwardKinematics(model, data, unrolled(q))
+    forces = np.array([
+        data.oMi[i + 1].rotation @ data.f[i + 1].linear for i in range(chain.link_count)])
+    scale = np.abs(forces).max()
+    assert_close(ours.force, forces[:, [0, 2]], atol=1e-12 * scale)
+    assert_close(forces[:, 1], 0.0, atol=1e-12 * scale)
+    turned = np.array([
+        (data.oMi[i + 1].rotation @ data.f[i + 1].angular)[1] for i in range(chain.link_count)])
+    assert_close(ours.tau, turned, atol=1e-12 * np.abs(tau).max())
+
+
+@settings(deadline=None, derandomize=True)
+@given(motion=motions())
+def test_positions_and_energies_are_those_of_the_general_engine(motion):
+    chain, q, v, _ = motion
+    model = model_of(urdf_of(chain))
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, unrolled(q))
+    points = forward_kinematics(chain, q)
+    reach = sum(chain.lengths)
+    for i in range(chain.link_count):
+        origin, com = data.oMi[i + 1].translation, data.oMi[i + 1].act(model.inertias[i + 1].lever)
+        assert_close(points.joints[i], origin[[0, 2]], atol=1e-13 * reach)
+        assert_close(points.coms[i], com[[0, 2]], atol=1e-13 * reach)
+    tool = data.oMf[model.getFrameId('tool0')].translation
+    assert_close(points.tip, tool[[0, 2]], atol=1e-13 * reach)
+    assert tool[1] == 0.0
+    kinetic = pinocchio.computeKineticEnergy(model, data, unrolled(q), v)
+    assert kinetic_energy(chain, q, v) == pytest.approx(kinetic, rel=1e-11)
+    potential = pinocchio.computePotentialEnergy(model, data, unrolled(q))
+    scale = 9.81 * sum(chain.masses) * reach
+    assert potential_energy(chain, q) == pytest.approx(potential, abs=1e-13 * scale)
+
+
+def test_default_arm_is_the_closed_form():
+    model = model_of(default_arm_urdf())
+    data = model.createData()
+    arm = PlanarTwoLink()
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        q, v, a = rng.uniform(-4.0, 4.0, (3, 2))
+        tau = planar.inverse_dynamics(arm, q, v, a)
+        expected = pinocchio.rnea(model, data, unrolled(q), v, a)
+        assert_close(tau, expected, atol=1e-12 * np.abs(expected).max())
+        assert_close(
+            planar.gravity_vector(arm, q),
+            pinocchio.computeGeneralizedGravity(model, data, unrolled(q)), atol=1e-12 * 70.0)
+        M = np.triu(pinocchio.crba(model, data, unrolled(q)))
+        npt.assert_allclose(np.triu(planar.mass_matrix(arm, q)), M, rtol=1e-12, atol=1e-13)
+        C = pinocchio.computeCoriolisMatrix(model, data, unrolled(q), v)
+        assert_close(planar.coriolis_vector(arm, q, v), C @ v, atol=1e-12 * 70.0)
+        back = pinocchio.aba(model, data, unrolled(q), v, tau)
+        assert_close(planar.forward_dynamics(arm, q, v, tau), back, atol=1e-10)
+
+
+# --- what stands in it ------------------------------------------------------------------------
+
+def test_default_arm_has_the_limits_of_its_motors():
+    model = model_of(default_arm_urdf())
+    assert list(model.names) == ['universe', 'joint1', 'joint2']
+    npt.assert_array_equal(model.velocityLimit, [10.0, 10.0])
+    joints = ElementTree.fromstring(default_arm_urdf()).findall('joint')
+    assert [joint.get('type') for joint in joints] == ['continuous', 'continuous', 'fixed']
+    assert [joint.find('limit').get('effort') for joint in joints[:2]] == ['150.0', '60.0']
+    for joint in joints[:2]:
+        assert joint.find('dynamics').attrib == {'damping': '0.0', 'friction': '0.0'}
+
+
+@settings(deadline=None, derandomize=True)
+@given(motion=motions())
+def test_every_link_is_a_body_that_can_exist(motion):
+    chain = motion[0]
+    model = model_of(urdf_of(chain))
+    for i in range(chain.link_count):
+        inertia = model.inertias[i + 1]
+        assert inertia.mass == pytest.approx(chain.masses[i], rel=1e-14)
+        npt.assert_allclose(inertia.lever, [0.0, 0.0, chain.com_distances[i]], rtol=1e-14)
+        assert inertia.inertia[1, 1] == pytest.approx(chain.inertias[i], rel=1e-14)
+        moments = np.diag(inertia.inertia)
+        # Each second moment of mass is half of what two principal moments exceed the third by.
+        assert (moments.sum() - 2.0 * moments > 0.0).all()
+        pseudo = pinocchio.PseudoInertia.FromInertia(inertia).toMatrix()
+        assert np.linalg.eigvalsh(pseudo).min() > 0.0
+
+
+def test_friction_limits_and_names_are_written():
+    urdf = planar_arm_urdf(
+        **TWO, viscous_friction=[0.1, 0.2], coulomb_friction=[0.3, 0.0],
+        effort_limits=[40.0, 20.0], velocity_limits=[3.0, 1 / 3], name='R & D "arm"',
+        joint_names=['shoulder', 'elbow'])
+    robot = ElementTree.fromstring(urdf)
+    assert robot.get('name') == 'R & D "arm"'
+    shoulder, elbow, _ = robot.findall('joint')
+    assert [shoulder.get('name'), elbow.get('name')] == ['shoulder', 'elbow']
+    assert shoulder.find('dynamics').attrib == {'damping': '0.1', 'friction': '0.3'}
+    assert float(elbow.find('limit').get('velocity')) == 1 / 3
+    model = model_of(urdf)
+    npt.assert_array_equal(model.velocityLimit, [3.0, 1 / 3])
+    npt.assert_array_equal(model.damping, [0.1, 0.2])
+
+
+def test_links_show_and_can_collide():
+    robot = ElementTree.fromstring(planar_arm_urdf(**TWO))
+    for name, length in (('link1', 1.0), ('link2', 0.8)):
+        link = robot.find(f'link[@name="{name}"]')
+        for role in ('visual', 'collision'):
+            box = link.find(f'{role}/geometry/box').get('size').split()
+            assert [float(side) for side in box] == [length / 10.0, length / 10.0, length]
+            assert link.find(f'{role}/origin').get('xyz') == f'0 0 {length / 2.0}'
+    assert robot.find('link[@name="base_link"]/inertial') is None
+    assert list(robot.find('link[@name="tool0"]')) == []
+
+
+def test_numbers_survive_to_the_last_digit():
+    mass = 0.1 + 0.2  # 0.30000000000000004
+    robot = ElementTree.fromstring(planar_arm_urdf([mass], [1 / 3], [0.1], [np.float64(1e-7)]))
+    assert float(robot.find('link[@name="link1"]/inertial/mass').get('value')) == mass
+    assert float(robot.find('link[@name="link1"]/inertial/inertia').get('iyy')) == 1e-7
+    assert robot.findall('joint')[-1].find('origin').get('xyz') == f'0 0 {1 / 3!r}'
+
+
+@pytest.mark.parametrize(('change', 'message'), [
+    ({'masses': [5.0, 0.0]}, 'masses[1] (link2) is 0, expected a number > 0'),
+    ({'lengths': [1.0]}, "lengths has 1 values, expected 2, one for each of ['link1', 'link2']"),
+    ({'com_distances': [2.0, 0.4]}, 'com_distances[0] (link1) is 2, expected a number in [0, 1]'),
+    ({'viscous_friction': [0.0, -0.1]},
+     'viscous_friction[1] (joint2) is -0.1, expected a number >= 0'),
+    ({'coulomb_friction': [1.0]}, 'coulomb_friction has 1 values, expected 2'),
+    ({'effort_limits': [0.0, 1.0]}, 'effort_limits[0] (joint1) is 0, expected a number > 0'),
+    ({'velocity_limits': [1.0, np.inf]}, 'velocity_limits[1] (joint2) is inf'),
+    ({'name': ' '}, "name is ' ', expected a printable name"),
+    ({'joint_names': ['a']}, "joint_names is ['a'], expected 2 names"),
+    ({'joint_names': 'ab'}, "joint_names is 'ab', expected 2 names"),
+    ({'joint_names': ['a', '']}, "joint_names[1] is '', expected a printable name"),
+    ({'joint_names': ['a', 'a']}, "joint_names has 'a' twice"),
+    ({'joint_names': ['a', 'tool0_joint']}, "joint_names has 'tool0_joint', expected other names"),
+])
+def test_what_cannot_be_built_is_named(change, message):
+    with pytest.raises(InvalidInputError, match=re.escape(message)):
+        planar_arm_urdf(**{**TWO, **change})
+
+
+# --- the tool ---------------------------------------------------------------------------------
+
+def test_tool_writes_the_default_arm(capsys):
+    assert main([]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == default_arm_urdf()
+    assert captured.err == ''
+
+
+def test_tool_writes_a_file_with_all_that_it_is_told(tmp_path, capsys):
+    file = tmp_path / 'arm.urdf'
+    status = main([
+        '--masses', '1', '2', '3', '--lengths', '1', '1', '0.5', '--com-distances', '0.5', '0.5',
+        '0.25', '--inertias', '0.1', '0.1', '0.05', '--viscous', '0.1', '0.2', '0.3', '--coulomb',
+        '1', '2', '3', '--effort-limits', '9', '8', '7', '--velocity-limits', '6', '5', '4',
+        '--name', 'three', '-o', str(file)])
+    assert status == 0
+    assert capsys.readouterr().out == ''
+    assert file.read_text(encoding='utf-8') == planar_arm_urdf(
+        [1, 2, 3], [1, 1, 0.5], [0.5, 0.5, 0.25], [0.1, 0.1, 0.05], [0.1, 0.2, 0.3], [1, 2, 3],
+        [9, 8, 7], [6, 5, 4], name='three')
+
+
+def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
+    assert main(['--masses', '5', '2']) == 0
+    limits = ElementTree.fromstring(capsys.readouterr().out).findall('joint/limit')
+    assert [limit.get('effort') for limit in limits] == ['1000.0', '1000.0']
+    assert main(['--viscous', '0.5', '0.5']) == 0
+    limits = ElementTree.fromstring(capsys.readouterr().out).findall('joint/limit')
+    assert [limit.get('effort') for limit in limits] == ['150.0', '60.0']
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['--masses', '5', '-3'], 'planar_urdf: masses[1] (link2) is -3, expected a number > 0\n'),
+    (['--masses', '5', 'nan'],
+     'planar_urdf: masses[1] (link2) is nan, expected a finite number\n'),
+    (['--lengths', '1', '1', '1'],
+     "planar_urdf: lengths has 3 values, expected 2, one for each of ['link1', 'link2']\n"),
+    (['--viscous', '1'],
+     'planar_urdf: viscous_friction has 1 values, expected 2, '
+     "one for each of ['joint1', 'joint2']\n"),
+])
+def test_tool_says_in_one_line_what_is_wrong(arguments, message, capsys):
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err == message
+    assert captured.out == ''
+
+
+def test_tool_says_where_it_cannot_write(tmp_path, capsys):
+    assert main(['-o', str(tmp_path / 'missing' / 'arm.urdf')]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith('planar_urdf: cannot write ')
+    assert err.count('\n') == 1
+
+
+def test_tool_needs_no_ros_and_no_general_engine():
+    program = (
+        'import sys, robot_dynamics.tools.planar_urdf\n'
+        'print(sorted({"rclpy", "pinocchio"} & {name.split(".")[0] for name in sys.modules}))')
+    done = children.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    assert done.stdout == '[]\n'

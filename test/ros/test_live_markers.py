@@ -1,0 +1,193 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`~/markers` of a real node: where they are, what they tell, and that nobody pays for them."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import InertiaStamped
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import ExternalWrench
+from robot_dynamics.pictures.arm_marks import ArmMarks
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
+from robot_dynamics.ros.dynamics.marker_messages import drawn
+from robot_dynamics.ros.dynamics.markers import LiveMarkers
+from robot_dynamics_interfaces.srv import SetPayload
+from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, TIMEOUT, wait_until
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import Marker, MarkerArray
+import yaml
+
+NAMES, Q = ['joint1', 'joint2'], [0.7, 0.4]
+STEP = 10_000_000
+"""[ns] between two states."""
+BODY = ArmDynamics(load_arm(default_arm_urdf())).rigid_body
+GRAVITY = BODY.gravity(np.array(Q))
+ELBOW = [np.sin(0.7), 0.0, np.cos(0.7)]
+TOOL = [np.sin(0.7) + 0.8 * np.sin(1.1), 0.0, np.cos(0.7) + 0.8 * np.cos(1.1)]
+FORCE = np.array([15.0, 0.0, -25.0])
+"""[N] on the tool, in the base frame."""
+
+
+class Robot:
+    """A robot that stands at Q, and sends a state whenever it is told to."""
+
+    def __init__(self, client: RosClient) -> None:
+        self._client = client
+        self._states = client.publisher(JointState, '/marked/joint_states')
+        self._answers = client.collect(JointState, '/marked/dynamics/gravity_compensation')
+        self._answers.wait_matched()
+        self._stamp = 1_000_000_000
+
+    def stand_until(
+        self, markers: Collector, fits: Callable[[dict[tuple[str, int], Any]], bool],
+        effort: list[float],
+    ) -> MarkerArray:
+        """Send states with this effort until there are markers that fit; return them."""
+        for _ in range(round(TIMEOUT / 0.1)):
+            self._stamp += STEP
+            state = JointState(name=NAMES, position=Q, velocity=[0.0, 0.0], effort=effort)
+            state.header.stamp = stamp_to_ros(self._stamp)
+            self._client.answer_to(self._states, state, self._answers)
+            found = markers.find(lambda m: fits(by_name(m)), timeout=0.1)
+            if found is not None:
+                return found
+        raise AssertionError(f'no such markers; the last: {markers.messages[-1:]}')
+
+
+def by_name(message: MarkerArray) -> dict[tuple[str, int], Any]:
+    return {(marker.ns, marker.id): marker for marker in message.markers}
+
+
+def at(point: Any) -> Any:
+    return pytest.approx([point.x, point.y, point.z], abs=1e-9)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def node() -> Iterator[None]:
+    with NodeProcess(DYNAMICS, {'external_effort_bandwidth': 50.0}, namespace='/marked'):
+        yield
+
+
+@pytest.fixture(scope='module')
+def robot(client: RosClient) -> Robot:
+    return Robot(client)
+
+
+def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
+    client: RosClient, robot: Robot,
+) -> None:
+    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
+        message = robot.stand_until(markers, bool, [])
+    found = by_name(message)
+    assert set(found) == {
+        (kind, i) for kind in ('effort', 'effort in numbers') for i in range(2)}
+    for marker in message.markers:
+        assert marker.header.frame_id == 'base_link'
+        assert stamp_from_ros(marker.header.stamp) > 1_000_000_000
+        assert 0 < marker.lifetime.nanosec <= 500_000_000
+        assert marker.color.a == 1.0
+        assert marker.action == Marker.ADD
+    arc = np.array([[p.x, p.y, p.z] for p in found['effort', 1].points])[:-3]
+    centre = np.array(ELBOW)
+    radius = np.linalg.norm(arc[0] - centre)
+    assert radius > 0.02
+    np.testing.assert_allclose(np.linalg.norm(arc - centre, axis=1), radius)
+    np.testing.assert_allclose(arc[:, 1], 0.0, atol=1e-12)  # about y
+    for i in range(2):
+        assert found['effort in numbers', i].text == f'{GRAVITY[i]:.1f} N m'
+    text = found['effort in numbers', 1].pose.position
+    assert [text.x, text.z] == pytest.approx([ELBOW[0], ELBOW[2]])
+
+
+def test_without_measured_efforts_nobody_is_warned(client: RosClient, robot: Robot) -> None:
+    def status(message: DiagnosticArray) -> DiagnosticStatus:
+        return next(s for s in message.status if s.name.endswith(': estimates'))
+
+    with client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+        diagnostics.wait_matched()
+        with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
+            robot.stand_until(markers, bool, [])
+            diagnostics.wait_count(len(diagnostics.messages) + 2)
+        diagnostics.wait_for(lambda message: status(message).message == 'nobody listens')
+        assert {status(message).level for message in diagnostics.messages} == {
+            DiagnosticStatus.OK}
+
+
+def test_a_push_is_an_arrow_that_ends_at_the_tool(client: RosClient, robot: Robot) -> None:
+    rotation = np.array([
+        [np.cos(1.1), 0.0, np.sin(1.1)], [0.0, 1.0, 0.0], [-np.sin(1.1), 0.0, np.cos(1.1)]])
+    push = ExternalWrench('tool0', rotation.T @ FORCE, np.zeros(3))
+    external = -BODY.external(np.array(Q), [push])
+
+    def settled(found: dict[tuple[str, int], Any]) -> bool:
+        arrow = found.get(('external force', 0))
+        return arrow is not None and abs(
+            (arrow.points[0].x - TOOL[0]) * FORCE[2] - (arrow.points[0].z - TOOL[2]) * FORCE[0]
+        ) < 1e-6
+
+    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
+        found = by_name(robot.stand_until(markers, settled, (GRAVITY - external).tolist()))
+    start, end = found['external force', 0].points
+    assert at(end) == TOOL
+    assert end.x > start.x
+    assert end.z < start.z
+    assert {('external effort', 0), ('external effort', 1)} <= set(found)
+
+
+def test_a_payload_is_a_ball(client: RosClient, robot: Robot) -> None:
+    load = InertiaStamped()
+    load.header.frame_id, load.inertia.m = 'tool0', 2.0
+    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
+        client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
+        found = by_name(robot.stand_until(
+            markers, lambda found: ('payload', 0) in found, []))
+        assert at(found['payload', 0].pose.position) == TOOL
+        assert found['payload', 0].scale.x == found['payload', 0].scale.z > 0.05
+        load.inertia.m = 0.0
+        client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
+        markers.clear()
+        robot.stand_until(markers, lambda found: ('payload', 0) not in found, [])
+
+
+def test_the_display_shows_all_that_is_drawn() -> None:
+    arm = load_arm(default_arm_urdf()).with_payloads([make_payload('tool0', 1.0)])
+    message = drawn(ArmMarks(arm), arm, np.array(Q), GRAVITY, np.array([3.0, 1.0]))
+    display = yaml.safe_load(
+        (Path(__file__).parents[2] / 'rviz' / 'dynamics.rviz').read_text(encoding='utf-8'))
+    shown = {entry['Name']: entry for entry in display['Visualization Manager']['Displays']}
+    assert set(shown['Dynamics']['Namespaces']) == {marker.ns for marker in message.markers}
+    assert shown['Dynamics']['Topic']['Value'] == '/dynamics/markers'
+    assert shown['Dynamics']['Topic']['Durability Policy'] == 'Volatile'
+    assert shown['Arm']['Description Topic']['Durability Policy'] == 'Transient Local'
+
+
+def test_markers_are_off_until_somebody_listens(client: RosClient) -> None:
+    markers = LiveMarkers(client.node)
+    assert not markers.is_on
+    assert markers._timer.is_canceled()
+    for _ in range(2):
+        with client.collect(MarkerArray, '/test_client/markers'):
+            wait_until(lambda: markers.is_on, 'markers that are on')
+            wait_until(lambda: not markers._timer.is_canceled(), 'the timer')
+        wait_until(lambda: not markers.is_on, 'markers that are off')
+        wait_until(lambda: markers._timer.is_canceled(), 'the end of the timer')

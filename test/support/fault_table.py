@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The table of faults in docs/safety.md: each test that injects one names it, and what must follow.
+
+`scripts/test -m fault --write-fault-table` runs the suite and writes the page from its results.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
+BEGIN, END = '<!-- faults: begin -->\n', '<!-- faults: end -->\n'
+HEAD = '| injected | expected | seen |\n| --- | --- | --- |\n'
+
+
+def fault(group: str, injected: str, expected: str) -> pytest.MarkDecorator:
+    """Mark a test that injects a fault: the part of the table, what it does, what must follow."""
+    return pytest.mark.fault(group, injected, expected)
+
+
+@dataclass
+class Row:
+    """One fault of the table, and what a run of its test showed."""
+
+    group: str
+    injected: str
+    expected: str
+    seen: str = ''
+
+
+def row_of(item: pytest.Item) -> Row | None:
+    """Return the row of a test, None for a test that injects no fault."""
+    mark = item.get_closest_marker('fault')
+    return None if mark is None else Row(*mark.args)
+
+
+def seen_words(report: pytest.TestReport) -> str | None:
+    """Return what a finished phase of a test says of its fault; None where it says nothing."""
+    figures = [str(value) for name, value in report.user_properties if name == 'seen']
+    if report.failed:
+        return '**failed**'
+    if report.skipped:
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else ''
+        return f'not run: {reason.removeprefix("Skipped: ")}'
+    if report.when == 'call':
+        return '; '.join(['as expected', *figures])
+    return None
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the table as markdown, a part for each group."""
+    parts = []
+    for group in dict.fromkeys(row.group for row in rows):
+        lines = ''.join(
+            f'| {row.injected} | {row.expected} | {row.seen} |\n'
+            for row in rows if row.group == group)
+        parts.append(f'### {group}\n\n{HEAD}{lines}')
+    return '\n'.join(parts)
+
+
+def write_page(rows: Sequence[Row]) -> None:
+    """Put the table in the page."""
+    text = PAGE.read_text(encoding='utf-8')
+    before, rest = text.split(BEGIN)
+    _, after = rest.split(END)
+    PAGE.write_text(f'{before}{BEGIN}\n{table(rows)}\n{END}{after}', encoding='utf-8')
+
+
+def rows_of_page() -> list[Row]:
+    """Return the rows that stand in the page."""
+    rows, group = [], ''
+    text = PAGE.read_text(encoding='utf-8').split(BEGIN)[1].split(END)[0]
+    for line in text.splitlines():
+        if line.startswith('### '):
+            group = line.removeprefix('### ')
+        elif line.startswith('| ') and f'{line}\n' not in HEAD:
+            cells = line.removeprefix('| ').removesuffix(' |').split(' | ')
+            rows.append(Row(group, *cells))
+    return rows

@@ -1,0 +1,100 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The services of `dynamics`, and requests that each of them must refuse."""
+
+import math
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.ros.conversions import payload_to_ros
+from robot_dynamics_interfaces.srv import (
+    ForwardDynamics,
+    InverseDynamics,
+    InverseDynamicsBatch,
+    InverseDynamicsTrajectory,
+    ManipulatorEquation,
+    SetPayload,
+)
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAN = float('nan')
+SERVICES: dict[str, Any] = {
+    'inverse_dynamics': InverseDynamics,
+    'inverse_dynamics_batch': InverseDynamicsBatch,
+    'inverse_dynamics_trajectory': InverseDynamicsTrajectory,
+    'forward_dynamics': ForwardDynamics,
+    'manipulator_equation': ManipulatorEquation,
+    'set_payload': SetPayload,
+}
+Q = (math.pi / 4, math.pi / 6)
+
+
+def wrench(link: str, force: tuple[float, ...], torque: tuple[float, ...]) -> WrenchStamped:
+    message = WrenchStamped()
+    message.header.frame_id = link
+    f, t = message.wrench.force, message.wrench.torque
+    (f.x, f.y, f.z), (t.x, t.y, t.z) = force, torque
+    return message
+
+
+BAD_STATES: list[tuple[dict[str, Any], str]] = [
+    ({}, 'position has 0 values, expected 2'),
+    ({'position': [1.0]}, 'position has 1 values, expected 2'),
+    ({'position': [1.0, NAN]}, r'position\[1\] \(joint2\) is nan'),
+    ({'position': Q, 'velocity': [1.0]}, 'velocity has 1 values, expected 2'),
+    ({'position': Q, 'velocity': [float('inf'), 0.0]}, r'velocity\[0\] \(joint1\) is inf'),
+    ({'position': Q, 'joint_names': ['joint1']}, r"joint_names leaves out \['joint2'\]"),
+    ({'position': Q, 'joint_names': ['joint1', 'elbow']}, "joint_names has 'elbow', expected"),
+    ({'position': Q, 'joint_names': ['joint1', 'joint1']}, "joint_names has 'joint1' twice"),
+]
+WITH_EFFORT = {'effort': [0.0, 0.0]}
+REFUSALS: list[tuple[str, dict[str, Any], str]] = [
+    *(('inverse_dynamics', fields, words) for fields, words in BAD_STATES),
+    *(('manipulator_equation', fields, words) for fields, words in BAD_STATES),
+    *(('forward_dynamics', {**WITH_EFFORT, **fields}, words) for fields, words in BAD_STATES),
+    ('forward_dynamics', {'position': Q}, 'effort has 0 values'),
+    ('forward_dynamics', {'position': Q, 'effort': [NAN, 0.0]}, r'effort\[0\] \(joint1\) is nan'),
+    ('inverse_dynamics', {'position': Q, 'acceleration': [0.0] * 3}, 'acceleration has 3 values'),
+    ('inverse_dynamics',
+     {'position': Q, 'external_wrenches': [wrench('hand', (1, 0, 0), (0, 0, 0))]},
+     r"external_wrenches\[0\]\.header\.frame_id is 'hand', expected one of the links"),
+    ('forward_dynamics',
+     {'position': Q, **WITH_EFFORT, 'external_wrenches': [wrench('', (1, 0, 0), (0, 0, 0))]},
+     r"frame_id is '', expected one of the links"),
+    ('inverse_dynamics',
+     {'position': Q, 'external_wrenches': [wrench('tool0', (NAN, 0, 0), (0, 0, 0))]},
+     r'external_wrenches\[0\]\.wrench\.force\[0\] \(x\) is nan'),
+    ('inverse_dynamics_batch', {'position': [1.0] * 3}, 'position has 3 values, expected samples'),
+    ('inverse_dynamics_batch', {'position': [1.0] * 4, 'velocity': [1.0] * 2},
+     'velocity has 1 samples, expected 2'),
+    ('inverse_dynamics_batch', {'position': [1.0, 1.0, NAN, 1.0]}, r'position\[1\]\[0\]'),
+    ('inverse_dynamics_trajectory', {}, 'points is empty'),
+    ('inverse_dynamics_trajectory', {'trajectory': JointTrajectory(
+        joint_names=['joint1', 'joint2'], points=[
+            JointTrajectoryPoint(positions=[0.0, 0.0]),
+            JointTrajectoryPoint(positions=[0.0, 0.0])])}, r'points\[1\]\.time_from_start'),
+    ('inverse_dynamics', {'position': Q, 'velocity': [1e200, 0.0]},
+     r'velocity\[0\] \(joint1\) is 1e\+200, expected a number in \[-1e\+09, 1e\+09\]'),
+    ('inverse_dynamics_batch', {'position': Q, 'velocity': [0.0, -1e10]},
+     r'velocity\[0\]\[1\] \(joint2\) is -1e\+10'),
+    ('manipulator_equation', {'position': [0.0, 1e300]}, r'position\[1\] \(joint2\) is 1e\+300'),
+    ('forward_dynamics', {'position': Q, 'effort': [1e300, 0.0]}, r'effort\[0\] \(joint1\) is 1e'),
+    ('set_payload', {'payload': payload_to_ros(make_payload('hand', 1.0))},
+     r"payload\.header\.frame_id is 'hand'"),
+    ('set_payload', {'transition_time': -1.0}, 'transition_time is -1, expected'),
+    ('set_payload', {'transition_time': NAN}, 'transition_time is nan'),
+]
+"""Service, fields of the request, and a pattern that its message must match."""

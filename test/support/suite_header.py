@@ -1,0 +1,125 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The header of a test run: how long the whole suite takes, and which tests are skipped."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+import re
+import shutil
+from typing import NamedTuple
+
+import pytest
+from robot_dynamics.animation.video import check_format
+from robot_dynamics.exceptions import MissingDependencyError
+from robots import is_installed, PACKAGE
+
+DURATION = 'duration: about 7 minutes in three processes on two idle cores'
+"""Of the default run; measure it again (last line of the output) when many tests are added."""
+
+TESTS = Path(__file__).parents[1]
+UR10 = TESTS.parents[2] / 'shared' / 'data' / 'ur10'
+CHROMIUM = ('chromium', 'chromium-browser', 'google-chrome')
+"""Names of the browser's program; the first on the PATH is used."""
+MODULE_OR_SKIP = r"(?:importorskip|find_spec|= load)\('({})\b"
+"""How tests ask for a library whose absence skips them."""
+MOST_NAMES = 4
+"""Files that a line names; of more it gives the number."""
+
+
+class Tool(NamedTuple):
+    """Something that tests need and that may be missing; `used_in` finds it in their text."""
+
+    name: str
+    is_there: Callable[[], bool]
+    used_in: str | re.Pattern[str]
+
+
+def chromium_program() -> str | None:
+    """Return the path of the browser, or None without one."""
+    return next(filter(None, map(shutil.which, CHROMIUM)), None)
+
+
+def has_module(name: str) -> bool:
+    """Return whether a library can be imported."""
+    return find_spec(name) is not None
+
+
+def has_ffmpeg() -> bool:
+    """Return whether an MP4 can be written."""
+    try:
+        check_format(Path('x.mp4'))
+    except MissingDependencyError:
+        return False
+    return True
+
+
+TOOLS = (
+    Tool('Chromium', lambda: chromium_program() is not None, '(?m)^from browser import'),
+    Tool('playwright', lambda: has_module('playwright'), '(?m)^from browser import'),
+    Tool('ffmpeg', has_ffmpeg, r"check_format\(Path\('x.mp4'\)\)"),
+    Tool(PACKAGE, is_installed, '(?m)^from robots import .*robot_'),
+    Tool('../shared/data/ur10', UR10.exists, "'shared' / 'data' / 'ur10'|shared/data/ur10"),
+)
+
+
+def optional_modules(sources: Mapping[str, str]) -> Iterator[Tool]:
+    """Yield the libraries whose absence skips tests, as the tests themselves ask for them."""
+    names = {name for text in sources.values()
+             for name in re.findall(MODULE_OR_SKIP.format(r'\w+'), text)}
+    for name in sorted(names):
+        yield Tool(name, partial(has_module, name), MODULE_OR_SKIP.format(name))
+
+
+def missing_tools(sources: Mapping[str, str], tools: Sequence[Tool] = TOOLS) -> Iterator[str]:
+    """Yield one line per missing tool, with the files that need it; `sources` has their texts."""
+    for tool in (*tools, *optional_modules(sources)):
+        if not tool.is_there():
+            files = [name for name, text in sources.items() if re.search(tool.used_in, text)]
+            names = ', '.join(files) if len(files) <= MOST_NAMES else f'{len(files)} files'
+            yield f'missing: {tool.name}; tests in {names} that need it are skipped'
+
+
+def has_no_files(config: pytest.Config) -> bool:
+    """Return whether the command names no files, so that all of them are collected."""
+    return config.args_source is not config.ArgsSource.ARGS
+
+
+def is_default_run(config: pytest.Config) -> bool:
+    """Return whether the command selects nothing: no files, no marks, no names."""
+    addopts, option = config.getini('addopts'), config.option
+    marks = dict(zip(addopts, addopts[1:])).get('-m', '')
+    return has_no_files(config) and option.markexpr == marks and not option.keyword
+
+
+class SuiteHeader:
+    """The plugin of pytest that prints the header; `more` are further tools."""
+
+    def __init__(self, *more: Tool) -> None:
+        self._tools = (*more, *TOOLS)
+
+    def pytest_report_header(self, config: pytest.Config) -> list[str]:
+        """Return the lines of the header."""
+        left_out = re.findall(r'not (\w+)', config.option.markexpr)
+        lines = [f'left out by mark: {mark}' for mark in config.getini('markers')
+                 if mark.partition(':')[0] in left_out]
+        if has_no_files(config):
+            paths = [path for path in sorted(TESTS.rglob('*.py')) if path != Path(__file__)]
+            sources = {path.name: path.read_text(encoding='utf-8') for path in paths}
+            lines += missing_tools(sources, self._tools)
+        if is_default_run(config):
+            lines.insert(0, DURATION)
+        return lines

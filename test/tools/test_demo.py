@@ -1,0 +1,405 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The demo as its user runs it: a process, with real nodes under it."""
+
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import children
+from children import is_gone
+import numpy as np
+import pytest
+from recordings import KnownMotion, write_recording
+from robot_dynamics.recordings.reader import Recording, stack
+from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.tools.demo.cli import _make_directory
+from robot_dynamics.tools.demo.processes import choose_domain
+from robot_dynamics.trajectories.files import write_trajectory
+from robot_dynamics.trajectories.interpolation import make_trajectory, quintic_point_to_point
+from robots import robot_path
+from ros_harness import TIMEOUT, wait_until, write_parameters
+
+UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
+
+NODE_TOPICS = {
+    '/joint_states': 'sensor_msgs/msg/JointState',
+    '/effort_command': 'sensor_msgs/msg/JointState',
+    '/dynamics/gravity_compensation': 'sensor_msgs/msg/JointState',
+    '/dynamics/computed_torque': 'sensor_msgs/msg/JointState',
+    '/dynamics/commands': 'std_msgs/msg/Float64MultiArray',
+    '/dynamics/terms': 'robot_dynamics_interfaces/msg/DynamicsTerms',
+    '/dynamics/payload': 'geometry_msgs/msg/InertiaStamped',
+    '/dynamics/joint_trajectory': 'trajectory_msgs/msg/JointTrajectory',
+    '/clock': 'rosgraph_msgs/msg/Clock',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/robot_description': 'std_msgs/msg/String',
+}
+
+
+def start_demo(directory, *arguments):
+    environment = {
+        name: value for name, value in os.environ.items()
+        if name != 'ROS_DOMAIN_ID'}  # the demo finds one of its own
+    return children.popen(
+        [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
+        cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True)
+
+
+def run_demo(directory, *arguments):
+    """Run the demo to its end; return its exit status, and what it printed and complained of."""
+    with start_demo(directory, *arguments) as process:
+        out, err = process.communicate(timeout=4 * TIMEOUT)
+        return process.returncode, out, err
+
+
+def wait_for_line(stream, pattern):
+    """Read the output or the progress (stderr) of the demo up to a line of this pattern."""
+    lines = []
+    for line in stream:
+        lines.append(line)
+        if re.search(pattern, line):
+            return
+    pytest.fail(f'the demo ended without {pattern!r}: {"".join(lines)}')
+
+
+def nodes_of(process):
+    """Return the processes that the demo has started, by what they run."""
+    pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
+    return {
+        Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].rpartition('.')[2]: int(pid)
+        for pid in pids}
+
+
+def errors_of(out):
+    """Return the printed RMS and largest error of each joint."""
+    rows = re.findall(r'^(\w+) +(\S+) (?:rad|m) +(\S+) (?:rad|m) +0\.01 ', out, re.MULTILINE)
+    return {name: (float(rms), float(largest)) for name, rms, largest in rows}
+
+
+def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
+    """One joint moves 0.2 rad from where it starts, against friction that both nodes have."""
+    names = ['joint1', 'joint2']
+    path = quintic_point_to_point(names, [0.4, 0.1], [0.6, 0.1], 1.0)
+    write_trajectory(tmp_path / 'trajectory.yaml', path)
+    write_parameters(tmp_path / 'robot.yaml', {'joints': names, 'friction.viscous': [3.0, 1.0]})
+    status, out, err = run_demo(
+        tmp_path, '--trajectory', 'trajectory.yaml', '--parameters', 'robot.yaml', '--out', 'here',
+        '--rate', 100, '--no-plot')
+    assert status == 0, out + err
+    with Recording(tmp_path / 'here' / 'recording') as recording:
+        states = recording.joint_series('/joint_states', names)
+        (_, sent), = recording.messages('/dynamics/joint_trajectory')
+        _, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
+    assert states.position[0] == pytest.approx([0.4, 0.1])
+    assert [list(point.positions) for point in sent.points] == [[0.4, 0.1], [0.6, 0.1]]
+    # 3 N m s/rad at the largest velocity of the quintic, 15/8 of the mean, and what errors add
+    assert terms['friction'][:, 0].max() > 0.9 * 3.0 * 0.2 * 15.0 / 8.0
+
+
+# --- the closed loop -----------------------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def closed_loop(tmp_path_factory):
+    """Return the directory of a demo of 2 s, as fast as possible, and its output."""
+    directory = tmp_path_factory.mktemp('demo')
+    fast = write_parameters(directory / 'fast.yaml', {'real_time_factor': 0.0})
+    status, out, err = run_demo(
+        directory, '--duration', 2, '--parameters', fast, '--out', 'here')
+    assert status == 0, out + err
+    assert 'Traceback' not in err
+    return directory / 'here', out, err
+
+
+def test_it_tracks_and_says_so(closed_loop):
+    _, out, _ = closed_loop
+    errors = errors_of(out)
+    assert set(errors) == {'joint1', 'joint2'}
+    for rms, largest in errors.values():
+        assert 0.0 < rms < 0.01
+        assert rms <= largest
+    assert 'All joints tracked.' in out
+    rate, share = re.search(r'Control rate +(\S+) efforts/s of 500 .*?; (\S+) %', out).groups()
+    assert float(rate) > 0.0
+    assert 0.0 < float(share) <= 100.0
+
+
+def test_the_recording_contains_the_motion_and_little_else(closed_loop):
+    """Simulated time does not run before the trajectory arrives, and is cut after the motion."""
+    directory, _, _ = closed_loop
+    with Recording(directory / 'recording') as recording:
+        for topic in ('/joint_states', '/effort_command', '/dynamics/computed_torque'):
+            stamps = recording.joint_series(topic).stamps_ns
+            assert 2.0 <= 1e-9 * (stamps[-1] - stamps[0]) <= 2.5
+        states = recording.joint_series('/joint_states')
+        (_, sent), = recording.messages('/dynamics/joint_trajectory')
+    assert np.diff(states.stamps_ns).min() > 0
+    first = sent.header.stamp.sec * 10**9 + sent.header.stamp.nanosec
+    assert 0 <= first - states.stamps_ns[0] <= 10**8
+
+
+def test_the_printed_errors_are_those_of_the_recording(closed_loop):
+    directory, out, _ = closed_loop
+    with Recording(directory / 'recording') as recording:
+        states = recording.joint_series('/joint_states')
+        (_, sent), = recording.messages('/dynamics/joint_trajectory')
+    start = sent.header.stamp.sec * 10**9 + sent.header.stamp.nanosec
+    # Here by a general interpolation of the points, which are quintics between them.
+    from scipy.interpolate import BPoly
+    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in sent.points]
+    curve = BPoly.from_derivatives(
+        times, [[p.positions, p.velocities, p.accelerations] for p in sent.points])
+    t = 1e-9 * (states.stamps_ns - start)
+    during = (t >= 0.0) & (t <= times[-1])
+    error = curve(t[during]) - states.position[during]
+    for j, name in enumerate(states.joint_names):
+        rms, largest = errors_of(out)[name]
+        assert rms == pytest.approx(np.sqrt(np.mean(error[:, j]**2)), abs=2e-6)
+        assert largest == pytest.approx(np.abs(error[:, j]).max(), abs=2e-6)
+
+
+def test_every_topic_is_in_the_recording(closed_loop):
+    directory, _, _ = closed_loop
+    with Recording(directory / 'recording') as recording:
+        assert {t.name: t.message_type for t in recording.topics} == NODE_TOPICS
+        assert not [t.name for t in recording.topics if t.message_count == 0]
+        assert recording.topic('/dynamics/payload').qos.transient_local
+        assert recording.topic('/robot_description').qos.transient_local
+        states = recording.joint_series('/joint_states')
+        commands = recording.joint_series('/effort_command')
+        _, terms = next(recording.messages('/dynamics/terms'))
+    # the recorder may lose some of either on a busy machine
+    assert (commands.stamps_ns % 2_000_000 == 0).all()
+    assert np.isin(commands.stamps_ns, states.stamps_ns).any()
+    np.testing.assert_allclose(
+        terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external,
+        terms.effort)
+
+
+def test_the_picture_is_not_blank(closed_loop):
+    from matplotlib.image import imread
+    directory, _, _ = closed_loop
+    pixels = imread(directory / 'demo.png')[..., :3]
+    assert 0.01 < (pixels.min(axis=2) < 0.9).mean() < 0.5
+
+
+def test_progress_is_lines_where_there_is_no_terminal(closed_loop):
+    _, _, err = closed_loop
+    shares = [int(share) for share in re.findall(r'(\d+) %', err)]
+    assert shares[-1] == 100
+    assert shares == sorted(set(shares))
+    assert '\r' not in err
+
+
+def test_an_interrupt_stops_the_nodes_and_keeps_what_there_is(tmp_path):
+    with start_demo(tmp_path, '--duration', 30, '--no-plot', '--out', 'here') as process:
+        wait_for_line(process.stderr, '10 %')
+        nodes = nodes_of(process)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 130, err
+    assert 'Traceback' not in err
+    assert set(nodes) == {'dynamics_node', 'simulated_arm_node'}
+    assert all(is_gone(pid) for pid in nodes.values())
+    assert not (tmp_path / 'here' / 'demo.png').exists()
+    with Recording(tmp_path / 'here' / 'recording') as recording:
+        assert len(recording.joint_series('/joint_states').stamps_ns) > 0
+
+
+def test_a_demo_that_is_killed_leaves_no_node_behind(tmp_path):
+    with start_demo(tmp_path, '--duration', 600, '--no-plot', '--out', 'here') as process:
+        wait_for_line(process.stdout, 'Following')
+        nodes = nodes_of(process)
+        process.kill()
+        process.communicate(timeout=TIMEOUT)
+    assert set(nodes) == {'dynamics_node', 'simulated_arm_node'}
+    wait_until(lambda: all(is_gone(pid) for pid in nodes.values()), 'the end of both nodes')
+
+
+def test_a_node_that_dies_is_named_with_its_log(tmp_path):
+    with start_demo(tmp_path, '--duration', 600, '--out', 'here') as process:
+        wait_for_line(process.stdout, 'Following')
+        nodes = nodes_of(process)
+        os.kill(nodes['dynamics_node'], signal.SIGKILL)
+        _, err = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 1
+    assert 'demo: dynamics ended with status -9' in err
+    assert "Model 'planar_arm'" in err
+    assert 'Traceback' not in err
+    assert all(is_gone(pid) for pid in nodes.values())
+
+
+# --- replay --------------------------------------------------------------------------------------
+
+def relative_residuals(out):
+    found = re.findall(r'^(joint\d) .*?([\d.]+) % ', out, re.MULTILINE)
+    assert [name for name, _ in found] == ['joint1', 'joint2']
+    return {name: float(share) for name, share in found}
+
+
+def test_replay_of_its_own_recording(closed_loop, tmp_path):
+    recorded, _, _ = closed_loop
+    status, out, err = run_demo(
+        tmp_path, '--replay', recorded / 'recording', '--out', 'here')
+    assert status == 0, out + err
+    assert 'all answered' in out
+    # The model is the one that made the motion, and the recording has its description.
+    assert max(relative_residuals(out).values()) < 10.0
+    with Recording(recorded / 'recording') as first, \
+            Recording(tmp_path / 'here' / 'recording') as second:
+        played, again = (r.joint_series('/joint_states') for r in (first, second))
+        answers = second.joint_series('/dynamics/gravity_compensation')
+    np.testing.assert_array_equal(again.stamps_ns, played.stamps_ns)
+    np.testing.assert_array_equal(again.position, played.position)
+    np.testing.assert_array_equal(answers.stamps_ns, played.stamps_ns)
+    assert (tmp_path / 'here' / 'demo.png').stat().st_size > 10000
+
+
+def test_replay_of_positions_that_wrap(tmp_path):
+    """Exact effort of the default arm that swings about its rest pose, positions within ±π."""
+    motion = KnownMotion(seconds=4.0, rest=(np.pi, 0.0))
+    write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
+    status, out, err = run_demo(
+        tmp_path, '--replay', tmp_path / 'bag', '--no-plot', '--out', 'here')
+    assert status == 0, out + err
+    assert max(relative_residuals(out).values()) < 1.0
+
+
+def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
+    """A dynamics node that hangs makes the arm brake, which no model of the arm explains."""
+    wall_time = write_parameters(tmp_path / 'wall_time.yaml', {'lock_step': False})
+    start, goal = [0.4, 0.1], [0.6, 0.1]
+    rest = [0.0, 0.0]
+    write_trajectory(tmp_path / 'rests.yaml', make_trajectory(
+        ['joint1', 'joint2'], [0.0, 1.0, 12.0], [start, goal, goal], [rest] * 3, [rest] * 3,
+        ['joint1', 'joint2']))
+    with start_demo(
+            tmp_path, '--trajectory', 'rests.yaml', '--parameters', wall_time, '--no-plot',
+            '--rate', 100, '--out', 'made') as process:
+        wait_for_line(process.stderr, r' [2-7]\d %')  # at the goal: no motion is interrupted
+        log = tmp_path / 'made' / 'simulated_arm.log'
+        suspended = nodes_of(process)['dynamics_node']
+        os.kill(suspended, signal.SIGSTOP)
+        try:
+            wait_until(lambda: 'the brakes hold the arm' in log.read_text(), 'brakes')
+            time.sleep(0.3)  # recorded with the brakes
+        finally:
+            os.kill(suspended, signal.SIGCONT)
+        process.communicate(timeout=4 * TIMEOUT)
+    status, out, err = run_demo(
+        tmp_path, '--replay', tmp_path / 'made' / 'recording', '--no-plot', '--out', 'here')
+    assert status == 0, out + err
+    assert re.search(r'^  \d+ states without any effort \(brakes\): played', out, re.MULTILINE)
+    assert max(relative_residuals(out).values()) < 10.0
+
+
+def test_replay_of_a_real_arm(tmp_path):
+    if not UR10.exists():
+        pytest.skip('the recording of a UR10 is not here: there is no shared/data/ur10 beside '
+                    'the repository')
+    status, out, err = run_demo(
+        tmp_path, '--replay', UR10, '--robot', robot_path('ur10'), '--no-plot', '--out', 'here')
+    assert status == 0, out + err
+    assert '3441 states played' in out
+    relative = [float(share) for share in re.findall(
+        r'^\w+_joint .*?([\d.]+) % ', out, re.MULTILINE)]
+    assert len(relative) == 6
+    # What the description of this robot leaves unexplained: friction, and motors.
+    assert 32.0 < min(relative) < 34.0
+    assert 99.0 < max(relative) <= 101.0
+    with Recording(tmp_path / 'here' / 'recording') as recording:
+        gravity = recording.joint_series('/dynamics/gravity_compensation')
+    assert len(gravity.stamps_ns) == 3441
+
+
+# --- mistakes ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['--duration', '0'], r"--duration: '0', expected a number in \[1, 3600\]"),
+    (['--duration', 'long'], "--duration: 'long', expected a number"),
+    (['--rate', 'nan'], "--rate: 'nan', expected a number"),
+    (['--nonsense'], 'unrecognized arguments: --nonsense'),
+    (['--robot', 'no_such.urdf'], r"'no_such\.urdf'.*cannot be read"),
+    (['--robot', 'package://no_such_package/x.urdf'], "no package 'no_such_package'"),
+    (['--replay', 'no_such_bag'], "'no_such_bag' does not exist"),
+    (['--topic', '/x'], '--topic is given without --replay'),
+    (['--trajectory', 'x', '--duration', '3'], '--trajectory is given with --duration'),
+    (['--trajectory', 'none.yaml'], "'none.yaml' cannot be read"),
+    (['--out', __file__], '--out: .*cannot be used'),
+])
+def test_a_mistake_is_one_line_and_status_2(tmp_path, arguments, words):
+    status, out, err = run_demo(tmp_path, *arguments)
+    assert status == 2, out + err
+    assert re.search(words, err), err
+    assert len(err.splitlines()) == 1, err
+    assert not list(tmp_path.glob('**/recording'))
+
+
+def test_a_recording_of_another_arm_is_a_mistake(closed_loop, tmp_path):
+    recorded, _, _ = closed_loop
+    status, _, err = run_demo(
+        tmp_path, '--replay', recorded / 'recording', '--robot', robot_path('ur3'))
+    assert status == 2
+    assert "'joint1', 'joint2'" in err
+    assert 'shoulder_pan_joint' in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_directory_in_use_gets_one_of_its_own_inside(tmp_path):
+    assert _make_directory(tmp_path) == tmp_path
+    (tmp_path / 'note').write_text('mine')
+    first, second = _make_directory(tmp_path), _make_directory(tmp_path)
+    assert first.parent == second.parent == tmp_path
+    assert first != second
+    assert not any(first.iterdir())
+    assert (tmp_path / 'note').read_text() == 'mine'
+
+
+# --- the parts -----------------------------------------------------------------------------------
+
+def test_what_the_user_has_set_about_domains_stays():
+    assert choose_domain({
+        'ROS_DOMAIN_ID': '7', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}) == {}
+    chosen = choose_domain({})
+    assert 0 < int(chosen['ROS_DOMAIN_ID']) < 102
+    assert chosen['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+
+
+def test_progress_on_a_terminal_is_one_line(tmp_path):
+    class Terminal:
+        def __init__(self):
+            self.text = ''
+
+        def isatty(self):
+            return True
+
+        def write(self, text):
+            self.text += text
+
+        def flush(self):
+            pass
+
+    terminal = Terminal()
+    with Progress(2.0, 's', terminal) as progress:
+        for done in (0.0, 1.0, 2.0, 3.0):
+            progress.update(done)
+    assert terminal.text.count('\n') == 1
+    assert terminal.text.endswith('\n')
+    assert '100 %  2.0 / 2.0 s' in terminal.text

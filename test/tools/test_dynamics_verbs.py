@@ -1,0 +1,310 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`ros2 dynamics`: what its verbs answer of real nodes, and what they say where they cannot."""
+
+import ast
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+import json
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import children
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.reporting.text_table import text_table
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
+from robot_dynamics.tools.ros2_dynamics.verbs import main, make_parser, run, VERBS
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+
+ROOT = Path(__file__).parents[2]
+COMPLETE = """
+import sys
+import argcomplete
+from robot_dynamics.tools.ros2_dynamics.verbs import make_parser
+argcomplete.CompletionFinder()(make_parser(), exit_method=sys.exit, output_stream=sys.stdout)
+"""
+LIFT = """
+<robot name="lift">
+  <link name="base"/>
+  <link name="carriage"><inertial><mass value="3"/><origin xyz="0 0 0.1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="arm"><inertial><mass value="1"/><origin xyz="0.2 0 0"/>
+    <inertia ixx="0.01" iyy="0.01" izz="-0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="rail" type="prismatic"><parent link="base"/><child link="carriage"/>
+    <axis xyz="0 0 1"/><limit lower="0" upper="1" effort="200" velocity="1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="carriage"/><child link="arm"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0.5" velocity="1"/></joint>
+</robot>"""
+"""One joint slides; one turns, and is too weak for its arm, which has no possible inertia."""
+Q, V, A = [0.785398, 0.523599], [0.5, 0.3], [0.1, 0.2]
+Ask = Callable[..., tuple[int, str, str]]
+DYNAMICS_OF = ArmDynamics(load_arm(default_arm_urdf()))
+
+
+@pytest.fixture(scope='module', autouse=True)
+def nodes() -> Iterator[None]:
+    with running(
+            NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
+            NodeProcess(
+                DYNAMICS, {'robot_description': LIFT, 'ignore_checks': ['inertia']},
+                namespace='/lift')):
+        yield
+
+
+@pytest.fixture(scope='module')
+def clients() -> Iterator[dict[str, DynamicsClient]]:
+    """Return a client for each node, as finding it takes the most time."""
+    with DynamicsClient('dynamics', TIMEOUT) as arm, \
+            DynamicsClient('/lift/dynamics', TIMEOUT) as lift:
+        yield {'/dynamics': arm, '/lift/dynamics': lift}
+
+
+@pytest.fixture
+def ask(capsys: pytest.CaptureFixture[str], clients: dict[str, DynamicsClient]) -> Ask:
+    """Return a function that runs a verb: exit status, what it printed, what it complained of."""
+    def ask(*words: str, node: str = '/dynamics') -> tuple[int, str, str]:
+        arguments = make_parser().parse_args(words)
+        status = run(arguments.verb, arguments, lambda *_: nullcontext(clients[node]))
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return ask
+
+
+def texts(*values: float) -> list[str]:
+    return [str(value) for value in values]
+
+
+# --- what is typed -------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('typed', 'values'), [
+    ('0.1 -0.2', [0.1, -0.2]), ('b=1e-3 a=-2', [-2.0, 1e-3])])
+def test_joint_values(typed: str, values: list[float]) -> None:
+    assert joint_values('position', typed.split(), ['a', 'b']) == values
+
+
+def test_joints_left_out_have_the_rest() -> None:
+    assert joint_values('velocity', ['b=3'], ['a', 'b'], 0.0) == [0.0, 3.0]
+
+
+@pytest.mark.parametrize(('typed', 'words'), [
+    ('0.1', 'position has 1 value, expected 2: a, b'),
+    ('1 2 3', 'position has 3 values, expected 2: a, b'),
+    ('a=1', 'position leaves out b, expected every joint: a, b'),
+    ('a=1 c=2', "position has joint 'c', expected one of: a, b"),
+    ('a=1 a=2', "position has joint 'a' twice"),
+    ('a=1 2', "position has '2' beside 'a=1', expected numbers alone, or NAME=NUMBER"),
+    ('1 x', "position is 'x', expected a number"),
+    ('a=nan b=1', "position of a is 'nan', expected a number"),
+])
+def test_what_is_typed_wrong_is_told_with_the_names(typed: str, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=re.escape(words)):
+        joint_values('position', typed.split(), ['a', 'b'])
+
+
+def test_numbers_line_up_at_the_right_and_text_at_the_left() -> None:
+    assert text_table(['joint', 'effort'], [['a', 1.5], ['elbow', -22.25], ['c', 1e-17]]) == (
+        'joint    effort\n'
+        'a        1.5000\n'
+        'elbow  -22.2500\n'
+        'c        0.0000')
+
+
+# --- what is answered ----------------------------------------------------------------------------
+
+def test_inverse_is_that_of_the_library(ask: Ask) -> None:
+    terms = DYNAMICS_OF.terms(np.array(Q), np.array(V), np.array(A))
+    status, out, _ = ask('inverse', *texts(*Q), '-v', *texts(*V), '-a', *texts(*A), '--json')
+    answer = json.loads(out)
+    assert status == 0
+    assert answer['joint_names'] == ['joint1', 'joint2']
+    assert answer['effort'] == pytest.approx(terms.effort)
+    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
+        assert answer['terms'][name] == pytest.approx(getattr(terms, name))
+    assert answer['kinetic_energy'] == pytest.approx(terms.kinetic_energy)
+    named = [f'joint2={Q[1]}', f'joint1={Q[0]}']
+    again = json.loads(ask(
+        'inverse', *named, '-v', 'joint2=0.3', 'joint1=0.5', '-a', *texts(*A), '--json')[1])
+    assert again == answer
+
+
+def test_tables_have_units(ask: Ask) -> None:
+    status, out, _ = ask('inverse', *texts(*Q), '--velocity', *texts(*V))
+    assert status == 0
+    assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s^2]' in out
+    assert 'Effort by term [N m]' in out
+    assert re.search(r'joint1 .* -49\.7568\n', out)
+    status, out, _ = ask('inverse', 'rail=0.5', 'elbow=-0.5', node='/lift/dynamics')
+    assert status == 0
+    assert 'Effort by term [N m, N]' in out
+    assert re.search(r'rail +prismatic .* 39\.2400\n', out)
+    assert 'Warning: ' in out  # the elbow is too weak
+
+
+def test_negative_numbers_are_no_options(ask: Ask) -> None:
+    answer = json.loads(ask('inverse', '-1e-3', '-.5', '-a', '-2.', '-3E+0', '--json')[1])
+    assert (answer['position'], answer['acceleration']) == ([-1e-3, -0.5], [-2.0, -3.0])
+
+
+def test_equation_is_that_of_the_library(ask: Ask) -> None:
+    body, q, v = DYNAMICS_OF.rigid_body, np.array(Q), np.array(V)
+    _, out, _ = ask('equation', *texts(*Q), '-v', *texts(*V), '--christoffel', '--json')
+    answer = json.loads(out)
+    np.testing.assert_allclose(answer['mass_matrix'], body.mass_matrix(q), atol=1e-12)
+    np.testing.assert_allclose(answer['coriolis_matrix'], body.coriolis_matrix(q, v), atol=1e-12)
+    np.testing.assert_allclose(answer['gravity'], body.gravity(q), atol=1e-12)
+    np.testing.assert_allclose(answer['christoffel'], body.christoffel_symbols(q), atol=1e-12)
+    status, out, _ = ask('equation', *texts(*Q), '-v', *texts(*V), '-c')
+    assert status == 0
+    assert 'Mass matrix M(q) [kg m^2]\n        joint1  joint2\njoint1  6.9585  1.5692\n' in out
+    assert 'joint1  joint1  joint2  -0.6000' in out
+
+
+def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
+    def gravity() -> float:
+        return float(json.loads(ask('inverse', '1.0', '0', '--json')[1])['effort'][0])
+
+    assert 'no payload' in ask('payload')[1]
+    without = gravity()
+    status, out, _ = ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
+    assert (status, out) == (0, "/dynamics: 2.5 kg on 'tool0'\n")
+    assert gravity() == pytest.approx(without - 2.5 * 9.81 * 1.9 * np.sin(1.0))
+    assert "2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m" in ask('payload')[1]
+    assert json.loads(ask('payload', '--json')[1])['payload']['mass'] == 2.5
+    assert ask('payload', '--clear')[1] == '/dynamics: no payload\n'
+    assert gravity() == pytest.approx(without)
+
+
+def test_check_judges_the_model_of_the_node(ask: Ask) -> None:
+    status, out, _ = ask('check')
+    assert (status, out.splitlines()[-1]) == (0, '/dynamics: no errors')
+    status, out, _ = ask('check', node='/lift/dynamics')
+    assert status == 0
+    assert 'accepted, as the errors are ignored' in out
+    status, out, _ = ask('check', '--json', '--ignore', node='/lift/dynamics')
+    assert status == 1
+    assert [finding['check'] for finding in json.loads(out)['findings']
+            if finding['level'] == 'error'] == ['inertia']
+    status, _, err = ask('check', '--ignore', 'everything')
+    assert status == 2
+    assert 'gravity_capability' in err
+
+
+def test_status(ask: Ask) -> None:
+    status, out, _ = ask('status', '--verbose')
+    assert status == 0
+    assert re.search(r'^state +active$', out, re.MULTILINE)
+    assert re.search(r'^joints +joint1, joint2$', out, re.MULTILINE)
+    assert re.search(r'^model +ok +planar_arm$', out, re.MULTILINE)
+    assert re.search(r'^rate \[Hz\] +\d', out, re.MULTILINE)
+    answer = json.loads(ask('status', '--json')[1])
+    assert answer['node'] == '/dynamics'
+    assert {check['check'] for check in answer['checks']} >= {'joint states', 'command', 'model'}
+
+
+# --- what cannot be answered ---------------------------------------------------------------------
+
+def test_several_nodes_and_none(capsys: pytest.CaptureFixture[str]) -> None:
+    with DynamicsClient() as client:
+        wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
+        with pytest.raises(NoAnswerError, match='expected --node with one of: /dynamics, /lift/'):
+            client.name  # noqa: B018
+    with DynamicsClient('nobody', 0.1) as client:
+        wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
+        with pytest.raises(
+                NoAnswerError, match="no dynamics node '/nobody' in 0.1 s; those that run: /dyn"):
+            client.name  # noqa: B018
+    assert main(['inverse', '1', '2', '--node', 'nobody', '--timeout', '0.1']) == 2
+    assert "no dynamics node '/nobody' in 0.1 s" in capsys.readouterr().err
+
+
+def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['inverse', '0', '0', '-n', 'dynamics', '--timeout', str(TIMEOUT)]) == 0
+    assert 'Effort by term [N m]' in capsys.readouterr().out
+    assert main([]) == 2
+    assert 'equation' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['inverse', '0.1'], 'position has 1 value, expected 2: joint1, joint2'),
+    (['equation', '0.1', '0.2', '-v', 'joint3=1'], "velocity has joint 'joint3', expected one of"),
+    (['payload', 'tool0'], "LINK is 'tool0' without a MASS"),
+    (['payload', 'tool0', '1', '--clear'], "LINK is 'tool0' beside --clear"),
+    (['payload', 'hand', '1'], "is 'hand', expected one of the links ['base_link'"),
+    (['payload', 'tool0', '-1'], 'payload.inertia.m is -1, expected a number in'),
+])
+def test_a_refusal_is_one_line(ask: Ask, words: list[str], said: str) -> None:
+    status, out, err = ask(*words)
+    assert (status, out) == (2, '')
+    assert said in err
+    assert err.count('\n') == 1
+
+
+# --- completion, and ros2cli ---------------------------------------------------------------------
+
+@pytest.mark.parametrize(('line', 'offered'), [
+    ('dynamics ', set(VERBS)),
+    ('dynamics inverse --node /lift/dynamics ', {'rail=', 'elbow='}),
+    ('dynamics inverse --node /lift/dynamics rail=1 ', {'elbow='}),
+    ('dynamics payload --node /lift/dynamics ', {'base', 'carriage', 'arm'}),
+    ('dynamics inverse 1 2 --node ', {'/dynamics', '/lift/dynamics'}),
+    ('dynamics check --ignore grav', {'gravity_capability'}),
+])
+def test_completion(line: str, offered: set[str]) -> None:
+    pytest.importorskip('argcomplete')
+    environment = os.environ | {
+        '_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', 'COMP_LINE': line,
+        'COMP_POINT': str(len(line)), '_ARGCOMPLETE_SUPPRESS_SPACE': '1'}
+
+    def found() -> set[str]:
+        # In a process of its own, as of a shell: argcomplete takes the file descriptor 9.
+        words = children.run(
+            [sys.executable, '-c', COMPLETE], env=environment, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, text=True).stdout
+        return {word for word in words.split('\n') if not word.startswith('-')}
+
+    wait_until(lambda: found() == offered, f'{offered}')  # a busy machine is slow to find nodes
+
+
+def test_every_verb_is_an_extension_of_ros2cli() -> None:
+    module = ROOT / 'robot_dynamics' / 'tools' / 'ros2_dynamics' / 'ros2cli.py'
+    source = module.read_text(encoding='utf-8')
+    helps = {node.name: ast.get_docstring(node) for node in ast.parse(source).body
+             if isinstance(node, ast.ClassDef)}
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    for name, verb in VERBS.items():
+        assert helps[f'{name.capitalize()}Verb'] == f'{verb.help}.'
+        entry = f'robot_dynamics.tools.ros2_dynamics.ros2cli:{name.capitalize()}Verb'
+        assert f"'{name} = {entry}'" in setup
+
+
+def test_ros2_dynamics() -> None:
+    """The command as users type it, where there is ros2cli."""
+    pytest.importorskip('ros2cli', reason='ros2cli comes with apt, and has no wheel')
+    words = ['inverse', '-0.1', '-2e-1', '--node', '/dynamics', '--timeout', str(TIMEOUT)]
+    result = children.run(
+        [sys.executable, '-c', 'from ros2cli.cli import main; main()', 'dynamics', *words,
+         '--json'], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)['position'] == [-0.1, -0.2]

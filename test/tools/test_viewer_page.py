@@ -1,0 +1,248 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The viewer in a real browser, beside real nodes: what is seen, and what its controls do."""
+
+from contextlib import contextmanager
+import os
+import re
+import signal
+import subprocess
+import sys
+
+from browser import chromium, Page
+import children
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.reporting.figures import BLUE, VERMILION
+from robots import must_have_everything, robot_path, robot_urdf
+from ros_harness import (
+    DYNAMICS,
+    KEEP_MANY,
+    LATCHED,
+    LONG,
+    NodeProcess,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+)
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+if not must_have_everything():
+    pytest.importorskip('viser', reason='the viewer needs viser')
+
+VIEWER = 'robot_dynamics.tools.viewer'
+TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
+COARSE = 0.5
+"""Scale of a page with meshes of 100,000 triangles, which software draws: a quarter the pixels."""
+PANDA_POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02]
+
+
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory):
+    with chromium(tmp_path_factory.mktemp('browser')) as started:
+        yield started
+
+
+@contextmanager
+def viewed(browser, namespace, parameters=None, start=(), arguments=(), scale=1.0):
+    """Run the nodes and the viewer; yield the page and the viewer."""
+    parameters = parameters or {}
+    nodes = (
+        NodeProcess(DYNAMICS, parameters, namespace=namespace),
+        NodeProcess(SIMULATED_ARM, {
+            **parameters, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0,
+            **({'initial_position': list(start)} if len(start) else {})}, namespace=namespace))
+    viewer = NodeProcess(
+        VIEWER, namespace=namespace, arguments=('--port', '0', *arguments),
+        ready=re.compile('viewer: open'))
+    with running(*nodes), viewer, Page(
+            browser, address_of(viewer), scale) as page:
+        yield page, viewer
+
+
+def address_of(viewer):
+    return re.search(r'http://\S+', viewer.wait_for_log('viewer: open'))[0]
+
+
+def wait_for_position(states, joint, value, tolerance=0.01):
+    """Wait until a joint is where it is expected."""
+    return states.wait_for(lambda state: abs(
+        dict(zip(state.name, state.position))[joint] - value) < tolerance, LONG)
+
+
+# --- real arms -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('robot', 'start', 'slider'), [
+    ('ur10', [0.3, -1.2, 1.5, -0.5, 0.5, 0.0], 3),
+    pytest.param('panda', PANDA_POSE, 4, marks=pytest.mark.soak)])
+def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
+    path = robot_path(robot)
+    joint = load_arm(robot_urdf(robot)).joint_names[slider - 1]
+    parameters = {'robot_description_file': str(path)}
+    with viewed(browser, f'/{robot}', parameters, start, scale=COARSE) as (page, _), \
+            client.collect(JointState, f'/{robot}/joint_states', KEEP_MANY) as states:
+        assert 'meshes are not drawn' not in page.words()
+        page.wait_for_words('gravity compensation')
+        before = page.picture()
+        page.press_key(slider, 'Home')
+        page.wait_for_words('follows a reference')
+        wait_for_position(states, joint, page.value(slider), 0.02)
+        assert page.differs_from(before, 0.01), 'the picture of the arm has not moved'
+
+
+def test_without_its_meshes_an_arm_is_a_stick_figure(browser, tmp_path):
+    (tmp_path / 'ur10.urdf').write_text(robot_urdf('ur10').replace('example-robot-data', 'gone'))
+    parameters = {'robot_description_file': str(tmp_path / 'ur10.urdf')}
+    with viewed(browser, '/sticks', parameters) as (page, _):
+        page.wait_for_words('7 meshes are not drawn')
+        assert page.picture().std() > 0.03
+
+
+# --- beside the demo -----------------------------------------------------------------------------
+
+def test_the_demo_waits_for_the_page_and_goes_on_after_the_motion(browser, tmp_path):
+    environment = {
+        name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'}
+    command = [
+        sys.executable, '-m', 'robot_dynamics.tools.demo', '--viewer', '0', '--duration', '1',
+        '--rate', '100', '--no-plot', '--out', 'here']
+    with children.popen(
+            command, cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
+        try:
+            address = wait_for_line(demo, r'Open (http://127\.0\.0\.1:\d+) in a browser')[1]
+            with Page(browser, address):
+                wait_for_line(demo, 'Following')
+                wait_for_line(demo, 'The arm is yours')
+            demo.send_signal(signal.SIGINT)
+            out, err = demo.communicate(timeout=4 * TIMEOUT)
+        except BaseException:
+            demo.kill()
+            raise
+    assert demo.returncode == 0 or 'did not track' in err, out + err  # a machine that is too busy
+    assert re.search(r'^joint2 .* 0\.01 rad', out, re.MULTILINE)
+    assert 'Traceback' not in err
+
+
+def wait_for_line(process, pattern):
+    for line in process.stdout:
+        found = re.search(pattern, line)
+        if found:
+            return found
+    pytest.fail(f'the demo ended without {pattern!r}: {process.stderr.read()}')
+
+
+# --- the default arm, whose page stays open ------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def default_arm(browser):
+    with viewed(browser, '/default_arm', start=(0.785, 0.524)) as (page, viewer):
+        yield page, viewer
+
+
+def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(default_arm, client):
+    page, _ = default_arm
+    page.wait_for_words('gravity compensation')
+    words = page.words()
+    for expected in ('planar_arm', '2 joints', 'joint1 [rad]', 'joint2 [rad]', 'Attach', 'Push',
+                     'joint1: effort by term [N m]', 'joint1: tracking error [mrad]'):
+        assert expected in words
+    assert page.elsewhere == []
+    assert [error for error in page.errors if 'favicon' not in error] == []
+
+
+def test_the_arm_is_held_where_it_is(default_arm, client):
+    page, _ = default_arm
+    with client.collect(JointTrajectory, TRAJECTORIES, KEEP_MANY) as trajectories:
+        page.press('Hold here')
+        page.wait_for_words('follows a reference')
+        held = trajectories.wait_for()
+    np.testing.assert_allclose(held.points[-1].positions, [0.785, 0.524], atol=0.01)
+
+
+def test_a_slider_moves_the_arm_and_its_picture(default_arm, client):
+    page, _ = default_arm
+    with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
+        before = page.picture()
+        assert before.std() > 0.05, 'the picture is blank'
+        page.drag(1, 0.75)
+        page.wait_for_words('follows a reference')
+        goal = page.value(1)
+        assert abs(goal - 0.5 * np.pi) < 0.2
+        wait_for_position(states, 'joint1', goal)
+        wait_for_position(states, 'joint2', 0.524, 0.02)
+    assert page.differs_from(before, 0.02), 'the picture of the arm has not moved'
+
+
+def test_the_plots_draw_what_the_arm_does(default_arm):
+    page, _ = default_arm
+    plots = page.tab.locator('.uplot canvas')
+    assert plots.count() == 2
+    inked = """canvas => {
+        const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+        return data.filter((value, i) => i % 4 == 3 && value > 0).length;
+    }"""
+    assert plots.nth(0).evaluate(inked) > 1000
+
+
+def test_a_load_is_attached_and_taken_off(default_arm, client):
+    page, _ = default_arm
+    with client.collect(InertiaStamped, '/default_arm/dynamics/payload', LATCHED) as payloads:
+        page.press('Attach')
+        heard = payloads.wait_for(lambda payload: payload.inertia.m == 1.0)
+        assert heard.header.frame_id == 'tool0'
+        page.wait_for_words('the controller knows of 1 kg on tool0')
+        payloads.clear()
+        page.press('Take off')
+        payloads.wait_for(lambda payload: payload.inertia.m == 0.0)
+
+
+def test_a_push_is_a_force_in_the_frame_of_the_link_and_ends(default_arm, client):
+    page, _ = default_arm
+    topic = '/default_arm/simulated_arm/external_wrench'
+    with client.collect(WrenchStamped, topic, KEEP_MANY) as wrenches:
+        wrenches.wait_matched()
+        page.press('Push')
+        wrenches.wait_for(lambda wrench: size_of(wrench) == 0.0)
+        pushes = [wrench for wrench in wrenches.messages if size_of(wrench) > 0.0]
+    assert {wrench.header.frame_id for wrench in pushes} == {'tool0'}
+    np.testing.assert_allclose([size_of(wrench) for wrench in pushes], 30.0)
+
+
+def size_of(wrench):
+    force = wrench.wrench.force
+    return float(np.linalg.norm((force.x, force.y, force.z)))
+
+
+def test_a_reset_puts_the_simulated_arm_back(default_arm, client):
+    page, _ = default_arm
+    with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
+        page.press('Reset')
+        wait_for_position(states, 'joint1', 0.785)
+
+
+def test_the_arcs_have_the_colour_of_their_share_of_the_limit(default_arm):
+    """At the start joints take 33 and 19 % of their limits; with 6 kg at the tool, 91 and 95 %."""
+    page, _ = default_arm
+    assert page.shows(BLUE)
+    assert not page.has(page.picture(), VERMILION)
+    page.tab.get_by_label('mass [kg]').fill('6')
+    page.press('Attach')
+    page.wait_for_words('the controller knows of 6 kg on tool0')
+    assert page.shows(VERMILION)
+    page.press('Take off')
