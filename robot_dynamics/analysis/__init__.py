@@ -12,4 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""A recording beside the model: filter, residual, report, many recordings at once."""
+
+from robot_dynamics.analysis.bag_analysis import analyze_recording, BagAnalysis
+from robot_dynamics.analysis.batch import run_tasks
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
+
+__all__ = [
+    'analyze_recording',
+    'BagAnalysis',
+    'filter_motion',
+    'FilteredMotion',
+    'run_tasks',
+]

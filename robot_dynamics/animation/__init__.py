@@ -12,4 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Moving pictures of a planar chain."""
+
+from robot_dynamics.animation.chain_animation import chain_frames
+from robot_dynamics.animation.video import write_moving_picture
+
+__all__ = [
+    'chain_frames',
+    'write_moving_picture',
+]

@@ -12,4 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""From a measured state to a safe effort: control law, limits, supervisor."""
+
+from robot_dynamics.control.control_law import Gains, make_gains
+from robot_dynamics.control.controller import Controller, ControllerOptions, ControlOutput
+from robot_dynamics.control.effort_limiter import EffortGuard, GuardLimits
+from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions
+
+__all__ = [
+    'CommandSupervisor',
+    'Controller',
+    'ControllerOptions',
+    'ControlOutput',
+    'EffortGuard',
+    'Fault',
+    'Gains',
+    'GuardLimits',
+    'make_gains',
+    'SafetyOptions',
+]

@@ -12,4 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Models of one joint: friction, stiction, gears, motors, and what its effort means."""
+
+from robot_dynamics.joints.actuator import Actuators, make_actuators
+from robot_dynamics.joints.effort_convention import EffortSemantics, make_effort_semantics
+from robot_dynamics.joints.friction import JointFriction, make_friction
+from robot_dynamics.joints.gear_friction import GearFriction, make_gear_friction
+
+__all__ = [
+    'Actuators',
+    'EffortSemantics',
+    'GearFriction',
+    'JointFriction',
+    'make_actuators',
+    'make_effort_semantics',
+    'make_friction',
+    'make_gear_friction',
+]

@@ -12,4 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""The arm and its equation of motion: M(q), C(q, q̇), g(q), friction, motors and loads."""
+
+from robot_dynamics.model.arm import ArmModel, JointLimits, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
+from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.regressor import TorqueRegressor
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+
+__all__ = [
+    'ArmDynamics',
+    'ArmModel',
+    'described_arm',
+    'EffortTerms',
+    'ExternalWrench',
+    'JointLimits',
+    'JointOrder',
+    'load_arm',
+    'make_payload',
+    'Payload',
+    'read_parameter_file',
+    'RigidBody',
+    'TorqueRegressor',
+]

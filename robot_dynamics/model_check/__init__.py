@@ -12,4 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Whether a model is fit to compute with: checks and their findings."""
+
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.model_check.finding import errors_of, Finding
+
+__all__ = [
+    'check_model',
+    'errors_of',
+    'Finding',
+]

@@ -12,4 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""What measured states tell while the arm runs: plausibility, timing, external effort."""
+
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.gravity_check import GravityCheck
+from robot_dynamics.monitoring.live_residual import LiveResidual
+from robot_dynamics.monitoring.state_plausibility import StateWatch
+
+__all__ = [
+    'ExternalEffort',
+    'GravityCheck',
+    'LiveResidual',
+    'StateWatch',
+]

@@ -12,4 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Pictures of an arm: stick figure, marks, torque maps, workspace."""
+
+from robot_dynamics.pictures.arm_marks import ArmMarks
+from robot_dynamics.pictures.stick_figure import StickFigure
+from robot_dynamics.pictures.torque_map import map_figure
+from robot_dynamics.pictures.workspace_map import workspace_figure
+
+__all__ = [
+    'ArmMarks',
+    'map_figure',
+    'StickFigure',
+    'workspace_figure',
+]

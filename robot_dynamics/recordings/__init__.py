@@ -12,4 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Recordings of rosbag2, read and written without ROS, damaged ones too."""
+
+from robot_dynamics.recordings.bag_files import find_recordings
+from robot_dynamics.recordings.joint_series import JointSeries
+from robot_dynamics.recordings.reader import Recording
+from robot_dynamics.recordings.writer import RecordingWriter
+
+__all__ = [
+    'find_recordings',
+    'JointSeries',
+    'Recording',
+    'RecordingWriter',
+]

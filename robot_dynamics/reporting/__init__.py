@@ -12,4 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""How results are shown: figures in one style, HTML pages, text tables, progress."""
+
+from robot_dynamics.reporting.figures import joint_figure, save_figure
+
+__all__ = [
+    'joint_figure',
+    'save_figure',
+]

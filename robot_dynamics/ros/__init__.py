@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ROS 2 side: conversions between messages and arrays, parameters, and the nodes."""
+"""What both nodes share: messages and arrays, parameters, callbacks, life of a process."""

@@ -12,4 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Forward dynamics in time: integration, backlash contacts, motors, the simulated arm."""
+
+from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
+from robot_dynamics.simulation.plant import Plant
+
+__all__ = [
+    'ArmSimulation',
+    'ArmState',
+    'Plant',
+]

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Command-line tools: one module a tool."""
+"""The executables: one module or folder each, and what their command lines share."""

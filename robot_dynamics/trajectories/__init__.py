@@ -12,4 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""Joint trajectories: the type, interpolation, limits, files, efforts, exciting motions."""
+
+from robot_dynamics.trajectories.demo_motion import make_reference_motion
+from robot_dynamics.trajectories.efforts import trajectory_efforts, TrajectoryEfforts
+from robot_dynamics.trajectories.excitation import find_excitation
+from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
+from robot_dynamics.trajectories.interpolation import Reference, TrajectoryFollower
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
+
+__all__ = [
+    'find_excitation',
+    'JointTrajectory',
+    'make_reference_motion',
+    'make_trajectory',
+    'MotionLimits',
+    'read_trajectory',
+    'Reference',
+    'ReferenceGenerator',
+    'trajectory_efforts',
+    'TrajectoryEfforts',
+    'TrajectoryFollower',
+    'write_trajectory',
+]

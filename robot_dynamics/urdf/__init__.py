@@ -12,4 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""TODO."""
+"""URDF documents: reading, validation, editing, inertias, visuals and meshes."""
+
+from robot_dynamics.urdf.description_file import read_description
+from robot_dynamics.urdf.editing import with_elements
+from robot_dynamics.urdf.parser import parse_urdf, UrdfJoint, UrdfRobot
+
+__all__ = [
+    'parse_urdf',
+    'read_description',
+    'UrdfJoint',
+    'UrdfRobot',
+    'with_elements',
+]
