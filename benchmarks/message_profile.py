@@ -45,7 +45,7 @@ STEPS = (
     ('all that follows', 'robot_dynamics.ros.message_loop:MessageLoop._deliver', 0),
     ('read the numbers', 'robot_dynamics.ros.cdr_templates:JointStateDecoder.decode', 1),
     ('find the joints', 'robot_dynamics.ros.joint_state_reader:JointStateReader.read', 1),
-    ('judge the state', 'robot_dynamics.monitoring.state_plausibility:StateWatch.judge', 1),
+    ('judge the state', 'robot_dynamics.monitoring.state_plausibility:StateMonitor.judge', 1),
     ('control law', 'robot_dynamics.control.controller:Controller.answer', 1),
     ('g(q)', 'robot_dynamics.model.rigid_body:RigidBody.gravity', 2),
     ('reference and feedback', 'robot_dynamics.control.controller:Controller._track', 2),

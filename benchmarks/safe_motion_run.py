@@ -37,7 +37,7 @@ from benchmarks.safe_motion_cases import (
 import numpy as np
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller, ControllerOptions
-from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -106,7 +106,7 @@ class ControlLoop:
             conditions_references=True, stops_and_holds=True))
         self._supervisor = CommandSupervisor(
             arm.joint_names,
-            GuardLimits(limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, rate),
+            EffortLimits(limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, rate),
             SafetyOptions())
         self._supervisor.activate()
         self._last_stamp: int | None = None

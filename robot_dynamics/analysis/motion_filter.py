@@ -253,7 +253,9 @@ def filter_like(
     return filtered
 
 
-def samples_a_sample(cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER) -> float:
+def samples_per_independent_sample(
+    cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER,
+) -> float:
     """
     Return how many filtered samples of white noise tell as much as one independent sample.
 

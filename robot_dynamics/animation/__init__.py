@@ -15,9 +15,9 @@
 """Moving pictures of a planar chain."""
 
 from robot_dynamics.animation.chain_animation import chain_frames
-from robot_dynamics.animation.video import write_moving_picture
+from robot_dynamics.animation.video import write_video
 
 __all__ = [
     'chain_frames',
-    'write_moving_picture',
+    'write_video',
 ]

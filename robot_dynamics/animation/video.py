@@ -68,7 +68,7 @@ def check_format(path: Path) -> None:
         _ffmpeg()
 
 
-def write_moving_picture(path: Path, frames: Iterable[Frame]) -> int:
+def write_video(path: Path, frames: Iterable[Frame]) -> int:
     """
     Write the frames, all of one size, to a .gif or .mp4, and return how many there were.
 

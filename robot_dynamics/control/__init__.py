@@ -16,7 +16,7 @@
 
 from robot_dynamics.control.control_law import Gains, make_gains
 from robot_dynamics.control.controller import Controller, ControllerOptions, ControlOutput
-from robot_dynamics.control.effort_limiter import EffortGuard, GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions
 
 __all__ = [
@@ -24,10 +24,10 @@ __all__ = [
     'Controller',
     'ControllerOptions',
     'ControlOutput',
-    'EffortGuard',
+    'EffortLimiter',
     'Fault',
     'Gains',
-    'GuardLimits',
+    'EffortLimits',
     'make_gains',
     'SafetyOptions',
 ]

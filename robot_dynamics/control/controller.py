@@ -29,12 +29,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.control.control_law import ErrorFeedback, Gains
-from robot_dynamics.control.gain_softening import crossover, share_of_gains
+from robot_dynamics.control.gain_softening import crossover_frequency, gain_scale
 from robot_dynamics.control.payload_transition import PayloadTransition
-from robot_dynamics.control.segment_tracking import FEW, SegmentTracking, Tracked
+from robot_dynamics.control.segment_tracking import FEW, TrackingLaw, TrackingOutput
 from robot_dynamics.control.stable_gains import longest_period, StateQuality, UNKNOWN
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.model.payload import Payload
@@ -72,7 +72,7 @@ class ControlOutput(NamedTuple):
     `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
     `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
     load. `hold` is the command that holds the arm still, and what a command starts from.
-    `clamped` tells which joints of `command` met their effort limit. `share_of_gains` is s where
+    `clamped` tells which joints of `command` met their effort limit. `gain_scale` is s where
     the command has softer gains than `computed_torque` (`soft_gains`). All numbers are finite.
     """
 
@@ -82,7 +82,7 @@ class ControlOutput(NamedTuple):
     command: FloatArray | None
     hold: FloatArray
     clamped: BoolArray
-    share_of_gains: float = 1.0
+    gain_scale: float = 1.0
     sample: Callable[[], Reference] | None = None
     velocity: FloatArray | None = None
     """The velocity (n,) that was used, measured or differentiated (`stable_gains`)."""
@@ -108,7 +108,7 @@ class ControllerOptions:
     """The velocity at which computed torque compensates friction; see `control`."""
     effort_rate: FloatArray | float = math.inf
     """Largest rate of change of the command [N·m/s] or [N/s], (n,) or one for all joints."""
-    semantics: EffortSemantics = EffortSemantics()
+    semantics: EffortConvention = EffortConvention()
     """What the robot adds to the command by itself is left out of it."""
     softens_gains: bool = False
     """Scale the feedback down for errors whose effort the rate limit would delay."""
@@ -153,7 +153,7 @@ class Controller:
         self.rate_share = 1.0
         """Share of the natural frequency that the rate and the noise of the states allow."""
         self._state: tuple[int, FloatArray, FloatArray] | None = None
-        self._tracking: SegmentTracking | None = None
+        self._tracking: TrackingLaw | None = None
         self._answered: _Answered | None = None
         """The last state, and what its command was made of."""
         self._zero = np.zeros(arm.joint_count)
@@ -195,7 +195,7 @@ class Controller:
             self._effort_limit, rate) if options.conditions_references else None
         self._scale_motion()
         self._follower.stream_timeout = options.stream_timeout
-        omega = crossover(options.gains)
+        omega = crossover_frequency(options.gains)
         self._prompt_effort = rate / omega if omega > 0.0 and options.softens_gains else (
             np.full_like(rate, math.inf))
         self._mass = self._workspace.largest()
@@ -467,19 +467,19 @@ class Controller:
 
     def _track(
         self, active: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
-    ) -> Tracked:
+    ) -> TrackingOutput:
         segment, feedback = active.segment(now_ns), self._feedback
         if segment is None or len(q) > FEW:
             reference = active.sample(now_ns)
             a = feedback.acceleration(reference, q, v)
-            return Tracked(
+            return TrackingOutput(
                 a, feedback.reference_velocity(reference, q),
                 float(np.abs(a - reference.acceleration).max(initial=0.0)),
                 feedback.is_far(reference.position, q))
         tracking = self._tracking
         if tracking is None or tracking.segment is not segment or (
                 tracking.feedback is not feedback):
-            tracking = self._tracking = SegmentTracking(segment, feedback)
+            tracking = self._tracking = TrackingLaw(segment, feedback)
         return tracking.at(now_ns, q, v)
 
     def _softened(
@@ -490,7 +490,7 @@ class Controller:
         proportional = gains.kp * self._feedback.position_error(reference.position, q)
         damping = gains.kd * (reference.velocity - v)
         M = self._dynamics.rigid_body.mass_matrix(q)
-        s = share_of_gains(M @ proportional, M @ damping, self._prompt_effort)
+        s = gain_scale(M @ proportional, M @ damping, self._prompt_effort)
         return a - (1.0 - s * s) * proportional - (1.0 - s) * damping, s
 
     def _friction(self, v_r: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:

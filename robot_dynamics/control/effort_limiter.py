@@ -43,7 +43,7 @@ LONGEST_STEP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class GuardLimits:
+class EffortLimits:
     """
     Limits of n joints.
 
@@ -108,10 +108,10 @@ class GuardedEffort(NamedTuple):
     by_rate: BoolArray
 
 
-class EffortGuard:
+class EffortLimiter:
     """Keeps efforts within limits; remembers the last one for its rate of change."""
 
-    def __init__(self, limits: GuardLimits) -> None:
+    def __init__(self, limits: EffortLimits) -> None:
         self.limits = limits
         self.last: FloatArray | None = None
         """The effort that went out last, (n,); None where none did."""
@@ -141,12 +141,12 @@ class EffortGuard:
             allowed = np.where(by_position | by_velocity, hold, effort)
         if self.last is None:
             self.last, dt = hold, 0.0
-        moved = self.approach(allowed, dt, in_proportion=allowed is effort)
+        moved = self.rate_limited(allowed, dt, in_proportion=allowed is effort)
         if moved is not allowed:
             by_rate = moved != allowed
         return GuardedEffort(moved, by_position, by_velocity, by_rate)
 
-    def approach(
+    def rate_limited(
         self, effort: FloatArray, dt: float, in_proportion: bool = True,
     ) -> FloatArray:
         """

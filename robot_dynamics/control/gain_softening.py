@@ -34,14 +34,14 @@ from robot_dynamics.validation import FloatArray
 _HALVINGS = 30
 
 
-def crossover(gains: Gains) -> float:
+def crossover_frequency(gains: Gains) -> float:
     """Return ω_c [rad/s], a bound of where the feedback of these gains crosses over."""
     K_p, K_d = gains.kp, gains.kd
     slow = np.where(K_d > 0.0, gains.ratio, np.sqrt(K_p))
     return float((K_d + slow).max(initial=0.0))
 
 
-def share_of_gains(
+def gain_scale(
     proportional: FloatArray, damping: FloatArray, rate: FloatArray | float,
 ) -> float:
     """

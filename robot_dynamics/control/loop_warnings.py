@@ -18,7 +18,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from robot_dynamics.control.controller import ControllerOptions
-from robot_dynamics.control.gain_softening import crossover
+from robot_dynamics.control.gain_softening import crossover_frequency
 from robot_dynamics.control.stable_gains import slowest_rate
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
@@ -39,7 +39,7 @@ def loop_warnings(workspace: WorkspaceInertia, options: ControllerOptions) -> It
     if not options.conditions_references:
         yield ('condition_references is false: a step of a reference is a step of the effort, and '
                'references may exceed the limits of the arm.')
-    omega = crossover(gains)
+    omega = crossover_frequency(gains)
     if options.softens_gains or omega == 0.0:
         return
     yield (f'soften_gains is false: the loop can oscillate at joint state rates below '

@@ -31,7 +31,7 @@ FEW = 16
 """Joints up to which this is quicker than `ErrorFeedback`."""
 
 
-class Tracked(NamedTuple):
+class TrackingOutput(NamedTuple):
     """
     What tracking asks for, each (n,).
 
@@ -46,7 +46,7 @@ class Tracked(NamedTuple):
     is_far: bool = False
 
 
-class SegmentTracking:
+class TrackingLaw:
     """Tracks one segment with one feedback law."""
 
     def __init__(self, segment: Segment, feedback: ErrorFeedback) -> None:
@@ -59,7 +59,7 @@ class SegmentTracking:
             feedback.gains.kd.tolist(), feedback.ratio.tolist(), feedback.turns,
             feedback.largest_error.tolist()))
 
-    def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> Tracked:
+    def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> TrackingOutput:
         """Return what tracking asks for at the state (q, v), each (n,), while it is in force."""
         s = self.segment.share(now_ns)
         a, v_r, largest, is_far = [], [], 0.0, False
@@ -79,4 +79,4 @@ class SegmentTracking:
             v_r.append(v_ref + ratio * e)
             if not -largest <= feedback <= largest:
                 largest = feedback if feedback > 0.0 else -feedback
-        return Tracked(np.array(a), np.array(v_r), largest, is_far)
+        return TrackingOutput(np.array(a), np.array(v_r), largest, is_far)

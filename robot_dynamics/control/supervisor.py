@@ -31,7 +31,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from robot_dynamics.control.effort_limiter import EffortGuard, GuardedEffort, GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, GuardedEffort
 from robot_dynamics.validation import FloatArray
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
@@ -89,10 +89,10 @@ class CommandSupervisor:
     """
 
     def __init__(
-        self, joint_names: tuple[str, ...], limits: GuardLimits, options: SafetyOptions,
+        self, joint_names: tuple[str, ...], limits: EffortLimits, options: SafetyOptions,
     ) -> None:
         self._names = joint_names
-        self._guard = EffortGuard(limits)
+        self._guard = EffortLimiter(limits)
         self.options = options
         self.mode = Mode.INACTIVE
         self.fault: Fault | None = None
@@ -104,7 +104,7 @@ class CommandSupervisor:
         self._last_state = self._last_output = self._since = 0.0
         self._good = 0
 
-    def set_options(self, limits: GuardLimits, options: SafetyOptions) -> None:
+    def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Take over limits and options, also those of another model of the same joints."""
         self._guard.limits, self.options = limits, options
 
@@ -209,7 +209,7 @@ class CommandSupervisor:
         self._since, self._braked = now + self.options.state_timeout, hold
         if self._guard.last is None:  # no effort has begun, or the action has ended
             return None
-        effort = self._guard.approach(hold, now - self._last_output)
+        effort = self._guard.rate_limited(hold, now - self._last_output)
         self._last_output = now
         return effort
 
@@ -265,7 +265,7 @@ class CommandSupervisor:
         goal = self._braked if passed < 0.0 else self._share_left(passed) * self._hold
         if action == 'ramp_to_zero' and passed >= 0.0:  # toward zero only
             goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
-        effort = self._guard.approach(goal, now - self._last_output)
+        effort = self._guard.rate_limited(goal, now - self._last_output)
         self._last_output = now
         if passed < self.options.ramp_time or effort.any():
             return effort

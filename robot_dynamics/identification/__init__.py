@@ -15,13 +15,13 @@
 """From recordings to an identified arm."""
 
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
-from robot_dynamics.identification.identified_arm import identified_arm
+from robot_dynamics.identification.identified_arm import make_identified_arm
 from robot_dynamics.identification.pipeline import Identification, identify
 
 __all__ = [
     'BagIdentification',
     'Identification',
-    'identified_arm',
     'identify',
     'identify_bags',
+    'make_identified_arm',
 ]

@@ -32,14 +32,14 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
 from robot_dynamics.identification.holdout import merge_tests
 from robot_dynamics.identification.pipeline import describe, fit_model, Identification
-from robot_dynamics.identification.qr_information import Information, merge
+from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.tasks import (
     arm_of,
+    evaluate_task,
     fit_as_data,
     information_of,
     reduce_task,
     tests_of,
-    try_task,
 )
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters
@@ -122,14 +122,14 @@ def identify_bags(
     base, estimate = describe(arm, models, information)
     on_stage(STAGES[4])
     fits = {name: fit_as_data(fit) for name, fit in models.by_name.items()}
-    used = results(try_task, models=fits, shown='consistent', **more)
+    used = results(evaluate_task, models=fits, shown='consistent', **more)
     tests = merge_tests([tests_of(result, list(fits)) for result in used])
     return BagIdentification(
         Identification(arm, models, base, estimate, information, tests), tuple(used),
         tuple(left), tuple(failed.items()), gains, seeming)
 
 
-def _merged(results: Sequence[Result]) -> Information:
+def _merged(results: Sequence[Result]) -> QrInformation:
     return merge([information_of(result) for result in results])
 
 

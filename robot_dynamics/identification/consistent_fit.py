@@ -15,11 +15,11 @@
 """
 A full set of parameters that some arm could really have: every body a mass distribution.
 
-Minimised is what `pulled_least_squares` minimises, but over the relative log-Cholesky coordinates
-of each body (`pseudo_inertia`), which reach physically consistent bodies alone, with friction and
-rotors not below 0, and with the entropic divergence itself in place of its second order. What the
-efforts do not tell stays at the URDF. Solved by Gauss–Newton steps within a trust region, from the
-URDF.
+Minimised is what `regularized_least_squares` minimises, but over the relative log-Cholesky
+coordinates of each body (`pseudo_inertia`), which reach physically consistent bodies alone, with
+friction and rotors not below 0, and with the entropic divergence itself in place of its second
+order. What the efforts do not tell stays at the URDF. Solved by Gauss–Newton steps within a trust
+region, from the URDF.
 """
 
 from collections.abc import Sequence

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.qr_information import Information
+from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
 
@@ -63,12 +63,12 @@ class DriveGains(NamedTuple):
         return bool(np.median(np.abs(sizes - np.median(sizes))) > np.log(LARGEST_RATIO))
 
 
-def drive_gains(information: Information, parameters: FloatArray) -> DriveGains:
+def drive_gains(information: QrInformation, parameters: FloatArray) -> DriveGains:
     """Return the gains that make efforts fit the rigid bodies with the parameters φ (p,)."""
     factors = information.together()
     n, p = len(information.joint_names), len(parameters)
     rows = max(float(information.rows.sum()), 1.0)
-    samples = information.samples_a_sample
+    samples = information.samples_per_independent_sample
     gain, deviation = np.full(n, np.nan), np.full(n, np.inf)
     for j in range(n):
         R = factors[j]

@@ -24,7 +24,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.joints.presliding import presliding
+from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.validation import FloatArray
 
 SIGMOID_VELOCITIES = (0.01, 0.03, 0.1, 0.3)
@@ -120,7 +120,7 @@ def joint_columns(
     stretches = list(zip(starts, [*starts[1:], m]))
     for i, distance in enumerate(PRESLIDING_DISTANCES):
         for first, last in stretches if distance else ():
-            columns[first:last, :, _COULOMB + i] = presliding(
+            columns[first:last, :, _COULOMB + i] = presliding_state(
                 q[first:last], v[first:last], distance * scale)
     return columns
 

@@ -59,7 +59,7 @@ class ModelTest:
         return np.asarray(np.sqrt(getattr(self, which) / count))
 
 
-def try_motion(
+def evaluate_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, models: Mapping[str, Fit],
 ) -> dict[str, ModelTest]:
     """Return how well each model predicts the samples of one recording."""

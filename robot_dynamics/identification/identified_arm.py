@@ -41,7 +41,7 @@ def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
         for structure, kind, values in zip(fit.structures, arm.joint_kinds, fit.joint_values))
 
 
-def identified_arm(arm: ArmModel, fit: Fit) -> ArmModel:
+def make_identified_arm(arm: ArmModel, fit: Fit) -> ArmModel:
     """Return the arm with the bodies, rotors and friction of a fit, and no payload."""
     names = arm.joint_names
     found = {field: np.array([getattr(joint, field) for joint in joint_estimates(arm, fit)])

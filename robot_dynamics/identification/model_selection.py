@@ -32,7 +32,7 @@ from robot_dynamics.identification.friction_regressor import (
     SIMPLEST,
     structures,
 )
-from robot_dynamics.identification.qr_information import BLOCKS, Information
+from robot_dynamics.identification.qr_information import BLOCKS, QrInformation
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
 from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.validation import FloatArray
@@ -66,7 +66,7 @@ class ModelChoice:
 class CrossValidation:
     """Sums of squares on blocks left out, for any model."""
 
-    def __init__(self, information: Information, prior: Prior) -> None:
+    def __init__(self, information: QrInformation, prior: Prior) -> None:
         self.information, self.prior = information, prior
         self._train = [grams_of(information.all_but(i)) for i in range(BLOCKS)]
         self._block = [grams_of(information.block(i)) for i in range(BLOCKS)]
@@ -93,13 +93,13 @@ class CrossValidation:
         """Return w = 1 / (σ² × samples that count as one), (n,); 0 without any effort."""
         variance = squares.sum(axis=0) / self.rows
         least = 1e-12 * max(float(self.effort_power.max()) / self.rows, 1e-30)
-        return np.asarray(np.where(
-            self.is_measured, 1.0 / (
-                np.maximum(variance, least) * self.information.samples_a_sample), 0.0))
+        weight = 1.0 / (
+            np.maximum(variance, least) * self.information.samples_per_independent_sample)
+        return np.asarray(np.where(self.is_measured, weight, 0.0))
 
 
 def choose_model(
-    information: Information, prior: Prior,
+    information: QrInformation, prior: Prior,
     first: Sequence[FrictionStructure] | None = None,
 ) -> ModelChoice:
     """Return the structures and the pull that predict best what was left out."""

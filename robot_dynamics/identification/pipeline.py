@@ -16,8 +16,8 @@
 Identification of an arm from recordings: the whole way, step by step.
 
 Each step that touches samples is a function of one recording alone (`reduce_motion`,
-`try_motion`), whose results are small and merge exactly, so that recordings may be worked on one
-by one, or side by side in many processes; what lies between (`fit_model`, `describe`) takes a
+`evaluate_motion`), whose results are small and merge exactly, so that recordings may be worked on
+one by one, or side by side in many processes; what lies between (`fit_model`, `describe`) takes a
 second or two, whatever their number.
 """
 
@@ -28,9 +28,9 @@ import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.holdout import merge_tests, ModelTest, try_motion
+from robot_dynamics.identification.holdout import evaluate_motion, merge_tests, ModelTest
 from robot_dynamics.identification.model_selection import choose_model, ModelChoice
-from robot_dynamics.identification.qr_information import Information, merge
+from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm, reduce_motion
 from robot_dynamics.identification.regularized_fit import (
     Fit,
@@ -41,7 +41,7 @@ from robot_dynamics.identification.regularized_fit import (
 )
 from robot_dynamics.identification.uncertainty import estimate_parameters, ParameterEstimate
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.base_parameters import base_parameters, BaseParameters
+from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
 from robot_dynamics.model.regressor import (
     inertial_parameters,
     parameter_names,
@@ -84,7 +84,7 @@ class Identification:
     models: FittedModels
     base: BaseParameters
     estimate: ParameterEstimate
-    information: Information
+    information: QrInformation
     tests: dict[str, ModelTest]
 
 
@@ -105,11 +105,11 @@ def base_parameters_of(arm: ArmModel) -> BaseParameters:
     rotors[:, np.arange(n), np.arange(n)] = a
     X = np.concatenate([TorqueRegressor(arm)(q, v, a), rotors], axis=2)
     names = (*parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
-    return base_parameters(X.reshape(m * n, -1), names)
+    return find_base_parameters(X.reshape(m * n, -1), names)
 
 
 def fit_model(
-    arm: ArmModel, information: Information,
+    arm: ArmModel, information: QrInformation,
     first: Sequence[FrictionStructure] | None = None,
 ) -> FittedModels:
     """Return the models that the information of all recordings gives."""
@@ -126,7 +126,7 @@ def fit_model(
     return FittedModels(choice, urdf, friction, base, consistent)
 
 
-def describe(arm: ArmModel, models: FittedModels, information: Information) -> (
+def describe(arm: ArmModel, models: FittedModels, information: QrInformation) -> (
         tuple[BaseParameters, ParameterEstimate]):
     """Return the base parameters and what the information says of them, with deviations."""
     base = base_parameters_of(bare_arm(arm))
@@ -151,6 +151,6 @@ def identify(
     models = fit_model(arm, information, begun.choice.structures)
     base, estimate = describe(arm, models, information)
     tests = merge_tests([
-        try_motion(arm, motion, train_fraction, models.by_name) for motion in motions])
+        evaluate_motion(arm, motion, train_fraction, models.by_name) for motion in motions])
     return Identification(arm, models, base, estimate, information, tests)
 

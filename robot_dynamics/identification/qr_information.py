@@ -40,7 +40,7 @@ _ROUNDING = 1e-20
 
 
 @dataclass(frozen=True, eq=False)
-class Information:
+class QrInformation:
     """
     What recordings say: for each of 2 × BLOCKS − 1 slots and n joints an R factor (k, k).
 
@@ -61,7 +61,7 @@ class Information:
         return int(self.rows.sum())
 
     @property
-    def samples_a_sample(self) -> FloatArray:
+    def samples_per_independent_sample(self) -> FloatArray:
         """How many samples count as one independent one, (n,)."""
         return np.asarray(self.correlation / max(float(self.rows.sum()), 1.0))
 
@@ -87,13 +87,13 @@ class Information:
 
 def reduce_rows(
     joint_names: Sequence[str], columns: Sequence[str], X: FloatArray, y: FloatArray,
-    gap: int, samples_a_sample: FloatArray,
-) -> Information:
+    gap: int, samples_per_independent_sample: FloatArray,
+) -> QrInformation:
     """
     Return the information in a regression: X (m, n, p) and y (m, n), in the order of time.
 
-    Between blocks are gaps of so many samples; `samples_a_sample` (n,) says how many samples
-    count as one. Raises InvalidInputError where there are too few samples for that.
+    Between blocks are gaps of so many samples; `samples_per_independent_sample` (n,) says how many
+    samples count as one. Raises InvalidInputError where there are too few samples for that.
     """
     m, n, p = X.shape
     edges = np.linspace(0, m, BLOCKS + 1).astype(int)
@@ -112,11 +112,11 @@ def reduce_rows(
             rows = np.concatenate([X[first:last, j], y[first:last, j, np.newaxis]], axis=1)
             factors[i, j] = _factor(rows)
     counts = np.array([float(last - first) for first, last in slots])
-    return Information(
-        tuple(joint_names), tuple(columns), factors, counts, m * samples_a_sample)
+    return QrInformation(
+        tuple(joint_names), tuple(columns), factors, counts, m * samples_per_independent_sample)
 
 
-def merge(parts: Sequence[Information]) -> Information:
+def merge(parts: Sequence[QrInformation]) -> QrInformation:
     """
     Return the information of several recordings together.
 
@@ -134,7 +134,7 @@ def merge(parts: Sequence[Information]) -> Information:
     factors = np.stack([
         stack_factors(np.stack([part.factors[slot] for part in parts]))
         for slot in range(len(first.factors))])
-    return Information(
+    return QrInformation(
         first.joint_names, first.columns, factors, np.sum([part.rows for part in parts], axis=0),
         np.sum([part.correlation for part in parts], axis=0))
 

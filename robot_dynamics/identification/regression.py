@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-From a filtered motion to the rows of a regression, and their reduction to `Information`.
+From a filtered motion to the rows of a regression, and their reduction to `QrInformation`.
 
 Each bag passes through here twice: first with the load of the URDF and all samples alike; then
 with the load of the model that was found, and with less weight for samples that it cannot explain
@@ -24,7 +24,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.analysis.motion_filter import filter_like, FilteredMotion, samples_a_sample
+from robot_dynamics.analysis.motion_filter import (
+    filter_like,
+    FilteredMotion,
+    samples_per_independent_sample,
+)
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
@@ -32,7 +36,7 @@ from robot_dynamics.identification.friction_regressor import (
     joint_columns,
     SHARP,
 )
-from robot_dynamics.identification.qr_information import Information, reduce_rows
+from robot_dynamics.identification.qr_information import QrInformation, reduce_rows
 from robot_dynamics.identification.regularized_fit import Fit, without_memory
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names, TorqueRegressor
@@ -178,7 +182,7 @@ def column_names(arm: ArmModel) -> tuple[str, ...]:
 
 def reduce_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, reference: Fit | None = None,
-) -> Information:
+) -> QrInformation:
     """
     Return what the training samples of one recording say.
 
@@ -193,7 +197,7 @@ def reduce_motion(
     n = y.shape[1]
     rate = motion.sample_rate_hz / step
     independent = np.full(n, max(
-        1.0, samples_a_sample(motion.cutoff_hz, motion.sample_rate_hz) / step))
+        1.0, samples_per_independent_sample(motion.cutoff_hz, motion.sample_rate_hz) / step))
     if reference is not None:
         residual = (rows.y - rows.model(reference))[usable]
         independent = np.maximum(independent, [

@@ -34,7 +34,12 @@ from robot_dynamics.identification.friction_regressor import (
     INERTIA,
     OFFSET,
 )
-from robot_dynamics.model.pseudo_inertia import COUNT, parameters_of, pseudo_inertia, relative_rows
+from robot_dynamics.model.pseudo_inertia import (
+    COUNT,
+    parameters_of,
+    pseudo_inertia_matrix,
+    relative_rows,
+)
 from robot_dynamics.validation import FloatArray
 
 PULL_OF_URDF = 1e12
@@ -89,7 +94,7 @@ def make_prior(parameters: FloatArray, joint_inertia: FloatArray) -> Prior:
 
 
 def _fit_for_pull(phi: FloatArray, total: float) -> FloatArray:
-    P = pseudo_inertia(phi)
+    P = pseudo_inertia_matrix(phi)
     least_mass = _LEAST_MASS * total
     mass = max(float(P[3, 3]), 0.0)
     centre = P[:3, 3] / mass if mass > 0.0 else np.zeros(3)

@@ -32,8 +32,8 @@ from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.holdout import ModelTest, try_motion
-from robot_dynamics.identification.qr_information import Information
+from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
+from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import column_names, model_effort, reduce_motion
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
@@ -119,19 +119,20 @@ def reduce_task(bag: Path, configuration: Configuration) -> Result:
             'correlation': information.correlation, 'columns': list(column_names(arm))}
 
 
-def information_of(result: Result) -> Information:
+def information_of(result: Result) -> QrInformation:
     """Return the information that `reduce_task` found."""
-    return Information(
+    return QrInformation(
         tuple(result['joint_names']), tuple(result['columns']), np.asarray(result['factors']),
         np.asarray(result['rows']), np.asarray(result['correlation']))
 
 
-def try_task(bag: Path, configuration: Configuration) -> Result:
+def evaluate_task(bag: Path, configuration: Configuration) -> Result:
     """Return how well `configuration['models']`, fits by name, predict a recording."""
     arm, motion, about = read_motion(bag, configuration)
     models = {name: fit_from(fit) for name, fit in configuration['models'].items()}
     result = dict(about)
-    for name, test in try_motion(arm, motion, configuration['train_fraction'], models).items():
+    tests = evaluate_motion(arm, motion, configuration['train_fraction'], models)
+    for name, test in tests.items():
         for field in _TEST_SUMS:
             result[f'{name}/{field}'] = getattr(test, field)
         result[f'{name}/samples'] = list(test.samples)
@@ -143,7 +144,7 @@ def try_task(bag: Path, configuration: Configuration) -> Result:
 
 
 def tests_of(result: Result, names: Sequence[str]) -> dict[str, ModelTest]:
-    """Return the tests that `try_task` made, of the models with these names."""
+    """Return the tests that `evaluate_task` made, of the models with these names."""
     def test(name: str) -> ModelTest:
         train, test, by_sample, train_effort, test_effort = (
             np.asarray(result[f'{name}/{field}']) for field in _TEST_SUMS)

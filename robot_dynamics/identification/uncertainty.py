@@ -30,7 +30,7 @@ from robot_dynamics.identification.friction_regressor import (
     FrictionStructure,
     INERTIA,
 )
-from robot_dynamics.identification.qr_information import Information
+from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import Prior
 from robot_dynamics.model.base_parameters import BaseParameters
 from robot_dynamics.validation import FloatArray
@@ -74,7 +74,7 @@ class ParameterEstimate:
 
 
 def estimate_parameters(
-    information: Information, base: BaseParameters, prior: Prior,
+    information: QrInformation, base: BaseParameters, prior: Prior,
     structures: Sequence[FrictionStructure],
 ) -> ParameterEstimate:
     """
@@ -85,7 +85,7 @@ def estimate_parameters(
     n, p = len(information.joint_names), prior.count
     factors = information.together()
     rows = float(information.rows.sum())
-    samples = information.samples_a_sample
+    samples = information.samples_per_independent_sample
     is_measured = information.is_measured
     weights = np.where(is_measured, 1.0, 0.0)
     sigma = np.ones(n)
@@ -121,7 +121,7 @@ def estimate_parameters(
 
 
 def _columns(
-    information: Information, base: BaseParameters, structures: Sequence[FrictionStructure],
+    information: QrInformation, base: BaseParameters, structures: Sequence[FrictionStructure],
     p: int,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Return for each joint the matrix that takes the estimate to the columns of its factor."""

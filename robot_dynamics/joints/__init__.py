@@ -15,17 +15,17 @@
 """Models of one joint: friction, stiction, gears, motors, and what its effort means."""
 
 from robot_dynamics.joints.actuator import Actuators, make_actuators
-from robot_dynamics.joints.effort_convention import EffortSemantics, make_effort_semantics
+from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.joints.gear_friction import GearFriction, make_gear_friction
 
 __all__ = [
     'Actuators',
-    'EffortSemantics',
+    'EffortConvention',
     'GearFriction',
     'JointFriction',
     'make_actuators',
-    'make_effort_semantics',
+    'make_effort_convention',
     'make_friction',
     'make_gear_friction',
 ]

@@ -45,8 +45,8 @@ ROBOT_COMPENSATIONS = ('gravity', 'friction')
 
 
 @dataclass(frozen=True)
-class EffortSemantics:
-    """What a robot measures and adds; `make_effort_semantics` checks it."""
+class EffortConvention:
+    """What a robot measures and adds; `make_effort_convention` checks it."""
 
     measured_effort: str = 'joint_torque'
     robot_compensates: tuple[str, ...] = ()
@@ -70,9 +70,9 @@ class EffortSemantics:
         return float(self.compensates_gravity) - float(self.lacks_gravity)
 
 
-def make_effort_semantics(
+def make_effort_convention(
     measured_effort: str, robot_compensates: Sequence[str], has_actuators: bool,
-) -> EffortSemantics:
+) -> EffortConvention:
     """
     Return checked semantics.
 
@@ -88,7 +88,7 @@ def make_effort_semantics(
         raise InvalidInputError(
             f'measured_effort is {measured_effort!r}, but there are no actuators: expected '
             f'actuator.torque_constant and actuator.gear_ratio, or one of {others}')
-    return EffortSemantics(measured_effort, tuple(robot_compensates))
+    return EffortConvention(measured_effort, tuple(robot_compensates))
 
 
 def joint_effort_at_rest(

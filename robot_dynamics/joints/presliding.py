@@ -26,7 +26,7 @@ from robot_dynamics.joints.friction import sigmoid, SMOOTHING_VELOCITY
 from robot_dynamics.validation import FloatArray
 
 
-def presliding(
+def presliding_state(
     position: FloatArray, velocity: FloatArray, distance: FloatArray,
     state: FloatArray | None = None,
 ) -> FloatArray:

@@ -72,7 +72,7 @@ class ArmModel:
     link_names: tuple[str, ...]
     coordinates: JointCoordinates
     engine: pin.Model
-    bare_engine: pin.Model
+    unloaded_model: pin.Model
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
@@ -131,11 +131,11 @@ class ArmModel:
         return self._with_armature(np.where(apart, 0.0, self.actuators.reflected_inertia))
 
     def _with_armature(self, inertias: FloatArray) -> 'ArmModel':
-        engines = self.engine.copy(), self.bare_engine.copy()
+        engines = self.engine.copy(), self.unloaded_model.copy()
         for engine in engines:
             for name, inertia in zip(self.joint_names, inertias):
                 engine.armature[engine.joints[engine.getJointId(name)].idx_v] = inertia
-        return replace(self, engine=engines[0], bare_engine=engines[1])
+        return replace(self, engine=engines[0], unloaded_model=engines[1])
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
         """
@@ -143,7 +143,7 @@ class ArmModel:
 
         Each is added to its link's own inertia. Raises InvalidInputError for an unknown link.
         """
-        engine = self.bare_engine.copy()
+        engine = self.unloaded_model.copy()
         loads = tuple(payload for payload in payloads if payload.mass > 0.0)
         for payload in loads:
             frame = self.link_frame(payload.link, 'payload.header.frame_id')
@@ -209,7 +209,7 @@ def load_arm(
         link_names=robot.link_names,
         coordinates=JointCoordinates(G, q0),
         engine=engine,
-        bare_engine=engine,
+        unloaded_model=engine,
         reductions=robot.reductions,
     )
 

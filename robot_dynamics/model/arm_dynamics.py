@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.joints.presliding import presliding
+from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, singular_mass_matrix
@@ -105,11 +105,11 @@ class ArmDynamics:
 
         For measured motions: around rest the sign is smooth. Where gears have a presliding
         distance, dry friction follows the displacement since the motion turned round
-        (`presliding`), with `state` (n,) at the first sample.
+        (`presliding_state`), with `state` (n,) at the first sample.
         """
         if self._gears is None or not self._gears.presliding_distance.any():
             return self.friction_effort(v, load, smooth=True)
-        sign = presliding(q, v, self._gears.presliding_distance, state)
+        sign = presliding_state(q, v, self._gears.presliding_distance, state)
         return self.friction_effort(v, load, sign)
 
     def forward_dynamics(

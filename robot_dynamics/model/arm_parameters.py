@@ -25,7 +25,7 @@ from typing import Any
 
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.effort_convention import EffortSemantics, make_effort_semantics
+from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
@@ -118,8 +118,8 @@ def described_arm(
     return arm.with_actuators(make_actuators(names, *motors))
 
 
-def described_semantics(values: Mapping[str, Any], arm: ArmModel) -> EffortSemantics:
+def described_convention(values: Mapping[str, Any], arm: ArmModel) -> EffortConvention:
     """Return what the robot measures and adds; raise InvalidInputError on what does not fit."""
-    return make_effort_semantics(
+    return make_effort_convention(
         str(values.get('measured_effort', 'joint_torque')),
         values.get('robot_compensates') or (), arm.actuators is not None)

@@ -71,7 +71,7 @@ class BaseParameters:
             for column, more in zip(self.columns, several))
 
 
-def base_parameters(regressor: FloatArray, names: Sequence[str]) -> BaseParameters:
+def find_base_parameters(regressor: FloatArray, names: Sequence[str]) -> BaseParameters:
     """
     Return the base parameters that a regressor (rows, p) at many random states tells.
 

@@ -40,7 +40,7 @@ _UPPER = np.triu_indices(4, 1)
 _DIAGONAL = np.diag_indices(4)
 
 
-def pseudo_inertia(parameters: FloatArray) -> FloatArray:
+def pseudo_inertia_matrix(parameters: FloatArray) -> FloatArray:
     """Return P (4, 4) of the parameters φ (10,)."""
     m, mx, my, mz, xx, xy, yy, xz, yz, zz = parameters
     half = 0.5 * (xx + yy + zz)
@@ -59,7 +59,7 @@ def parameters_of(P: FloatArray) -> FloatArray:
 
 def is_consistent(parameters: FloatArray) -> bool:
     """Return whether there is a mass distribution with the parameters φ (10,)."""
-    return bool(np.linalg.eigvalsh(pseudo_inertia(parameters)).min() > 0.0)
+    return bool(np.linalg.eigvalsh(pseudo_inertia_matrix(parameters)).min() > 0.0)
 
 
 def relative_rows(L0: FloatArray) -> FloatArray:
@@ -72,7 +72,7 @@ def relative_rows(L0: FloatArray) -> FloatArray:
     inverse = np.linalg.inv(L0)
     rows = []
     for unit in np.eye(COUNT):
-        relative = inverse @ pseudo_inertia(unit) @ inverse.T
+        relative = inverse @ pseudo_inertia_matrix(unit) @ inverse.T
         rows.append(np.concatenate([relative[_DIAGONAL], np.sqrt(2.0) * relative[_UPPER]]))
     return np.asarray(np.array(rows).T)
 

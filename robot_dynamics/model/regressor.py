@@ -59,12 +59,12 @@ def with_inertial_parameters(arm: ArmModel, parameters: FloatArray) -> ArmModel:
     Bodies whose parameters no mass distribution has are kept as they are given: fit to compute
     efforts with, but not to simulate.
     """
-    engine = arm.bare_engine.copy()
+    engine = arm.unloaded_model.copy()
     for i, phi in enumerate(parameters.reshape(-1, COUNT)):
         engine.inertias[i + 1] = (
             pin.Inertia.FromDynamicParameters(phi) if is_consistent(phi) or phi[0] != 0.0 else
             pin.Inertia.Zero())
-    return replace(arm, engine=engine, bare_engine=engine, payloads=())
+    return replace(arm, engine=engine, unloaded_model=engine, payloads=())
 
 
 class TorqueRegressor:

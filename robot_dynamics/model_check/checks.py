@@ -118,7 +118,7 @@ def _lost_by_the_engine(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
             driven[arm.engine.joints[above].idx_v]
             for above in list(arm.engine.supports[joint])[1:])
     engine = sum(
-        inertia.mass for inertia, counts in zip(arm.bare_engine.inertias, carried) if counts)
+        inertia.mass for inertia, counts in zip(arm.unloaded_model.inertias, carried) if counts)
     written = sum(body.mass or 0.0 for body in moved)
     if abs(engine - written) <= _LOST_SHARE * max(written, TINY_MASS):
         return []

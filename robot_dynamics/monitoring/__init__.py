@@ -17,11 +17,11 @@
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.gravity_check import GravityCheck
 from robot_dynamics.monitoring.live_residual import LiveResidual
-from robot_dynamics.monitoring.state_plausibility import StateWatch
+from robot_dynamics.monitoring.state_plausibility import StateMonitor
 
 __all__ = [
     'ExternalEffort',
     'GravityCheck',
     'LiveResidual',
-    'StateWatch',
+    'StateMonitor',
 ]

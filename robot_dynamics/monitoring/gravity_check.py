@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.joints.effort_convention import (
-    EffortSemantics,
+    EffortConvention,
     joint_effort_at_rest,
     MOTOR_SIDE,
 )
@@ -86,7 +86,7 @@ class GravityCheck:
     """
 
     def __init__(
-        self, semantics: EffortSemantics, friction: JointFriction, actuators: Actuators | None,
+        self, semantics: EffortConvention, friction: JointFriction, actuators: Actuators | None,
         is_continuous: BoolArray,
     ) -> None:
         """

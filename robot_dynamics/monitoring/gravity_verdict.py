@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.validation import FloatArray
 
 
@@ -50,7 +50,7 @@ class GravityVerdict:
 
 
 def verdict_in_words(
-    verdict: GravityVerdict, joint_names: tuple[str, ...], semantics: EffortSemantics,
+    verdict: GravityVerdict, joint_names: tuple[str, ...], semantics: EffortConvention,
 ) -> str:
     """Return one line with the numbers, what they mean, and which parameter says so."""
     share = (
@@ -69,7 +69,7 @@ def verdict_in_words(
     return f'{share}. {numbers}. {_advice(verdict, semantics)}'
 
 
-def _advice(verdict: GravityVerdict, semantics: EffortSemantics) -> str:
+def _advice(verdict: GravityVerdict, semantics: EffortConvention) -> str:
     reasons = []
     if verdict.excess > 0.0:
         if not semantics.compensates_gravity:

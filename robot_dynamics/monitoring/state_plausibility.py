@@ -50,7 +50,7 @@ class ImplausibleStateError(InvalidInputError):
         self.reason, self.is_conflict = reason, is_conflict
 
 
-class Judgement(NamedTuple):
+class StateVerdict(NamedTuple):
     """
     What a state is: news, `dt` [s] after the state before, None where that is not known.
 
@@ -59,14 +59,14 @@ class Judgement(NamedTuple):
     of the state; what it was for the state before is now less by `time_shift` [ns].
     """
 
-    is_news: bool
+    is_new: bool
     dt: float | None = None
     restart: str = ''
     stamp: int = 0
     time_shift: int = 0
 
 
-class StateWatch:
+class StateMonitor:
     """Judges the states of n joints one after the other; stamps and times in [ns]."""
 
     def __init__(
@@ -89,21 +89,21 @@ class StateWatch:
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
-        is_crowded: Callable[[], bool],
-    ) -> Judgement:
+        has_several_publishers: Callable[[], bool],
+    ) -> StateVerdict:
         """
         Return what the state is; `clock` is the time of this computer, never that of /clock.
 
         A stamp of 0 is none, and the clock stands in for it; unless it was the first of a
         simulation, whose stamps then go on from 0.
-        `is_crowded` tells whether there are several publishers; it is asked where the state does
+        `has_several_publishers` is asked where the state does
         not follow. Raises ImplausibleStateError, reason 'too old', 'from the future', 'stamp went
         back' or 'jump'.
         """
         if self._is_usual(stamp, clock, q):
             dt = 1e-9 * (stamp - self._stamp)  # type: ignore[operator]
             self._stamp, self._q, self._heard = stamp, q, clock
-            return Judgement(True, dt, '', stamp)
+            return StateVerdict(True, dt, '', stamp)
         if self._stamp is not None and not 0 <= clock - self._heard <= _LONGEST_GAP_NS:
             self._stamp = None
         is_unstamped, shift = stamp == 0, 0
@@ -117,12 +117,12 @@ class StateWatch:
             abs(age) < SAME_CLOCK)
         if is_same_clock and self.max_age > 0.0:
             self._check_age(age)
-        judgement = self._follows(stamp, q, v, is_crowded)
-        if judgement.is_news:
+        judgement = self._follows(stamp, q, v, has_several_publishers)
+        if judgement.is_new:
             self._stamp, self._q, self._heard = stamp, q, clock
             self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
-        is_news, dt, restart, *_ = judgement
-        return Judgement(is_news, dt, '' if shift else restart, stamp, shift)
+        is_new, dt, restart, *_ = judgement
+        return StateVerdict(is_new, dt, '' if shift else restart, stamp, shift)
 
     @property
     def is_other_clock(self) -> bool:
@@ -155,25 +155,26 @@ class StateWatch:
             'from the future', f'header.stamp is {-age:.3f} s in the future, {expected}')
 
     def _follows(
-        self, stamp: int, q: FloatArray, v: FloatArray | None, is_crowded: Callable[[], bool],
-    ) -> Judgement:
+        self, stamp: int, q: FloatArray, v: FloatArray | None,
+        has_several_publishers: Callable[[], bool],
+    ) -> StateVerdict:
         if self._stamp is None:
-            return Judgement(True, restart='first state')
+            return StateVerdict(True, restart='first state')
         if stamp == self._stamp:
-            return Judgement(False)
+            return StateVerdict(False)
         dt = 1e-9 * (stamp - self._stamp)
         if stamp - self._stamp > _LONGEST_GAP_NS:
-            return Judgement(True, restart='stamp jumped ahead')
+            return StateVerdict(True, restart='stamp jumped ahead')
         if dt > 0.0 and self._has_hardly_moved(q):
-            return Judgement(True, dt)
+            return StateVerdict(True, dt)
         try:
             with np.errstate(over='ignore', invalid='ignore'):  # any finite number is measured
                 self._check_follows(dt, q, v)
         except ImplausibleStateError as error:
-            if is_crowded():
+            if has_several_publishers():
                 raise
-            return Judgement(True, dt if dt > 0.0 else None, error.reason)
-        return Judgement(True, dt)
+            return StateVerdict(True, dt if dt > 0.0 else None, error.reason)
+        return StateVerdict(True, dt)
 
     def _has_hardly_moved(self, q: FloatArray) -> bool:
         """Tell in one step, for the common case, whether the way is PLAY at most."""

@@ -59,7 +59,7 @@ def limit_shares(arm: ArmModel, efforts: FloatArray) -> FloatArray:
     return np.asarray((np.abs(efforts) / arm.limits.effort).max(axis=-1))
 
 
-def workspace_gravity(
+def map_gravity(
     arm: ArmModel, link: str, positions: int = POSITIONS, cells: int = CELLS,
 ) -> WorkspaceGravity:
     """

@@ -101,8 +101,8 @@ class JointStateDecoder:
         layout = self._layout
         if layout is None or len(data) != self._length or data[:4] != ENCAPSULATION:
             return self._learn(data)
-        sec, nanosec, *bones = self._skeleton.unpack(data)
-        if bones != self._bones and not self._has_known_bones(data):
+        sec, nanosec, *fixed_bytes = self._skeleton.unpack(data)
+        if fixed_bytes != self._bones and not self._has_known_bones(data):
             return self._learn(data)
         return SensedState(
             data[STAMP], 1_000_000_000 * sec + nanosec, self._names,

@@ -62,7 +62,7 @@ def destroyed_unless_made(node: Node) -> Iterator[None]:
         raise
 
 
-def reason_of(error: Exception) -> str:
+def describe_error(error: Exception) -> str:
     """Return what is wrong in words; of an error that nobody foresaw, its type too."""
     words = _words_of(error)
     half = LONGEST_REASON // 2
@@ -149,9 +149,10 @@ class GuardedCallbacks(Node):
         """Set all of these or none; say in a refusal which parameter it is about."""
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
-                return SetParametersResult(successful=False, reason=reason_of(InvalidInputError(
+                error = InvalidInputError(
                     f'there is no parameter {parameter.name!r}, expected one of those that '
-                    '~/list_parameters names')))
+                    '~/list_parameters names')
+                return SetParametersResult(successful=False, reason=describe_error(error))
         result = super().set_parameters_atomically(parameter_list)
         names = [parameter.name for parameter in parameter_list]
         if not result.successful and not any(name in result.reason for name in names):
@@ -171,7 +172,7 @@ class GuardedCallbacks(Node):
                 return answered
             except Exception as error:
                 self._failed(srv_name, error)
-                return _refusal(request, srv_type.Response(), reason_of(error))
+                return _refusal(request, srv_type.Response(), describe_error(error))
 
         return answer
 
@@ -195,7 +196,7 @@ class GuardedCallbacks(Node):
         now = time.monotonic()
         if self.context.ok() and now - self._told.get(what, -math.inf) > LOG_PERIOD:
             self._told[what] = now
-            self.get_logger().error(f'The callback of {what} failed: {reason_of(error)}')
+            self.get_logger().error(f'The callback of {what} failed: {describe_error(error)}')
 
 
 def _check_parameter_types(request: Any) -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.effort_convention import EffortSemantics, make_effort_semantics
+from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import LARGEST_LOAD_SHARE, make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -169,10 +169,10 @@ def _described_gear_ratios(arm: ArmModel) -> list[float]:
     return [ratios[name] for name in arm.joint_names]
 
 
-def semantics_from_parameters(values: Values) -> EffortSemantics:
+def semantics_from_parameters(values: Values) -> EffortConvention:
     """Return what the robot measures and adds; raise InvalidInputError on what does not fit."""
     has_actuators = any(values[spec.name] for spec in ACTUATOR_SPECS)
-    return make_effort_semantics(
+    return make_effort_convention(
         values['measured_effort'], values['robot_compensates'], has_actuators)
 
 

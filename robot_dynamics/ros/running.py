@@ -25,10 +25,10 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.guarded_callbacks import reason_of
+from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.shutdown import EndRequest, ends_in_time
+from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
 
 LONGEST_TURN = 0.0001
 """[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""
@@ -41,9 +41,10 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 
     A node that cannot start says why in one line and gives status 1. One that has a method `begin`
     is called when all is set up, and not held up from then on. One that has a method
-    `begin_to_end` hears at once that it is to stop, in another thread, whatever its callbacks do.
+    `request_shutdown` hears at once that it is to stop, in another thread, whatever its
+    callbacks do.
     """
-    with EndRequest() as end:
+    with ShutdownRequest() as end:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except MiddlewareError as error:  # a parameter file that is none, say
@@ -74,11 +75,11 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 def _when_asked(node: Node) -> Callable[[], None]:
     # An executor that is merely woken waits on; for a guard condition it returns.
     wake = node.create_guard_condition(lambda: None).trigger
-    begin_to_end = getattr(node, 'begin_to_end', lambda: None)
+    request_shutdown = getattr(node, 'request_shutdown', lambda: None)
 
     def tell() -> None:
         wake()
-        begin_to_end()
+        request_shutdown()
 
     return tell
 
@@ -88,11 +89,11 @@ def _refuse_to_start(error: Exception) -> int:
     if isinstance(error, MiddlewareError) and os.environ.get('ROS_SECURITY_ENABLE') == 'true':
         hint = (' (ROS_SECURITY_ENABLE is true, which takes a middleware with DDS security and '
                 'the keys of this enclave: docs/security.md)')
-    print(f'robot_dynamics: {reason_of(error)}{hint}', file=sys.stderr)
+    print(f'robot_dynamics: {describe_error(error)}{hint}', file=sys.stderr)
     return 1
 
 
-def _spin(executor: SingleThreadedExecutor, node: Node, end: EndRequest) -> None:
+def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) -> None:
     while not end.is_made and node.context.ok():
         try:
             executor.spin_once()

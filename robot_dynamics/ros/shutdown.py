@@ -51,7 +51,7 @@ def ends_in_time(seconds: float = LONGEST_END) -> Iterator[None]:
         faulthandler.cancel_dump_traceback_later()
 
 
-class EndRequest:
+class ShutdownRequest:
     """Whether this process was asked to end; for use in a `with` statement, in the main thread."""
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class EndRequest:
             if self._tell is not None:
                 self._tell()
 
-    def __enter__(self) -> 'EndRequest':
+    def __enter__(self) -> 'ShutdownRequest':
         # The pipe first: a signal that a handler takes before there is one would be lost.
         signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         for end_signal in END_SIGNALS:

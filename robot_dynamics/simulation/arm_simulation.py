@@ -113,7 +113,7 @@ class ArmSimulation:
         """Put the arm there, (n,) each; where gears have play, they bear its weight."""
         q, v = position.copy(), velocity.copy()
         play = Backlash.of(self.arm.actuators)
-        theta = q if play is None else play.leaning(q, self._dynamics.rigid_body.gravity(q))
+        theta = q if play is None else play.resting_side(q, self._dynamics.rigid_body.gravity(q))
         self._now = MotionState(q, v, theta, v)
 
     def release(self) -> None:

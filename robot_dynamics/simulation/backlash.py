@@ -45,7 +45,7 @@ A steel gear with the load that it drives rings at 1 to 5 kHz. Shorter bounces a
 """
 
 
-class Meeting(NamedTuple):
+class ImpactResult(NamedTuple):
     """Velocities of joints and motors (n,) after teeth met, and the heat [J]."""
 
     v: FloatArray
@@ -79,7 +79,7 @@ class Backlash:
     def __post_init__(self) -> None:
         object.__setattr__(self, 'exists', np.asarray(self.half_gap > 0.0))
 
-    def leaning(self, q: FloatArray, effort: FloatArray) -> FloatArray:
+    def resting_side(self, q: FloatArray, effort: FloatArray) -> FloatArray:
         """Return θ (n,) of motors that bear an effort (n,): on the side to which they push."""
         return np.asarray(q + np.sign(effort) * self.half_gap)
 
@@ -89,15 +89,15 @@ class Backlash:
         touches = self.exists & (self.half_gap - np.abs(play) <= TOUCH)
         return np.where(touches, np.sign(play), 0.0)
 
-    def room(self, q: FloatArray, theta: FloatArray) -> FloatArray:
+    def clearance(self, q: FloatArray, theta: FloatArray) -> FloatArray:
         """Return how far (n,) the nearest tooth is; below 0 once they meet, ∞ without play."""
         distance = self.half_gap + 0.2 * TOUCH - np.abs(theta - q)
         return np.where(self.exists, distance, np.inf)
 
-    def meet(
+    def impact(
         self, j: int, M: FloatArray, side: FloatArray, v: FloatArray, omega: FloatArray,
         push: FloatArray,
-    ) -> Meeting:
+    ) -> ImpactResult:
         """
         Return the velocities after the teeth of joint j met.
 
@@ -123,15 +123,15 @@ class Backlash:
         after = v + dv
         turned = np.where(held, after, omega)
         turned[j] = after[j] - e * w
-        return Meeting(after, turned, 0.5 * m * w * w * (1.0 - e * e))
+        return ImpactResult(after, turned, 0.5 * m * w * w * (1.0 - e * e))
 
     def join(
         self, M: FloatArray, joined: BoolArray, v: FloatArray, omega: FloatArray,
-    ) -> Meeting:
+    ) -> ImpactResult:
         """Return the velocities after these motors (n,) took the velocity of their joints."""
         J = self.inertia * joined
         after = np.asarray(
             np.linalg.solve(M + np.diag(J), M @ v + J * omega), dtype=np.float64)
         change = v - after
         heat = 0.5 * float(change @ M @ change + J @ (omega - after)**2)
-        return Meeting(after, np.where(joined, after, omega), heat)
+        return ImpactResult(after, np.where(joined, after, omega), heat)

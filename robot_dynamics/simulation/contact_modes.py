@@ -43,7 +43,7 @@ class Met(NamedTuple):
     jolted: bool
 
 
-class ModeChooser:
+class ContactModeSolver:
     """Chooses the modes of motions under the same forces."""
 
     def __init__(self, forces: JointForces) -> None:
@@ -61,8 +61,8 @@ class ModeChooser:
         """Return how the joints move on from a state, and their acceleration (n,)."""
         if self._forces.play is None:
             joints = self._joint_modes(state, self._none)
-            modes = GearModes(
-                joints, self._nowhere, self._none, self.falls(joints, state.v, state.v))
+            is_stribeck_active = self.is_stribeck_active(joints, state.v, state.v)
+            modes = GearModes(joints, self._nowhere, self._none, is_stribeck_active)
             return modes, self._forces.acceleration(modes)(state.q, state.v)
         touching = self._forces.play.touching(state.q, state.theta)
         parted = self._forces.play.exists & (touching == 0.0)
@@ -72,7 +72,7 @@ class ModeChooser:
             joints = self._joint_modes(state, opened)
             modes = GearModes(
                 joints, np.where(opened, 0.0, touching), opened,
-                self.falls(joints, state.v, state.v))
+                self.is_stribeck_active(joints, state.v, state.v))
             a = self._forces.acceleration(modes)(state.q, state.v)
             push = touching * (tau - J * a)
             wrong = np.where(opened, push, -push)
@@ -95,7 +95,7 @@ class ModeChooser:
             forces.body_with(opened).mass_matrix(state.q), v, forces.effort(state.q, v, opened),
             forces.friction.dry(v), forces.friction.static)
 
-    def meet(self, state: MotionState, a: FloatArray | None, plastic: bool) -> Met:
+    def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> Met:
         """
         Return the state after all teeth that touch and approach have met.
 
@@ -115,13 +115,13 @@ class ModeChooser:
                 # All at once: one after the other they would lift each other off without end.
                 v, omega, lost = play.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
             else:
-                v, omega, lost = play.meet(int(np.argmax(closing)), M, side, v, omega, push)
+                v, omega, lost = play.impact(int(np.argmax(closing)), M, side, v, omega, push)
             heat, meetings = heat + lost, meetings + 1
             closing = side * (omega - v)
         theta = np.where(side != 0.0, q + side * play.half_gap, theta)
         return Met(MotionState(q, v, theta, omega), heat, True)
 
-    def falls(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
+    def is_stribeck_active(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
         """Tell whether dry friction changes noticeably with speed on the way."""
         if not self._forces.friction.has_stribeck_effect:
             return False

@@ -178,7 +178,7 @@ class EventFinder:
             margins[_SLIP, stuck] = (static - np.abs(needed[stuck])) / (_SLACK * static) + 2.0
         if forces.play is not None:
             touches = modes.side != 0.0
-            margins[_MEET, modes.open] = forces.play.room(q, theta)[modes.open] / _MET
+            margins[_MEET, modes.open] = forces.play.clearance(q, theta)[modes.open] / _MET
             push = modes.side * (forces.tau - forces.play.inertia * end.a)
             slack = _SLACK * (np.abs(forces.tau) + 1e-3)
             margins[_PART, touches] = (push / slack)[touches] + 2.0

@@ -15,20 +15,20 @@
 """What the controller inside a simulated robot does: adds to efforts by itself, and measures."""
 
 import numpy as np
-from robot_dynamics.joints.effort_convention import EffortSemantics, measured_from_joint
+from robot_dynamics.joints.effort_convention import EffortConvention, measured_from_joint
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.validation import FloatArray
 
 
-class RobotSide:
+class InnerController:
     """
     The inner controller of a robot that knows its arm, but no load on it.
 
     All arrays are (n,) in the order of `arm.joint_names`.
     """
 
-    def __init__(self, arm: ArmModel, semantics: EffortSemantics) -> None:
+    def __init__(self, arm: ArmModel, semantics: EffortConvention) -> None:
         self.semantics = semantics
         self._dynamics = ArmDynamics(arm)
 

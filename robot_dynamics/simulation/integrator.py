@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.simulation.contact_modes import ModeChooser
+from robot_dynamics.simulation.contact_modes import ContactModeSolver
 from robot_dynamics.simulation.events import End, EventFinder
 from robot_dynamics.simulation.exponential_step import damped_step, damping_rate
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
@@ -71,7 +71,7 @@ class Motion:
 
     def __init__(self, dynamics: ArmDynamics) -> None:
         self._forces = forces = JointForces(dynamics)
-        self._modes, self._events = ModeChooser(forces), EventFinder(forces)
+        self._modes, self._events = ContactModeSolver(forces), EventFinder(forces)
         self._damping_bound = _bound_of_damping_rate(dynamics)
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
@@ -98,7 +98,7 @@ class Motion:
         self._pieces = 0
         for event_count in range(_MAX_EVENTS):
             if forces.play is not None:
-                met = self._modes.meet(state, a, plastic=event_count >= _MAX_BOUNCES)
+                met = self._modes.impact(state, a, plastic=event_count >= _MAX_BOUNCES)
                 state, heat, jolted = met.state, heat + met.heat, jolted or met.jolted
             modes, a = self._modes.choose(state)
             if modes.joints.stuck.all() and not modes.open.any():
@@ -143,15 +143,17 @@ class Motion:
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
         stiffness = self._stiffness(state.q, h, modes)
-        if modes.falls and stiffness <= _STIFFEST_IN_PIECES and self._pieces < _MAX_PIECES:
+        if modes.is_stribeck_active and (
+                stiffness <= _STIFFEST_IN_PIECES and self._pieces < _MAX_PIECES):
             return self._in_pieces(state, q, v, a, h, acceleration, modes)
         if stiffness > STIFF:
             end = self._damped(state, q, v, h, acceleration, modes)
         else:
             end = self._end(state, runge_kutta_step(q, v, h, acceleration, a), h, modes)
-        if modes.falls or not self._modes.falls(modes.joints, state.v, end.state.v):
+        if modes.is_stribeck_active or not self._modes.is_stribeck_active(
+                modes.joints, state.v, end.state.v):
             return end
-        return self._advance(state, h, modes._replace(falls=True), None)
+        return self._advance(state, h, modes._replace(is_stribeck_active=True), None)
 
     def _gather(
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,

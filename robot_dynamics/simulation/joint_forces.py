@@ -48,14 +48,14 @@ class GearModes(NamedTuple):
     """
     How an arm moves between two events.
 
-    The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own; `falls`,
-    whether dry friction changes with speed.
+    The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own;
+    `is_stribeck_active`, whether dry friction changes with speed.
     """
 
     joints: Modes
     side: FloatArray
     open: BoolArray
-    falls: bool
+    is_stribeck_active: bool
 
 
 class JointForces:
@@ -116,7 +116,7 @@ class JointForces:
         if not (self.is_dry or self.is_damped):
             return lambda v: tau
         F_v, base = friction.viscous, tau - direction * friction.coulomb
-        if not modes.falls:
+        if not modes.is_stribeck_active:
             return lambda v: base - F_v * v
         rise, rate = direction * (friction.static - friction.coulomb), (
             1.0 / friction.stribeck_velocity)

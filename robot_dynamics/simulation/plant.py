@@ -20,7 +20,7 @@ import numpy as np
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
 from robot_dynamics.simulation.command_timeout import CommandTimeout
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.validation import FloatArray
 
 
@@ -41,7 +41,7 @@ class Plant:
     """
 
     def __init__(
-        self, simulation: ArmSimulation, robot: RobotSide, brakes: bool,
+        self, simulation: ArmSimulation, robot: InnerController, brakes: bool,
         noise: np.random.Generator,
     ) -> None:
         """Start on the brakes, or without any; with no timeout yet."""

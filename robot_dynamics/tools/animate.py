@@ -28,7 +28,7 @@ import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.animation.arm_motion import ArmMotion, LIFT_SHARE, motion_of, simulate_motion
 from robot_dynamics.animation.chain_animation import chain_frames
-from robot_dynamics.animation.video import check_format, write_moving_picture
+from robot_dynamics.animation.video import check_format, write_video
 from robot_dynamics.exceptions import InvalidInputError, RecordingError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
@@ -127,7 +127,7 @@ def _run(arguments: argparse.Namespace) -> int:
     frames = chain_frames(motion, stops, speed, title)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     print(f'Drawing {len(motion.times)} instants of {motion.arm.name} ...', flush=True)
-    count = write_moving_picture(arguments.output, frames)
+    count = write_video(arguments.output, frames)
     size = arguments.output.stat().st_size
     print(f'{arguments.output.resolve()}: {count} frames, {size / 1e6:.2f} MB')
     return DONE

@@ -40,7 +40,7 @@ from robot_dynamics.pictures.torque_grid import (
     SAMPLES,
 )
 from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
-from robot_dynamics.pictures.workspace_gravity import workspace_gravity
+from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import save_figure
@@ -136,7 +136,7 @@ def _run(arguments: argparse.Namespace) -> int:
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
     if arguments.what == WORKSPACE:
-        found = workspace_gravity(arm, link)
+        found = map_gravity(arm, link)
         figure = workspace_figure(
             f'{arm.name}{load}: what gravity takes of the effort limits, over the workspace',
             arm, link, found)

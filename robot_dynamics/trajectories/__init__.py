@@ -15,7 +15,7 @@
 """Joint trajectories: the type, interpolation, limits, files, efforts, exciting motions."""
 
 from robot_dynamics.trajectories.demo_motion import make_reference_motion
-from robot_dynamics.trajectories.efforts import trajectory_efforts, TrajectoryEfforts
+from robot_dynamics.trajectories.efforts import efforts_along, TrajectoryEfforts
 from robot_dynamics.trajectories.excitation import find_excitation
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
 from robot_dynamics.trajectories.interpolation import Reference, TrajectoryFollower
@@ -32,7 +32,7 @@ __all__ = [
     'read_trajectory',
     'Reference',
     'ReferenceGenerator',
-    'trajectory_efforts',
+    'efforts_along',
     'TrajectoryEfforts',
     'TrajectoryFollower',
     'write_trajectory',

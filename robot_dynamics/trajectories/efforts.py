@@ -55,7 +55,7 @@ class TrajectoryEfforts(NamedTuple):
     worst_limit: str
 
 
-def trajectory_efforts(dynamics: ArmDynamics, trajectory: JointTrajectory) -> TrajectoryEfforts:
+def efforts_along(dynamics: ArmDynamics, trajectory: JointTrajectory) -> TrajectoryEfforts:
     """
     Return inverse dynamics along a trajectory, whose joints are in the arm's order.
 

@@ -37,7 +37,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import sigmoid
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.base_parameters import base_parameters
+from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.regressor import random_states, TorqueRegressor
 from robot_dynamics.trajectories.evolution_strategy import minimize_by_rank
 from robot_dynamics.trajectories.excitation_limits import MotionLimits
@@ -110,7 +110,7 @@ class ConditionNumber:
         self._regressor = TorqueRegressor(arm)
         rows = self._rows(Motion(*random_states(arm, 40 * arm.joint_count)))
         names = [str(i) for i in range(rows.shape[1])]
-        self._columns = np.array(base_parameters(rows, names).columns)
+        self._columns = np.array(find_base_parameters(rows, names).columns)
 
     @property
     def parameter_count(self) -> int:

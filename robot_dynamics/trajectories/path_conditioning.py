@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     position_coefficients,
@@ -93,7 +93,7 @@ def _excess(dynamics: ArmDynamics, trajectory: JointTrajectory, effort_scale: fl
     fastest = _fastest(dynamics, trajectory)
     if fastest.ratio > 1.0 + _TOLERANCE:
         return fastest
-    efforts = trajectory_efforts(dynamics, trajectory)
+    efforts = efforts_along(dynamics, trajectory)
     of_effort = Excess(
         efforts.worst_ratio / max(effort_scale, 1e-9), efforts.worst_limit, efforts.worst_joint,
         efforts.worst_time)

@@ -40,11 +40,11 @@ class MeshReader:
         """Return the lower and upper corner (2, 3) of a mesh; None where it cannot be read."""
         if name not in self._known:
             path = find_mesh(name, self._directory)
-            self._known[name] = None if path is None else mesh_bounds(path)
+            self._known[name] = None if path is None else bounding_box(path)
         return self._known[name]
 
 
-def mesh_bounds(path: Path) -> FloatArray | None:
+def bounding_box(path: Path) -> FloatArray | None:
     """Return the lower and upper corner (2, 3) of a mesh file; None where it cannot be read."""
     readers = {'.stl': _stl_vertices, '.obj': _obj_vertices}
     reader = readers.get(path.suffix.lower())

@@ -25,7 +25,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.urdf.pinocchio_xml import engine_xml, INERTIA_ENTRIES
+from robot_dynamics.urdf.pinocchio_xml import INERTIA_ENTRIES, pinocchio_urdf
 from robot_dynamics.urdf.transmissions import read_reductions, Reductions
 from robot_dynamics.validation import LARGEST_VALUE, SMALLEST_DIVISOR
 
@@ -121,7 +121,7 @@ def parse_urdf(xml: str) -> UrdfRobot:
     root_link = _check_tree(link_names, joints)
     _check_mimics(joints)
     return UrdfRobot(
-        name, root_link, link_names, joints, engine_xml(root), read_reductions(root))
+        name, root_link, link_names, joints, pinocchio_urdf(root), read_reductions(root))
 
 
 def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:

@@ -30,7 +30,7 @@ _NUMBERS_OF = {
     'origin': ('xyz', 'rpy'), 'mass': ('value',), 'inertia': INERTIA_ENTRIES, 'axis': ('xyz',)}
 
 
-def engine_xml(root: ElementTree.Element) -> str:
+def pinocchio_urdf(root: ElementTree.Element) -> str:
     """Return the text for Pinocchio of a <robot> that was checked (see `urdf.parse_urdf`)."""
     tree = ElementTree.Element('robot', {'name': root.get('name') or 'arm'})
     for link in root.findall('link'):

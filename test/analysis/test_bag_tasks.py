@@ -197,11 +197,11 @@ def test_no_scheduler_and_no_library_are_said(bags, configuration):
 
 
 @pytest.mark.parametrize(('library', 'call', 'extra'), [
-    ('distributed', 'bag_tasks.require_dask', 'dask'),
-    ('pyarrow', 'analysis_files.require_parquet', 'parquet')])
+    ('distributed', 'batch.require_dask', 'dask'),
+    ('pyarrow', 'sample_files.require_parquet', 'parquet')])
 def test_what_is_not_installed_is_named_with_its_extra(monkeypatch, library, call, extra):
     import importlib
     module, function = call.split('.')
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(MissingDependencyError, match=rf'{library}.*robot_dynamics\[{extra}\]'):
-        getattr(importlib.import_module(f'robot_dynamics.{module}'), function)()
+        getattr(importlib.import_module(f'robot_dynamics.analysis.{module}'), function)()

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller, ControllerOptions, NonFiniteEffortError
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -40,7 +40,7 @@ NOW = 1_790_000_000 * SECOND
 Q, ZERO = np.array([0.8, 0.5]), np.zeros(2)
 ARM = load_arm(default_arm_urdf())
 LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
-COMPENSATES_GRAVITY = EffortSemantics(robot_compensates=('gravity',))
+COMPENSATES_GRAVITY = EffortConvention(robot_compensates=('gravity',))
 
 laws = settings(deadline=None, derandomize=True)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array)
@@ -72,9 +72,9 @@ def test_what_holds_is_gravity_whatever_is_followed(
 
 @laws
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
-       st.sampled_from([EffortSemantics(), COMPENSATES_GRAVITY]))
+       st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
 def test_without_a_reference_the_command_is_what_holds(
-    q: np.ndarray, scale: float, mode: str, semantics: EffortSemantics,
+    q: np.ndarray, scale: float, mode: str, semantics: EffortConvention,
 ) -> None:
     one = controller(command=mode, effort_scale=scale, semantics=semantics)
     output = one.update(NOW, q, ZERO)
@@ -89,7 +89,7 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
 ) -> None:
     one = controller(
         effort_scale=scale,
-        semantics=COMPENSATES_GRAVITY if robot_holds else EffortSemantics())
+        semantics=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
     one.set_payload(load, 0.0, lambda _: None)
     one.update(NOW, q, ZERO)
     one.follow(set_point(goal), 0)

@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import EffortGuard, GuardLimits, LONGEST_STEP
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, LONGEST_STEP
 
 N = 2
 INF = np.full(N, np.inf)
@@ -31,8 +31,8 @@ laws = settings(deadline=None, derandomize=True, max_examples=300)
 
 def guard(
     lower: float = LOWER, upper: float = UPPER, velocity: float = SPEED, rate: float = RATE,
-) -> EffortGuard:
-    return EffortGuard(GuardLimits(
+) -> EffortLimiter:
+    return EffortLimiter(EffortLimits(
         np.full(N, lower), np.full(N, upper), np.full(N, velocity), MARGIN, rate))
 
 

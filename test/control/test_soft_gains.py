@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller, ControllerOptions
-from robot_dynamics.control.effort_limiter import EffortGuard, GuardLimits
-from robot_dynamics.control.gain_softening import crossover, share_of_gains
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
+from robot_dynamics.control.gain_softening import crossover_frequency, gain_scale
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -42,7 +42,7 @@ def test_it_is_the_largest_share_that_the_rate_lets_through(
     proportional: list[float], damping: list[float], rate: float,
 ) -> None:
     P, D = np.array(proportional), np.array(damping)
-    s = share_of_gains(P, D, rate)
+    s = gain_scale(P, D, rate)
 
     def change(share: float) -> float:
         return float(share * np.abs(share * share * P + share * D).max())
@@ -54,9 +54,9 @@ def test_it_is_the_largest_share_that_the_rate_lets_through(
 
 def test_the_crossover_is_a_bound_of_that_of_each_joint() -> None:
     for kp, kd in ((400.0, 40.0), (100.0, 3.0), (0.0, 5.0), (25.0, 0.0)):
-        omega = crossover(make_gains(['a'], kp=[kp], kd=[kd]))
+        omega = crossover_frequency(make_gains(['a'], kp=[kp], kd=[kd]))
         assert abs(complex(kp, kd * omega)) / omega**2 <= 1.0
-    assert crossover(make_gains(['a'], kp=[0.0], kd=[0.0])) == 0.0
+    assert crossover_frequency(make_gains(['a'], kp=[0.0], kd=[0.0])) == 0.0
 
 
 def final_error(
@@ -68,7 +68,7 @@ def final_error(
     controller = Controller(ARM, ControllerOptions(
         make_gains(NAMES, [frequency]), effort_rate=rate, softens_gains=gains_know_of_it))
     free = np.full(2, np.inf)
-    guard = EffortGuard(GuardLimits(-free, free, free, 0.0, rate))
+    guard = EffortLimiter(EffortLimits(-free, free, free, 0.0, rate))
     q, v, now = np.zeros(2), np.zeros(2), 1000 * SECOND
     controller.update(now, q, v)
     controller.follow(make_trajectory(NAMES, (duration,), [goal], (), (), NAMES), 0)
@@ -122,7 +122,7 @@ def test_small_errors_are_fed_back_in_full_and_computed_torque_is_always_the_for
         assert ours.computed_torque is not None
         assert theirs.computed_torque is not None
         assert ours.computed_torque.tolist() == theirs.computed_torque.tolist()
-        assert (ours.share_of_gains < 1.0) == softer
+        assert (ours.gain_scale < 1.0) == softer
         assert (ours.command.tolist() != theirs.command.tolist()) == softer  # type: ignore
         limited, free = (
             Controller(ARM, ControllerOptions(gains, effort_rate=RATE, softens_gains=softens))

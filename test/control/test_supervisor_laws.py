@@ -18,7 +18,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import numpy as np
-from robot_dynamics.control.effort_limiter import GuardLimits, LONGEST_STEP
+from robot_dynamics.control.effort_limiter import EffortLimits, LONGEST_STEP
 from robot_dynamics.control.supervisor import (
     CommandSupervisor,
     Fault,
@@ -46,8 +46,8 @@ options = st.builds(
 rates = st.sampled_from([10.0, 1000.0, 1e6])
 
 
-def limits(rate: float) -> GuardLimits:
-    return GuardLimits(
+def limits(rate: float) -> EffortLimits:
+    return EffortLimits(
         np.full(2, -REACH), np.full(2, REACH), np.full(2, 2.0), 0.01, rate)
 
 

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import ErrorFeedback, make_gains, wrap_angle, wrap_to_pi
-from robot_dynamics.control.segment_tracking import FEW, SegmentTracking
+from robot_dynamics.control.segment_tracking import FEW, TrackingLaw
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory, make_trajectory, Reference
 
 SECOND = 1_000_000_000
@@ -54,7 +54,7 @@ def test_it_asks_for_what_the_feedback_law_asks_for(
     now = SECOND + round(2e9 * share)
     segment = active.segment(now)
     assert segment is not None
-    tracked = SegmentTracking(segment, feedback).at(now, q, v)
+    tracked = TrackingLaw(segment, feedback).at(now, q, v)
     reference = active.sample(now)
     assert tracked.acceleration == pytest.approx(
         feedback.acceleration(reference, q, v), rel=1e-9, abs=1e-8)
@@ -92,6 +92,6 @@ def test_what_is_beyond_all_numbers_is_not_finite_and_does_not_raise(place: floa
     segment = active.segment(SECOND)
     assert segment is not None
     feedback = ErrorFeedback(make_gains(['a', 'b']), ['continuous', 'revolute'])
-    tracked = SegmentTracking(segment, feedback).at(
+    tracked = TrackingLaw(segment, feedback).at(
         SECOND, np.full(2, place), np.full(2, -place))
     assert not np.isfinite(tracked.acceleration[1])

@@ -27,7 +27,7 @@ import numpy as np
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.ros.conversions import (
@@ -43,7 +43,7 @@ from robot_dynamics.ros.conversions import (
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.simulated_arm.loops import Plant
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.trajectories.interpolation import TrajectoryFollower
 
 _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}
@@ -184,7 +184,7 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
 def take_plant(arm: ArmModel, events: list[Any]) -> None:
     """Let efforts, wrenches and payloads act on a simulated arm, as its loop does."""
     plant = Plant(
-        ArmSimulation(arm), RobotSide(arm, EffortSemantics()), True,
+        ArmSimulation(arm), InnerController(arm, EffortConvention()), True,
         np.random.default_rng(0))
     reader = JointStateReader(arm.joint_names)
     refusals: list[RobotDynamicsError] = []

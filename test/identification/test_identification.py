@@ -28,7 +28,7 @@ from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
 from robot_dynamics.identification.friction_regressor import FrictionStructure, OFFSET
-from robot_dynamics.identification.identified_arm import identified_arm
+from robot_dynamics.identification.identified_arm import make_identified_arm
 from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
 from robot_dynamics.identification.qr_information import merge
 from robot_dynamics.identification.regression import (
@@ -125,7 +125,7 @@ def test_the_library_computes_what_was_reported(planar, found):
     motion = recorded(ARM, *planar[:2], noise=0.2)
     fit = found.models.consistent
     rows = regression_rows(ARM, motion, fit)
-    dynamics = ArmDynamics(identified_arm(ARM, fit))
+    dynamics = ArmDynamics(make_identified_arm(ARM, fit))
     q, v, a = motion.position, motion.velocity, motion.acceleration
     load = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
     along = load + dynamics.friction_along(q, v, load)

@@ -23,9 +23,9 @@ from robot_dynamics.control.controller import Controller, ControllerOptions, Con
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import (
-    EffortSemantics,
+    EffortConvention,
     joint_effort_at_rest,
-    make_effort_semantics,
+    make_effort_convention,
     measured_from_joint,
 )
 from robot_dynamics.joints.friction import make_friction
@@ -34,7 +34,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.trajectories.interpolation import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
@@ -92,7 +92,7 @@ def test_gravity_and_nothing_may_be_reported() -> None:
 def test_the_expected_share_of_gravity(
     measured: str, compensates: tuple[str, ...], expected: float,
 ) -> None:
-    assert make_effort_semantics(measured, compensates, True).expected_share == expected
+    assert make_effort_convention(measured, compensates, True).expected_share == expected
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
@@ -105,7 +105,7 @@ def test_the_expected_share_of_gravity(
 ])
 def test_what_does_not_fit_is_refused_by_name(arguments: Any, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
-        make_effort_semantics(*arguments)
+        make_effort_convention(*arguments)
 
 
 def test_nothing_is_converted_without_what_it_takes() -> None:
@@ -122,7 +122,7 @@ def with_friction(coulomb: float = 3.0) -> ArmModel:
 
 
 def make_controller(compensates: tuple[str, ...], **changes: Any) -> Controller:
-    semantics = EffortSemantics(robot_compensates=compensates)
+    semantics = EffortConvention(robot_compensates=compensates)
     return Controller(with_friction(), ControllerOptions(
         make_gains(NAMES), semantics=semantics, **changes))
 
@@ -215,7 +215,7 @@ def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
     arm = load_arm(urdf)
     assert arm.limits.effort[0] == 30.0 < abs(G[0])
     controller = Controller(arm, ControllerOptions(
-        make_gains(NAMES), semantics=EffortSemantics(robot_compensates=('gravity',))))
+        make_gains(NAMES), semantics=EffortConvention(robot_compensates=('gravity',))))
     rest = controller.update(1, Q, ZERO)
     assert rest.command is not None
     assert rest.command.tolist() == [0.0, 0.0]
@@ -232,7 +232,7 @@ def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
 
 def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO) -> ArmSimulation:
     """Return the arm after a second under a constant command, with what its robot adds."""
-    robot = RobotSide(arm, EffortSemantics(robot_compensates=compensates))
+    robot = InnerController(arm, EffortConvention(robot_compensates=compensates))
     simulation = ArmSimulation(arm, Q, v)
     simulation.release()
     for _ in range(500):
@@ -262,13 +262,13 @@ def test_a_robot_that_compensates_friction_slides_on() -> None:
 
 def test_a_robot_does_not_know_its_load() -> None:
     load = make_payload('tool0', 2.0)
-    robot = RobotSide(ARM, EffortSemantics(robot_compensates=('gravity',)))
+    robot = InnerController(ARM, EffortConvention(robot_compensates=('gravity',)))
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
     assert robot.with_own_compensation(ZERO, Q, ZERO) == pytest.approx(G)
     assert np.abs(loaded - G).min() > 5.0
 
 
 def test_on_its_brakes_a_robot_reports_nothing() -> None:
-    robot = RobotSide(ARM, EffortSemantics('joint_torque_without_gravity'))
+    robot = InnerController(ARM, EffortConvention('joint_torque_without_gravity'))
     assert robot.measured(ZERO, Q, ZERO, braked=True).tolist() == [0.0, 0.0]
     assert robot.measured(G, Q, ZERO, braked=False).tolist() == [0.0, 0.0]

@@ -23,7 +23,7 @@ from robot_dynamics.control.controller import Controller, ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.gear_friction import make_gear_friction
-from robot_dynamics.joints.presliding import presliding
+from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -147,7 +147,7 @@ def turning_motion(speed=1.0):
 
 def test_after_a_turn_the_sign_changes_over_twice_the_distance():
     q, v = turning_motion()
-    z = presliding(q, v, np.array([0.01, 0.0]))
+    z = presliding_state(q, v, np.array([0.01, 0.0]))
     assert np.abs(z).max() <= 1.0
     turn = int(np.argmax(q[:, 0]))
     moved = q[turn, 0] - q[turn:turn + 600, 0]
@@ -160,16 +160,16 @@ def test_after_a_turn_the_sign_changes_over_twice_the_distance():
 def test_it_depends_on_the_path_not_on_the_speed():
     slow, fast = turning_motion(0.1), turning_motion(10.0)
     d = np.array([0.003, 0.02])
-    assert presliding(*slow, d) == pytest.approx(presliding(*fast, d), abs=1e-9)
+    assert presliding_state(*slow, d) == pytest.approx(presliding_state(*fast, d), abs=1e-9)
 
 
 def test_pieces_of_a_motion_join():
     q, v = turning_motion()
     d = np.array([0.01, 0.03])
-    whole = presliding(q, v, d)
-    later = presliding(q[1500:], v[1500:], d, state=whole[1500])
+    whole = presliding_state(q, v, d)
+    later = presliding_state(q[1500:], v[1500:], d, state=whole[1500])
     assert later == pytest.approx(whole[1500:], abs=1e-12)
-    assert presliding(q[:0], v[:0], d).shape == (0, 2)
+    assert presliding_state(q[:0], v[:0], d).shape == (0, 2)
 
 
 def test_friction_along_a_motion_is_that_of_single_states_far_from_its_turns():
@@ -177,7 +177,7 @@ def test_friction_along_a_motion_is_that_of_single_states_far_from_its_turns():
     dynamics = ArmDynamics(arm_with_gears())
     load = np.full_like(q, 3.0)
     along, single = dynamics.friction_along(q, v, load), dynamics.friction_effort(v, load)
-    slides = np.abs(presliding(q, v, np.array([0.01, 0.01]))[:, 0]) == 1.0
+    slides = np.abs(presliding_state(q, v, np.array([0.01, 0.01]))[:, 0]) == 1.0
     sliding = slides & (np.abs(v[:, 0]) > 0.005)  # at the turn itself both signs fit
     assert 0.5 < sliding.mean() < 1.0
     assert along[sliding, 0] == pytest.approx(single[sliding, 0], rel=1e-12)

@@ -23,7 +23,7 @@ from robot_dynamics.model.pseudo_inertia import (
     is_consistent,
     jacobian,
     parameters_of,
-    pseudo_inertia,
+    pseudo_inertia_matrix,
     relative_rows,
 )
 
@@ -41,7 +41,7 @@ def some_body(seed):
 def test_a_mass_distribution_is_consistent_and_comes_back(seed):
     phi = some_body(seed)
     assert is_consistent(phi)
-    assert parameters_of(pseudo_inertia(phi)) == pytest.approx(phi, rel=1e-12)
+    assert parameters_of(pseudo_inertia_matrix(phi)) == pytest.approx(phi, rel=1e-12)
 
 
 def test_impossible_bodies_are_told():
@@ -52,7 +52,7 @@ def test_impossible_bodies_are_told():
 
 @pytest.mark.parametrize('seed', range(5))
 def test_coordinates_reach_consistent_bodies_alone(seed):
-    L0 = np.linalg.cholesky(pseudo_inertia(some_body(seed)))
+    L0 = np.linalg.cholesky(pseudo_inertia_matrix(some_body(seed)))
     rng = np.random.default_rng(seed)
     assert from_coordinates(L0, np.zeros(10)) == pytest.approx(some_body(seed), rel=1e-10)
     for _ in range(50):
@@ -60,7 +60,7 @@ def test_coordinates_reach_consistent_bodies_alone(seed):
 
 
 def test_the_jacobian_against_differences():
-    L0 = np.linalg.cholesky(pseudo_inertia(some_body(3)))
+    L0 = np.linalg.cholesky(pseudo_inertia_matrix(some_body(3)))
     x = np.random.default_rng(3).normal(scale=0.3, size=10)
     step = 1e-6
     differences = np.array([
@@ -72,10 +72,10 @@ def test_the_jacobian_against_differences():
 @pytest.mark.parametrize('size', [0.0, 1e-7, 1e-3, 0.5, 2.0])
 def test_the_residuals_are_the_entropic_divergence(size):
     phi = some_body(4)
-    P0 = pseudo_inertia(phi)
+    P0 = pseudo_inertia_matrix(phi)
     L0 = np.linalg.cholesky(P0)
     x = size * np.random.default_rng(4).normal(size=10)
-    ratio = np.linalg.solve(P0, pseudo_inertia(from_coordinates(L0, x)))
+    ratio = np.linalg.solve(P0, pseudo_inertia_matrix(from_coordinates(L0, x)))
     divergence = np.trace(ratio) - np.log(np.linalg.det(ratio)) - 4.0
     r, slope = divergence_residuals(x)
     assert r @ r == pytest.approx(divergence, rel=1e-6, abs=1e-12)
@@ -87,7 +87,7 @@ def test_the_residuals_are_the_entropic_divergence(size):
 
 def test_near_the_prior_the_rows_measure_twice_the_divergence_in_any_frame():
     phi = some_body(5)
-    L0 = np.linalg.cholesky(pseudo_inertia(phi))
+    L0 = np.linalg.cholesky(pseudo_inertia_matrix(phi))
     x = 1e-4 * np.random.default_rng(5).normal(size=10)
     near = from_coordinates(L0, x)
     distance = float(np.sum((relative_rows(L0) @ (near - phi))**2))
@@ -99,6 +99,6 @@ def test_near_the_prior_the_rows_measure_twice_the_divergence_in_any_frame():
     def moved(parameters):
         return move.act(pin.Inertia.FromDynamicParameters(parameters)).toDynamicParameters()
 
-    M0 = np.linalg.cholesky(pseudo_inertia(moved(phi)))
+    M0 = np.linalg.cholesky(pseudo_inertia_matrix(moved(phi)))
     assert float(np.sum((relative_rows(M0) @ (moved(near) - moved(phi)))**2)) == pytest.approx(
         distance, rel=1e-4)

@@ -20,7 +20,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.pipeline import base_parameters_of
 from robot_dynamics.identification.qr_information import BLOCKS, merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.base_parameters import base_parameters
+from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.regressor import (
     body_names,
     inertial_parameters,
@@ -90,7 +90,7 @@ def test_base_parameters_of_two_links_by_hand():
 def test_dependent_columns_are_regrouped():
     rng = np.random.default_rng(2)
     a, b = rng.normal(size=(2, 50))
-    base = base_parameters(
+    base = find_base_parameters(
         np.column_stack([a, np.zeros(50), 2.0 * a, b, a - 3.0 * b]), ['p', 'q', 'r', 's', 't'])
     assert base.rank == 2
     assert base.expressions == ('p + 2·r + t', 's - 3·t')
@@ -119,7 +119,7 @@ def test_merged_factors_hold_what_all_samples_hold():
     both = merge([reduced(*part) for part in parts])
     X, y = np.concatenate([X for X, _ in parts]), np.concatenate([y for _, y in parts])
     assert both.sample_count == len(y)
-    assert both.samples_a_sample == pytest.approx(np.full(3, 4.0))
+    assert both.samples_per_independent_sample == pytest.approx(np.full(3, 4.0))
     for seed in range(3):
         theta = np.random.default_rng(seed).normal(size=5)
         expected = np.sum((X @ theta - y)**2, axis=0)

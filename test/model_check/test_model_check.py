@@ -33,7 +33,7 @@ from robot_dynamics.model.worst_gravity import (
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.urdf.mesh_bounds import mesh_bounds, MeshReader
+from robot_dynamics.urdf.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.urdf.values import rotation
 from robots import robot_urdf
 
@@ -319,14 +319,14 @@ def obj():
     ('a.stl', binary_stl()), ('b.STL', text_stl()), ('c.obj', obj())])
 def test_bounds_of_meshes(tmp_path: Path, name, content):
     (tmp_path / name).write_bytes(content)
-    np.testing.assert_array_equal(mesh_bounds(tmp_path / name), [[0, 0, 0], [1, 2, 3]])
+    np.testing.assert_array_equal(bounding_box(tmp_path / name), [[0, 0, 0], [1, 2, 3]])
 
 
 @pytest.mark.parametrize(('name', 'content'), [
     ('a.stl', b''), ('b.stl', b'solid\nvertex 1 2'), ('c.obj', b'v a b c'), ('d.dae', b'<a/>')])
 def test_meshes_that_cannot_be_read(tmp_path: Path, name, content):
     (tmp_path / name).write_bytes(content)
-    assert mesh_bounds(tmp_path / name) is None
+    assert bounding_box(tmp_path / name) is None
 
 
 MESH = '<visual><geometry><mesh filename="{}" scale="0.1 0.1 0.1"/></geometry></visual>'

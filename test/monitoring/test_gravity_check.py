@@ -21,7 +21,7 @@ import pytest
 from robot_dynamics.control.control_law import make_gains, wrap_to_pi
 from robot_dynamics.control.controller import Controller, ControllerOptions
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
@@ -35,7 +35,7 @@ from robot_dynamics.monitoring.gravity_check import (
 from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,
@@ -52,11 +52,11 @@ GRAVITY, LACKS = ('gravity',), 'joint_torque_without_gravity'
 
 
 def make_check(
-    semantics: EffortSemantics | None = None, friction: JointFriction | None = None,
+    semantics: EffortConvention | None = None, friction: JointFriction | None = None,
     actuators: Any = None,
 ) -> GravityCheck:
     return GravityCheck(
-        semantics or EffortSemantics(), friction or make_friction(NAMES), actuators, CONTINUOUS)
+        semantics or EffortConvention(), friction or make_friction(NAMES), actuators, CONTINUOUS)
 
 
 def hold(
@@ -96,21 +96,21 @@ def test_the_share_of_gravity_is_exact(share: float) -> None:
 
 
 @pytest.mark.parametrize(('semantics', 'effort', 'command', 'agrees'), [
-    (EffortSemantics(), G, G, True),
-    (EffortSemantics(), G, None, False),  # who else holds the arm?
-    (EffortSemantics(), 2 * G, G, False),
-    (EffortSemantics(robot_compensates=GRAVITY), G, None, True),
-    (EffortSemantics(robot_compensates=GRAVITY), G, ZERO, True),
-    (EffortSemantics(robot_compensates=GRAVITY), G, G, False),  # it does not
-    (EffortSemantics(LACKS), ZERO, G, True),
-    (EffortSemantics(LACKS), G, G, False),  # gravity is in it
-    (EffortSemantics(LACKS, GRAVITY), ZERO, ZERO, True),
-    (EffortSemantics(LACKS, GRAVITY), ZERO, None, True),
-    (EffortSemantics(), ZERO, G, False),
-    (EffortSemantics(robot_compensates=GRAVITY), ZERO, ZERO, False),
+    (EffortConvention(), G, G, True),
+    (EffortConvention(), G, None, False),  # who else holds the arm?
+    (EffortConvention(), 2 * G, G, False),
+    (EffortConvention(robot_compensates=GRAVITY), G, None, True),
+    (EffortConvention(robot_compensates=GRAVITY), G, ZERO, True),
+    (EffortConvention(robot_compensates=GRAVITY), G, G, False),  # it does not
+    (EffortConvention(LACKS), ZERO, G, True),
+    (EffortConvention(LACKS), G, G, False),  # gravity is in it
+    (EffortConvention(LACKS, GRAVITY), ZERO, ZERO, True),
+    (EffortConvention(LACKS, GRAVITY), ZERO, None, True),
+    (EffortConvention(), ZERO, G, False),
+    (EffortConvention(robot_compensates=GRAVITY), ZERO, ZERO, False),
 ])
 def test_what_was_declared_agrees_or_not(
-    semantics: EffortSemantics, effort: Any, command: Any, agrees: bool,
+    semantics: EffortConvention, effort: Any, command: Any, agrees: bool,
 ) -> None:
     assert told(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
 
@@ -129,7 +129,7 @@ def test_currents_are_converted_and_gears_widen_the_tolerance(
 ) -> None:
     actuators = make_actuators(NAMES, [0.1, 0.05], [100.0, -50.0], efficiency=[efficiency])
     current = G / (np.array([0.1, 0.05]) * [100.0, -50.0])
-    check = make_check(EffortSemantics('motor_current'), actuators=actuators)
+    check = make_check(EffortConvention('motor_current'), actuators=actuators)
     verdict = told(check, 2.0 * current, G)
     assert verdict.share == pytest.approx(1.0)
     assert verdict.measured == pytest.approx(2.0 * G)
@@ -240,7 +240,7 @@ def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
 # --- brakes and missing efforts ------------------------------------------------------------------
 
 def test_an_arm_on_its_brakes_says_nothing_without_a_command() -> None:
-    for semantics in (EffortSemantics(), EffortSemantics(robot_compensates=GRAVITY)):
+    for semantics in (EffortConvention(), EffortConvention(robot_compensates=GRAVITY)):
         check = make_check(semantics)
         assert hold(check, ZERO, None, 30.0) is None
         assert check.waiting == UNLOADED_WORDS
@@ -267,17 +267,17 @@ def test_joints_without_a_measurement_are_left_out() -> None:
 # --- words ---------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('semantics', 'effort', 'words'), [
-    (EffortSemantics(), 2.0 * G, ['1.00 times', 'expected 0', 'robot_compensates: [gravity]']),
-    (EffortSemantics(), ZERO, [
+    (EffortConvention(), 2.0 * G, ['1.00 times', 'expected 0', 'robot_compensates: [gravity]']),
+    (EffortConvention(), ZERO, [
         '-1.00 times', 'measured_effort: joint_torque_without_gravity', 'brakes carry the arm',
         'measured_effort: none']),
-    (EffortSemantics(LACKS), G, [
+    (EffortConvention(LACKS), G, [
         '0.00 times', 'expected -1', 'set measured_effort: joint_torque;']),
-    (EffortSemantics(robot_compensates=GRAVITY), G, [
+    (EffortConvention(robot_compensates=GRAVITY), G, [
         'expected 1', "robot_compensates ['gravity']", 'take it out of robot_compensates']),
 ])
 def test_a_warning_has_the_numbers_and_the_parameter(
-    semantics: EffortSemantics, effort: Any, words: list[str],
+    semantics: EffortConvention, effort: Any, words: list[str],
 ) -> None:
     line = verdict_in_words(
         told(make_check(semantics), effort, G, seconds=4.0), NAMES, semantics)
@@ -291,14 +291,14 @@ def test_a_warning_has_the_numbers_and_the_parameter(
 # --- in closed loop ------------------------------------------------------------------------------
 
 def closed_loop(
-    arm: ArmModel, robot: tuple[str, ...], declared: EffortSemantics,
+    arm: ArmModel, robot: tuple[str, ...], declared: EffortConvention,
     reference: JointTrajectory | None = None, seconds: float = 4.0, load: float = 0.0,
     q: Any = Q,
 ) -> GravityVerdict | None:
     """Return what the check says beside a controller of the bare arm and a simulated robot."""
     controller = Controller(ARM, ControllerOptions(make_gains(NAMES), semantics=declared))
-    robot_side = RobotSide(
-        arm, EffortSemantics(declared.measured_effort, robot))
+    robot_side = InnerController(
+        arm, EffortConvention(declared.measured_effort, robot))
     check = GravityCheck(declared, arm.friction, None, arm.is_continuous)
     simulation = ArmSimulation(arm, q)
     if load:
@@ -328,12 +328,12 @@ STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
 
 
 @pytest.mark.parametrize('declared', [
-    EffortSemantics(), EffortSemantics(LACKS), EffortSemantics(robot_compensates=GRAVITY),
-    EffortSemantics(LACKS, GRAVITY)])
+    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
+    EffortConvention(LACKS, GRAVITY)])
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
 @pytest.mark.parametrize('load', [0.0, 1.5])  # a third of g, and more at the second joint
 def test_a_robot_that_is_as_declared_raises_no_alarm(
-    declared: EffortSemantics, arm: ArmModel, load: float,
+    declared: EffortConvention, arm: ArmModel, load: float,
 ) -> None:
     verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
     assert verdict is not None
@@ -343,7 +343,7 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
 def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
     """The feedback leans against what is too much, and the command says so."""
-    verdict = closed_loop(arm, GRAVITY, EffortSemantics(), SET_POINT)
+    verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
     assert verdict is not None
     assert verdict.share == pytest.approx(1.0, abs=0.05)
     assert not verdict.agrees
@@ -353,7 +353,7 @@ def test_there_is_no_verdict_while_the_arm_moves() -> None:
     """The verdict comes after the motion, and is the same one."""
     motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
     for robot, agrees in (((), True), (GRAVITY, False)):
-        assert closed_loop(ARM, robot, EffortSemantics(), motion, seconds=1.8) is None
-        verdict = closed_loop(ARM, robot, EffortSemantics(), motion, seconds=4.0)
+        assert closed_loop(ARM, robot, EffortConvention(), motion, seconds=1.8) is None
+        verdict = closed_loop(ARM, robot, EffortConvention(), motion, seconds=4.0)
         assert verdict is not None
         assert verdict.agrees == agrees

@@ -23,12 +23,12 @@ import numpy as np
 import pytest
 from robot_dynamics.monitoring.state_plausibility import (
     ImplausibleStateError,
-    Judgement,
     LONGEST_GAP,
     PLAY,
     SAME_CLOCK,
     SPEED_FACTOR,
-    StateWatch,
+    StateMonitor,
+    StateVerdict,
 )
 
 NAMES = ('shoulder', 'wrist')  # the wrist turns without end
@@ -52,12 +52,12 @@ class Watched:
     def __init__(
         self, max_age: float = MAX_AGE, limit: np.ndarray = LIMIT, offset: float = 0.0,
     ) -> None:
-        self.watch = StateWatch(NAMES, limit, max_age, np.array([False, True]))
+        self.watch = StateMonitor(NAMES, limit, max_age, np.array([False, True]))
         self.offset, self.crowd = offset, False
 
     def judge(
         self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,
-    ) -> Judgement:
+    ) -> StateVerdict:
         """
         Judge a state that arrives at `clock`, at its stamp where that is not given.
 
@@ -80,7 +80,7 @@ class Watched:
 def started(**options: Any) -> Watched:
     """Return one that has taken a state at 0 s."""
     one = Watched(**options)
-    assert one.judge(0.0) == Judgement(True, None, 'first state')
+    assert one.judge(0.0) == StateVerdict(True, None, 'first state')
     return one
 
 
@@ -96,7 +96,7 @@ def test_states_that_move_as_fast_as_they_may_follow_each_other(
     for dt in steps:
         t, q = t + dt, q + share * SPEED_FACTOR * LIMIT * dt
         judgement = one.judge(t, q=q)
-        assert judgement.is_news
+        assert judgement.is_new
         assert judgement.dt == pytest.approx(dt, abs=2e-9)
         assert not judgement.restart
 
@@ -104,7 +104,7 @@ def test_states_that_move_as_fast_as_they_may_follow_each_other(
 def test_a_stamp_that_comes_again_is_no_news_whatever_it_says() -> None:
     one = started()
     for q in (Q, Q + 1.0):
-        assert one.judge(0.0, 0.01, q) == Judgement(False)
+        assert one.judge(0.0, 0.01, q) == StateVerdict(False)
     assert one.judge(PERIOD, q=Q).dt == pytest.approx(PERIOD)
 
 
@@ -121,7 +121,7 @@ def test_a_way_longer_than_the_speed_allows_is_a_jump(
     for factor, jumps in ((0.999, False), (1.001, True)):
         one = started()
         judgement = one.judge(dt, q=Q + [sign * factor * longest, 0.0], v=v)
-        assert judgement.is_news
+        assert judgement.is_new
         assert judgement.restart == ('jump' if jumps else '')
         assert judgement.dt == pytest.approx(dt)
 
@@ -160,7 +160,7 @@ ODD: dict[str, Callable[[Watched], Any]] = {
 def test_from_a_single_publisher_it_is_a_new_start(reason: str) -> None:
     one = started()
     judgement = ODD[reason](one)
-    assert judgement.is_news
+    assert judgement.is_new
     assert judgement.restart == reason
     assert (judgement.dt is None) == (reason == 'stamp went back')
 
@@ -187,7 +187,7 @@ def test_the_joint_that_jumped_is_named() -> None:
 
 
 def test_the_crowd_is_not_counted_while_all_is_well() -> None:
-    watch = StateWatch(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
+    watch = StateMonitor(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
 
     def must_not_be_asked() -> bool:
         raise AssertionError
@@ -208,7 +208,7 @@ def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
     one.crowd = True
     t = 0.5
     if not reason:
-        assert one.judge(t - age, t).is_news
+        assert one.judge(t - age, t).is_new
     else:
         error = one.refusal(t - age, t)
         assert error.reason == reason
@@ -220,18 +220,18 @@ def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
 def test_a_state_that_is_refused_for_its_age_leaves_no_trace() -> None:
     one = started()
     one.refusal(0.1, 0.5, q=Q + 1.0)
-    assert one.judge(0.01, q=Q) == Judgement(True, 0.01)
+    assert one.judge(0.01, q=Q) == StateVerdict(True, 0.01)
 
 
 def test_any_age_goes_where_there_is_no_limit() -> None:
     one = started(max_age=0.0)
-    assert one.judge(1.0, 20.0).is_news
+    assert one.judge(1.0, 20.0).is_new
 
 
 def test_the_limit_of_age_may_change() -> None:
     one = started()
     one.watch.max_age = 1.0
-    assert one.judge(0.01, 0.8).is_news
+    assert one.judge(0.01, 0.8).is_new
     one.watch.max_age = 0.1
     assert one.refusal(0.6, 0.9).reason == 'too old'
 
@@ -272,8 +272,8 @@ def test_whose_clock_it_is_is_decided_by_the_first_state() -> None:
     one = Watched(offset=-2.0 * SAME_CLOCK)
     one.judge(0.0)
     one.offset = 0.0  # set right: ahead by two hours
-    assert one.judge(1.0) == Judgement(True, None, 'stamp jumped ahead')
-    assert one.judge(1.1, 1.5).is_news  # and old, which is nobody's concern
+    assert one.judge(1.0) == StateVerdict(True, None, 'stamp jumped ahead')
+    assert one.judge(1.1, 1.5).is_new  # and old, which is nobody's concern
     assert one.judge(40.0, 40.0).restart == 'first state'
     assert one.refusal(40.1, 40.5).reason == 'too old'
 
@@ -284,7 +284,7 @@ def test_whose_clock_it_is_is_decided_by_the_first_state() -> None:
 def test_after_a_long_silence_anything_is_a_first_state(crowd: bool) -> None:
     one = started()
     one.crowd = crowd
-    assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == Judgement(True, None, 'first state')
+    assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == StateVerdict(True, None, 'first state')
 
 
 def test_after_a_shorter_one_it_is_not() -> None:
@@ -298,7 +298,7 @@ def test_refused_states_do_not_keep_the_memory_alive() -> None:
     one.crowd = True
     for k in range(1, 30):
         assert one.refusal(-100.0 + k, float(k), q=Q).is_conflict
-    assert one.judge(-69.5, 30.5) == Judgement(True, None, 'first state')
+    assert one.judge(-69.5, 30.5) == StateVerdict(True, None, 'first state')
 
 
 @laws
@@ -309,32 +309,32 @@ def test_a_clock_that_is_set_while_stamps_follow_it_starts_anew_or_goes_on(jump:
     one = started()
     one.crowd = True
     judgement = one.judge(jump + PERIOD)
-    assert judgement.is_news
+    assert judgement.is_new
     if 0.0 < jump < LONGEST_GAP - PERIOD:
         assert judgement.dt == pytest.approx(jump + PERIOD, abs=2e-9)
     else:
-        assert judgement == Judgement(True, None, 'first state')
+        assert judgement == StateVerdict(True, None, 'first state')
 
 
 def test_stamps_far_ahead_start_anew() -> None:
     one = Watched(offset=1e6)
     one.judge(0.0)
     one.crowd = True
-    assert one.judge(LONGEST_GAP + 1.0, 0.01) == Judgement(True, None, 'stamp jumped ahead')
+    assert one.judge(LONGEST_GAP + 1.0, 0.01) == StateVerdict(True, None, 'stamp jumped ahead')
 
 
 # --- states without a stamp ----------------------------------------------------------------------
 
-def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> Judgement:
+def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> StateVerdict:
     return one.watch.judge(
         stamp_ns, NOW + nanoseconds(clock), np.array(q), None, lambda: one.crowd)
 
 
 def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
     one = Watched()
-    assert bare(one, 0, 1.0) == Judgement(True, None, 'first state', NOW + SECOND)
+    assert bare(one, 0, 1.0) == StateVerdict(True, None, 'first state', NOW + SECOND)
     second = bare(one, 0, 1.1)
-    assert (second.is_news, second.restart, second.time_shift) == (True, '', 0)
+    assert (second.is_new, second.restart, second.time_shift) == (True, '', 0)
     assert second.dt == pytest.approx(0.1)
     assert second.stamp == NOW + nanoseconds(1.1)
     one.crowd = True
@@ -347,7 +347,7 @@ def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
     one = Watched()
     first = bare(one, 0, 1.0)
     second = bare(one, nanoseconds(PERIOD), 1.01)
-    assert second == Judgement(True, None, '', nanoseconds(PERIOD), first.stamp)
+    assert second == StateVerdict(True, None, '', nanoseconds(PERIOD), first.stamp)
     third = bare(one, nanoseconds(2 * PERIOD), 1.02)
     assert (third.restart, third.time_shift) == ('', 0)
     assert third.dt == pytest.approx(PERIOD)
@@ -356,4 +356,4 @@ def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
 def test_stamps_of_today_after_states_without_start_anew() -> None:
     one = Watched()
     bare(one, 0, 1.0)
-    assert one.judge(1.1) == Judgement(True, None, 'first state')
+    assert one.judge(1.1) == StateVerdict(True, None, 'first state')

@@ -24,7 +24,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_to_ros
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.interpolation import quintic_via_points
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
@@ -99,8 +99,8 @@ def test_a_trajectory_must_be_within_what_the_motors_have(
     answer = client.call(
         InverseDynamicsTrajectory, '/dynamics/inverse_dynamics_trajectory',
         InverseDynamicsTrajectory.Request(trajectory=trajectory_to_ros(path)))
-    expected = trajectory_efforts(dynamics, path)
-    effort_alone = trajectory_efforts(ArmDynamics(load_arm(default_arm_urdf())), path)
+    expected = efforts_along(dynamics, path)
+    effort_alone = efforts_along(ArmDynamics(load_arm(default_arm_urdf())), path)
     assert effort_alone.feasible  # it is a motor that lacks something
     assert answer.success
     assert not answer.feasible

@@ -34,7 +34,7 @@ from robot_dynamics.ros.conversions import (
     payload_to_ros,
     trajectory_to_ros,
 )
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.interpolation import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, LATCHED, NodeProcess, RosClient
@@ -300,7 +300,7 @@ def test_a_trajectory_gets_its_efforts(planar: Served) -> None:
     message = trajectory_to_ros(path)
     message.header.frame_id = 'kept'
     response = planar.answer('inverse_dynamics_trajectory', trajectory=message)
-    expected = trajectory_efforts(planar.dynamics, path)
+    expected = efforts_along(planar.dynamics, path)
     assert response.trajectory.header.frame_id == 'kept'
     for sent, returned, effort in zip(
             message.points, response.trajectory.points, expected.efforts, strict=True):

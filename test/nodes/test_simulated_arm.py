@@ -22,7 +22,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -30,7 +30,7 @@ from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.simulation.plant import Plant
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
@@ -259,7 +259,7 @@ def test_noise_is_on_what_is_measured_alone() -> None:
     """And that of one kind is there without the others."""
     for kind in range(3):
         plant = Plant(
-            ArmSimulation(ARM, START), RobotSide(ARM, EffortSemantics()), True,
+            ArmSimulation(ARM, START), InnerController(ARM, EffortConvention()), True,
             np.random.default_rng(0))
         plant.position_noise, plant.velocity_noise, plant.effort_noise = (
             0.3 * (kind == k) for k in range(3))

@@ -37,7 +37,7 @@ from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, RigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_from_ros
 from robot_dynamics.ros.dynamics.node import DynamicsNode
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import efforts_along
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -220,7 +220,7 @@ def test_a_point_of_a_plan_costs_few_calls(points: int, fields: int) -> None:
         point.time_from_start.sec = i
         message.points.append(point)
     calls = calls_of(
-        lambda: trajectory_efforts(dynamics, trajectory_from_ros(message, arm.joint_names)))
+        lambda: efforts_along(dynamics, trajectory_from_ros(message, arm.joint_names)))
     assert calls['sample'] <= 30 + points / 100
     assert calls.total() <= 36 * points
     evaluations = 100 * calls['_rnea_in_parallel'] if HAS_PARALLEL_RNEA else calls['rnea']

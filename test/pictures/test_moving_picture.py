@@ -20,7 +20,7 @@ import sys
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.animation.video import check_format, Frame, write_moving_picture
+from robot_dynamics.animation.video import check_format, Frame, write_video
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 
 Image = pytest.importorskip('PIL.Image')
@@ -36,7 +36,7 @@ def bar(k, colour=(0, 114, 178)):
 
 def test_a_gif_has_the_frames_their_colours_and_their_times(tmp_path):
     frames = [Frame(bar(k), 0.05 if k != 7 else 2.0) for k in range(1, 15)]
-    assert write_moving_picture(tmp_path / 'x.gif', iter(frames)) == 14
+    assert write_video(tmp_path / 'x.gif', iter(frames)) == 14
     with Image.open(tmp_path / 'x.gif') as picture:
         assert picture.info['loop'] == 0
         read = [(np.asarray(one.convert('RGB')), one.info['duration'])
@@ -47,7 +47,7 @@ def test_a_gif_has_the_frames_their_colours_and_their_times(tmp_path):
 
 
 def test_times_that_a_gif_does_not_have_add_up_all_the_same(tmp_path):
-    write_moving_picture(
+    write_video(
         tmp_path / 'x.gif', [Frame(bar(k % 15 + 1), 1.0 / 12.0) for k in range(60)])
     with Image.open(tmp_path / 'x.gif') as picture:
         durations = [one.info['duration'] for one in ImageSequence.Iterator(picture)]
@@ -59,7 +59,7 @@ def test_many_colours_become_the_nearest_of_a_palette(tmp_path):
     ramp = np.zeros((32, 256, 3), dtype=np.uint8)
     ramp[..., 0] = np.arange(256)
     ramp[:8] = (0, 158, 115)
-    write_moving_picture(tmp_path / 'x.gif', [Frame(ramp, 0.1)])
+    write_video(tmp_path / 'x.gif', [Frame(ramp, 0.1)])
     with Image.open(tmp_path / 'x.gif') as picture:
         pixels = np.asarray(picture.convert('RGB')).astype(int)
     npt.assert_array_equal(pixels[:8], ramp[:8])
@@ -68,11 +68,11 @@ def test_many_colours_become_the_nearest_of_a_palette(tmp_path):
 
 def test_what_stands_still_costs_nothing(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (60, 80, 3)).astype(np.uint8)
-    write_moving_picture(tmp_path / 'one.gif', [Frame(noise, 0.1)])
+    write_video(tmp_path / 'one.gif', [Frame(noise, 0.1)])
     changing = [noise.copy() for _ in range(10)]
     for k, pixels in enumerate(changing):
         pixels[5, 5 + k] = 0
-    write_moving_picture(tmp_path / 'ten.gif', [Frame(pixels, 0.1) for pixels in changing])
+    write_video(tmp_path / 'ten.gif', [Frame(pixels, 0.1) for pixels in changing])
     sizes = [(tmp_path / name).stat().st_size for name in ('one.gif', 'ten.gif')]
     assert sizes[1] < 1.5 * sizes[0]
 
@@ -82,7 +82,7 @@ def test_an_mp4_lasts_as_long_as_its_frames(tmp_path):
         check_format(Path('x.mp4'))
     except MissingDependencyError as error:
         pytest.skip(str(error))
-    write_moving_picture(
+    write_video(
         tmp_path / 'x.mp4', [Frame(bar(k), 0.1 if k != 7 else 1.0) for k in range(1, 15)])
     data = (tmp_path / 'x.mp4').read_bytes()
     assert data[4:8] == b'ftyp'
@@ -96,14 +96,14 @@ def test_without_ffmpeg_the_way_out_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv('PATH', str(tmp_path))
     monkeypatch.setitem(sys.modules, 'imageio_ffmpeg', None)
     with pytest.raises(MissingDependencyError, match=r'ffmpeg.*not on the PATH.*\.gif needs no'):
-        write_moving_picture(tmp_path / 'x.mp4', [Frame(bar(3), 0.1)])
+        write_video(tmp_path / 'x.mp4', [Frame(bar(3), 0.1)])
     assert not (tmp_path / 'x.mp4').exists()
 
 
 def test_without_pillow_it_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, 'PIL', None)
     with pytest.raises(MissingDependencyError, match='Pillow'):
-        write_moving_picture(tmp_path / 'x.gif', [Frame(bar(3), 0.1)])
+        write_video(tmp_path / 'x.gif', [Frame(bar(3), 0.1)])
 
 
 @pytest.mark.parametrize(('name', 'frames', 'message'), [
@@ -113,9 +113,9 @@ def test_without_pillow_it_is_named(monkeypatch, tmp_path):
 ])
 def test_what_cannot_be_written_is_refused(tmp_path, name, frames, message):
     with pytest.raises(InvalidInputError, match=message):
-        write_moving_picture(tmp_path / name, frames)
+        write_video(tmp_path / name, frames)
 
 
 def test_a_directory_that_is_not_there_is_an_error_of_the_system(tmp_path):
     with pytest.raises(OSError, match='nowhere'):
-        write_moving_picture(tmp_path / 'nowhere' / 'x.gif', [Frame(bar(3), 0.1)])
+        write_video(tmp_path / 'nowhere' / 'x.gif', [Frame(bar(3), 0.1)])

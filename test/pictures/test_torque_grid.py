@@ -33,7 +33,7 @@ from robot_dynamics.pictures.torque_grid import (
     make_grid,
     motion_efforts,
 )
-from robot_dynamics.pictures.workspace_gravity import limit_shares, workspace_gravity
+from robot_dynamics.pictures.workspace_gravity import limit_shares, map_gravity
 from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
@@ -186,7 +186,7 @@ def loaded():
 
 
 def test_places_have_the_shares_of_the_poses_that_reach_them(loaded):
-    found = workspace_gravity(loaded, 'tool0', positions=4000, cells=24)
+    found = map_gravity(loaded, 'tool0', positions=4000, cells=24)
     body, figure = RigidBody(loaded), StickFigure(loaded, 'tool0')
     assert found.is_plane
     rng = np.random.default_rng(1)
@@ -207,7 +207,7 @@ def test_places_have_the_shares_of_the_poses_that_reach_them(loaded):
 
 
 def test_the_workspace_ends_where_the_arm_ends(loaded):
-    found = workspace_gravity(loaded, 'tool0', positions=4000, cells=24)
+    found = map_gravity(loaded, 'tool0', positions=4000, cells=24)
     for edges in (found.across, found.up):
         npt.assert_allclose(edges[[0, -1]], [-1.8, 1.8], atol=0.16)
     assert (found.least <= found.most)[~np.isnan(found.most)].all()
@@ -221,14 +221,14 @@ def test_without_any_effort_limit_there_is_nothing_to_compare_with():
     arm = load_arm(default_arm_urdf().replace('effort="150.0"', 'effort="0"').replace(
         'effort="60.0"', 'effort="0"'))
     with pytest.raises(InvalidInputError, match=r"no effort limit at any of .*'joint2'"):
-        workspace_gravity(arm, 'tool0')
+        map_gravity(arm, 'tool0')
     half = load_arm(default_arm_urdf().replace('effort="150.0"', 'effort="0"'))
-    found = workspace_gravity(half, 'tool0', positions=500, cells=8)
+    found = map_gravity(half, 'tool0', positions=500, cells=8)
     assert np.nanmax(found.most) == pytest.approx(11.772 / 60.0, rel=0.01)
 
 
 def test_an_arm_in_space_is_mapped_by_distance_and_height():
-    found = workspace_gravity(load_arm(robot_urdf('ur10')), 'tool0', positions=2000, cells=20)
+    found = map_gravity(load_arm(robot_urdf('ur10')), 'tool0', positions=2000, cells=20)
     assert not found.is_plane
     assert found.across[0] >= 0.0
     assert found.held == 1.0

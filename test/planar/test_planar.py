@@ -104,7 +104,7 @@ def test_page_states_the_numbers_that_the_code_prints():
 def test_page_names_only_tests_that_exist():
     named = set(re.findall(r'`(test_\w+)`', PAGE.read_text(encoding='utf-8')))
     defined = set()
-    for path in (PROJECT / 'test').glob('test_planar*.py'):
+    for path in Path(__file__).parent.glob('*.py'):
         tree = ast.parse(path.read_text(encoding='utf-8'))
         defined |= {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     assert len(named) >= 10

@@ -21,7 +21,7 @@ import pytest
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.guarded_callbacks import LONGEST_REASON, reason_of
+from robot_dynamics.ros.guarded_callbacks import describe_error, LONGEST_REASON
 
 LIMITED = """
 from robot_dynamics.ros.memory import limit_memory
@@ -93,13 +93,13 @@ def test_what_is_no_longer_needed_is_found_by_the_passes_that_are_left() -> None
     (KeyError('x'), "internal error: KeyError('x')"),
 ])
 def test_reasons(error: Exception, words: str) -> None:
-    assert reason_of(error) == words
+    assert describe_error(error) == words
 
 
 def test_a_long_reason_keeps_its_beginning_and_its_end() -> None:
-    reason = reason_of(InvalidInputError(f"name is '{'x' * 10**6}', expected ['joint1']"))
+    reason = describe_error(InvalidInputError(f"name is '{'x' * 10**6}', expected ['joint1']"))
     assert len(reason) < LONGEST_REASON + 10
     assert reason.startswith("name is 'xxx")
     assert reason.endswith("x', expected ['joint1']")
     whole = 'x' * LONGEST_REASON
-    assert reason_of(InvalidInputError(whole)) == whole
+    assert describe_error(InvalidInputError(whole)) == whole

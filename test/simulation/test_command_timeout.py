@@ -18,12 +18,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from robot_dynamics.joints.effort_convention import make_effort_semantics
+from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.command_timeout import CommandTimeout, FEWEST_STEPS
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.simulation.plant import Plant
 
 PERIOD = 0.01
@@ -117,7 +117,8 @@ def robot(brakes: bool = True, robot_compensates: Sequence[str] = ()) -> Plant:
     arm = load_arm(default_arm_urdf())
     plant = Plant(
         ArmSimulation(arm, START),
-        RobotSide(arm, make_effort_semantics('joint_torque', robot_compensates, False)), brakes,
+        InnerController(arm, make_effort_convention('joint_torque', robot_compensates, False)),
+        brakes,
         np.random.default_rng(0))
     plant.commands.timeout = TIMEOUT
     return plant

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia
+from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters, with_inertial_parameters
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.recordings.reader import JointSeries
@@ -94,7 +94,7 @@ def changed_arm(arm: ArmModel, size: float, seed: int = 0) -> ArmModel:
     rng = np.random.default_rng(seed)
     return with_inertial_parameters(arm, np.concatenate([
         from_coordinates(
-            np.linalg.cholesky(pseudo_inertia(phi)), size * rng.normal(size=10))
+            np.linalg.cholesky(pseudo_inertia_matrix(phi)), size * rng.normal(size=10))
         for phi in inertial_parameters(arm).reshape(-1, 10)]))
 
 

@@ -19,7 +19,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions
 
 NAMES = ('shoulder', 'elbow')
@@ -37,8 +37,8 @@ LATCHED = Fault('broken', 'something is wrong', latched=True)
 
 def limits(
     rate: float = RATE, reach: float = np.inf, velocity: float = np.inf,
-) -> GuardLimits:
-    return GuardLimits(np.full(2, -reach), np.full(2, reach), np.full(2, velocity), 0.01, rate)
+) -> EffortLimits:
+    return EffortLimits(np.full(2, -reach), np.full(2, reach), np.full(2, velocity), 0.01, rate)
 
 
 def make(

@@ -27,7 +27,7 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,
@@ -150,7 +150,7 @@ def test_a_feasible_trajectory_is_the_same_object(
 ) -> None:
     sent = quintic_via_points(NAMES, [0.0, 0.5 * duration, duration],
                               [start, 0.5 * (start + goal), goal])
-    assume(trajectory_efforts(dynamics(), sent).feasible)
+    assume(efforts_along(dynamics(), sent).feasible)
     for slows_down in (False, True):
         found, slowness = conditioned(sent, slows_down=slows_down)
         assert found is sent
@@ -176,7 +176,7 @@ def test_an_infeasible_trajectory_is_rejected_with_joint_time_and_ratio(
         assert float(found[3]) == pytest.approx(exact, rel=1e-2)
         assert float(found[4]) == pytest.approx(0.5 * duration, rel=1e-2)
     else:
-        efforts = trajectory_efforts(dynamics(), sent)
+        efforts = efforts_along(dynamics(), sent)
         assert float(found[3]) == pytest.approx(efforts.worst_ratio, rel=1e-2)
     assert 'slow_down' in str(caught.value)
 
@@ -199,7 +199,7 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
                 slowness * t, r0.time_from_start, r0, r1.time_from_start, r1)
             assert actual.position == pytest.approx(expected.position, abs=1e-9)
             assert slowness * actual.velocity == pytest.approx(expected.velocity, abs=1e-6)
-    assert trajectory_efforts(dynamics(), found).worst_ratio <= 1.0 + 1e-5
+    assert efforts_along(dynamics(), found).worst_ratio <= 1.0 + 1e-5
     for _, v, _ in dense(found):
         assert (np.abs(v) <= TOLERANCE * ARM.limits.velocity).all()
 
@@ -224,7 +224,7 @@ def test_it_is_not_slowed_down_more_than_needed(
 
 def test_a_lower_effort_scale_leaves_less() -> None:
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
-    ratio = trajectory_efforts(dynamics(), sent).worst_ratio
+    ratio = efforts_along(dynamics(), sent).worst_ratio
     assert conditioned(sent, effort_scale=1.01 * ratio)[0] is sent
     with pytest.raises(TrajectoryError, match='effort'):
         conditioned(sent, effort_scale=0.99 * ratio)

@@ -21,7 +21,7 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,
@@ -44,7 +44,7 @@ def trajectory(
 
 def test_efforts_are_those_of_the_points_own_motion() -> None:
     path = quintic_via_points(NAMES, (0.0, 0.7, 1.5), [[0.0, 0.0], [0.9, -0.4], [0.2, 1.0]])
-    result = trajectory_efforts(DYNAMICS, path)
+    result = efforts_along(DYNAMICS, path)
     assert result.efforts.shape == (3, 2)
     for point, effort in zip(path.points, result.efforts):
         assert point.velocity is not None
@@ -106,7 +106,7 @@ def test_the_worst_place_is_that_of_the_whole_motion(
         make_friction(NAMES, [1.0, 0.5], [dry, 0.5 * dry])))
     for _ in range(10):
         path = random_path(random, points, fields)
-        result = trajectory_efforts(dynamics, path)
+        result = efforts_along(dynamics, path)
         t, shares = dense_shares(dynamics, path)
         # A point whose acceleration no segment takes up, and the rest at the end, count too.
         at_points = np.abs(result.efforts) / LIMITS
@@ -124,7 +124,7 @@ def test_the_worst_place_is_that_of_the_whole_motion(
 def test_a_motion_that_is_slow_only_at_its_points_is_not_feasible() -> None:
     """From rest to rest the efforts at both points are those of gravity."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [0.0, 1.5], 0.3)
-    result = trajectory_efforts(DYNAMICS, path)
+    result = efforts_along(DYNAMICS, path)
     assert (np.abs(result.efforts) / LIMITS).max() < 0.2
     t, shares = dense_shares(DYNAMICS, path)
     i, j = np.unravel_index(np.argmax(shares['effort']), shares['effort'].shape)
@@ -138,7 +138,7 @@ def test_many_turns_in_one_segment() -> None:
     """Gravity takes the arm's joints through 60 maxima, of which one is the largest."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [200.0, 37.0], 400.0)
     _, shares = dense_shares(DYNAMICS, path, 400_000)
-    assert trajectory_efforts(DYNAMICS, path).worst_ratio == pytest.approx(
+    assert efforts_along(DYNAMICS, path).worst_ratio == pytest.approx(
         shares['effort'].max(), rel=1e-5)
 
 
@@ -151,7 +151,7 @@ def test_one_quick_segment_among_thousands() -> None:
     v[2999:] = 0.0
     path = make_trajectory(
         NAMES, times.tolist(), q.tolist(), v.tolist(), np.zeros_like(q).tolist(), NAMES)
-    result = trajectory_efforts(DYNAMICS, path)
+    result = efforts_along(DYNAMICS, path)
     assert (np.abs(result.efforts[2990:]) / LIMITS).max() < 0.5 * result.worst_ratio
     _, shares = dense_shares(DYNAMICS, JointTrajectory(NAMES, path.points[2990:3010]))
     assert result.worst_ratio == pytest.approx(shares['effort'].max(), rel=1e-5)
@@ -161,7 +161,7 @@ def test_one_quick_segment_among_thousands() -> None:
 def test_the_motion_before_the_first_point_is_no_part() -> None:
     """It depends on where the arm then is, which no request tells."""
     at_once, later = (
-        trajectory_efforts(DYNAMICS, trajectory(
+        efforts_along(DYNAMICS, trajectory(
             [start, start + 1.0], [[3.0, 0.0], [2.0, 0.5]], [[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2))
         for start in (0.0, 0.01))
     assert later.worst_ratio == pytest.approx(at_once.worst_ratio)
@@ -175,7 +175,7 @@ def test_the_rest_after_the_last_point_counts() -> None:
     path = trajectory(
         [0.0, 0.1], [(q - 0.005 * falling).tolist(), q.tolist()],
         [(0.1 * falling).tolist(), [0.0, 0.0]], [falling.tolist()] * 2)
-    result = trajectory_efforts(DYNAMICS, path)
+    result = efforts_along(DYNAMICS, path)
     assert result.efforts[1] == pytest.approx(np.zeros(2), abs=1e-9)
     assert result.worst_ratio >= (np.abs(DYNAMICS.rigid_body.gravity(q)) / LIMITS).max()
 
@@ -183,7 +183,7 @@ def test_the_rest_after_the_last_point_counts() -> None:
 def test_a_quicker_motion_is_not_feasible() -> None:
     def in_time(seconds: float) -> bool:
         times = (0.0, seconds / 2, seconds)
-        return trajectory_efforts(DYNAMICS, quintic_via_points(
+        return efforts_along(DYNAMICS, quintic_via_points(
             NAMES, times, [[0.0, 0.0], [1.5, 0.5], [0.0, 0.0]])).feasible
 
     assert in_time(5.0)
@@ -194,14 +194,14 @@ def test_a_cubic_path_is_taken_with_the_acceleration_of_its_interpolation() -> N
     """Of a cubic from rest to rest the acceleration at the ends is ±6 (q1 - q0) / T²."""
     T = 0.5
     path = trajectory([0.0, T], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0], [0.0, 0.0]])
-    effort = trajectory_efforts(DYNAMICS, path).efforts[0]
+    effort = efforts_along(DYNAMICS, path).efforts[0]
     a = 6.0 * np.array([1.0, -0.5]) / T**2
     assert effort == pytest.approx(DYNAMICS.inverse_dynamics(np.zeros(2), np.zeros(2), a))
 
 
 def test_a_linear_path_is_taken_with_its_slope() -> None:
     path = trajectory([0.0, 0.5], [[0.0, 0.3], [1.0, -0.5]])
-    first, last = trajectory_efforts(DYNAMICS, path).efforts
+    first, last = efforts_along(DYNAMICS, path).efforts
     v = np.array([2.0, -1.6])
     assert first == pytest.approx(
         DYNAMICS.inverse_dynamics(np.array([0.0, 0.3]), v, np.zeros(2)))
@@ -210,21 +210,21 @@ def test_a_linear_path_is_taken_with_its_slope() -> None:
 
 
 def test_one_point_is_held() -> None:
-    result = trajectory_efforts(DYNAMICS, trajectory([0.0], [[1.0, 0.5]]))
+    result = efforts_along(DYNAMICS, trajectory([0.0], [[1.0, 0.5]]))
     assert result.efforts == pytest.approx(
         DYNAMICS.rigid_body.gravity(np.array([1.0, 0.5]))[None])
 
 
 def test_a_path_that_begins_late_is_timed_from_its_start() -> None:
     path = trajectory([2.0, 3.0], [[1.5, 0.0], [0.0, 0.0]])
-    assert trajectory_efforts(DYNAMICS, path).worst_time == 2.0
+    assert efforts_along(DYNAMICS, path).worst_time == 2.0
 
 
 def test_without_limits_everything_is_feasible() -> None:
     urdf = planar_arm_urdf([5.0], [1.0], [0.5], [0.1]).replace('effort="1000.0"', 'effort="0"')
     dynamics = ArmDynamics(load_arm(urdf))
     assert np.isinf(dynamics.arm.limits.effort).all()
-    result = trajectory_efforts(
+    result = efforts_along(
         dynamics, quintic_point_to_point(('joint1',), [0.0], [3.0], 0.01))
     assert result.feasible
     assert result.worst_ratio == 0.0
@@ -250,7 +250,7 @@ def test_what_motors_lack_counts_too(
 ) -> None:
     actuators = make_actuators(NAMES, **{**AMPLE, **changes})
     dynamics = ArmDynamics(DYNAMICS.arm.with_actuators(actuators))
-    result = trajectory_efforts(dynamics, PATH)
+    result = efforts_along(dynamics, PATH)
     t, shares = dense_shares(dynamics, PATH, 20_000)
     worst = max(rows.max() for rows in shares.values())
     i, j = np.argwhere(shares[limit] == worst)[0]
@@ -268,5 +268,5 @@ def test_the_load_counts() -> None:
     from robot_dynamics.model.payload import make_payload
     loaded = ArmDynamics(DYNAMICS.arm.with_payloads([make_payload('tool0', 10.0)]))
     path = trajectory([0.0], [[np.pi / 2, 0.0]])
-    with_load, without = (trajectory_efforts(d, path).efforts[0] for d in (loaded, DYNAMICS))
+    with_load, without = (efforts_along(d, path).efforts[0] for d in (loaded, DYNAMICS))
     assert with_load - without == pytest.approx([-10.0 * 9.81 * 1.8, -10.0 * 9.81 * 0.8])

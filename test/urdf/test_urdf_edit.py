@@ -19,7 +19,7 @@ import pytest
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.identification.identified_urdf import identified_urdf
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia
+from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.editing import with_elements
@@ -68,7 +68,8 @@ def test_what_is_no_xml_is_refused():
 def changed_parameters(arm, seed=0):
     rng = np.random.default_rng(seed)
     return np.concatenate([
-        from_coordinates(np.linalg.cholesky(pseudo_inertia(phi)), rng.normal(scale=0.2, size=10))
+        from_coordinates(
+            np.linalg.cholesky(pseudo_inertia_matrix(phi)), rng.normal(scale=0.2, size=10))
         for phi in inertial_parameters(arm).reshape(-1, 10)])
 
 

@@ -31,7 +31,7 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.control.controller import ControlOutput
-from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.supervisor import (
     Brake,
     CommandSupervisor,
@@ -124,7 +124,7 @@ class SafeCommand:
 
     # ------------------------------------------------------------------ what it serves
 
-    def use(self, arm: ArmModel, limits: GuardLimits, options: SafetyOptions) -> None:
+    def use(self, arm: ArmModel, limits: EffortLimits, options: SafetyOptions) -> None:
         """
         Serve this arm from now on.
 
@@ -154,7 +154,7 @@ class SafeCommand:
             if old is not None and old.is_latched:
                 self._latched = old.fault
 
-    def set_options(self, limits: GuardLimits, options: SafetyOptions) -> None:
+    def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Take over limits and options."""
         with self._changed:
             if self._supervisor is not None:
@@ -208,7 +208,7 @@ class SafeCommand:
             if self._supervisor is not None:
                 self._supervisor.activate()
 
-    def begin_to_end(self) -> None:
+    def request_shutdown(self) -> None:
         """Begin to ramp the effort out."""
         with self._changed:
             self._is_active = False
@@ -220,7 +220,7 @@ class SafeCommand:
     def deactivate(self) -> None:
         """Ramp the effort out, and return when that is done."""
         with self._changed:
-            self.begin_to_end()
+            self.request_shutdown()
             supervisor = self._supervisor
             if supervisor is not None:
                 self._changed.wait_for(
@@ -301,7 +301,7 @@ class SafeCommand:
         if supervisor is None or supervisor.mode is not Mode.RUNNING:
             return
         guarded = supervisor.guarded
-        if output.share_of_gains < 1.0:
+        if output.gain_scale < 1.0:
             self._count_limit('effort rate, by softer gains')
         if any_of(output.clamped):
             self._count_limit('effort limit')

@@ -24,12 +24,12 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.control.controller import Controller, ControlOutput, NonFiniteEffortError
-from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
 from robot_dynamics.monitoring.event_timing import EventTiming
-from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateWatch
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateMonitor
 from robot_dynamics.ros.cdr_templates import (
     effort_template,
     MessageTemplate,
@@ -81,7 +81,7 @@ class _Served:
     names: list[str]
     template: MessageTemplate
     reference_template: MessageTemplate
-    watch: StateWatch
+    watch: StateMonitor
     check: EffortCheck
 
 
@@ -118,8 +118,8 @@ class ControlPath:
         self._share = self._reported_share = 1.0
 
     def use(
-        self, controller: Controller, watch: StateWatch, check: EffortCheck,
-        estimates: Estimates, limits: GuardLimits, options: SafetyOptions,
+        self, controller: Controller, watch: StateMonitor, check: EffortCheck,
+        estimates: Estimates, limits: EffortLimits, options: SafetyOptions,
     ) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
@@ -242,7 +242,7 @@ class ControlPath:
         served = self._served
         q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
-            state.stamp_ns, time.time_ns(), q, v, self._is_crowded)
+            state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._interrupt(f'joint states restarted: {judgement.restart}')
@@ -266,8 +266,8 @@ class ControlPath:
         if served.controller.rate_share != self._share:
             self._report_share(served.controller)
         # A simulation in lock-step repeats its state until an effort lets it go on.
-        waits = not judgement.is_news and self.command.is_waiting and served.watch.is_other_clock
-        if judgement.is_news or waits:
+        waits = not judgement.is_new and self.command.is_waiting and served.watch.is_other_clock
+        if judgement.is_new or waits:
             command = self.command.answer(
                 state.stamp, q, output.velocity, output, judgement.dt,
                 served.controller.braked,
@@ -275,7 +275,7 @@ class ControlPath:
                 if output.is_far else None)
         else:
             command = self.command.repeat(state.stamp)
-        if judgement.is_news:
+        if judgement.is_new:
             self.counters.timing.happened(now)
         else:
             self.counters.repeated += 1
@@ -315,7 +315,7 @@ class ControlPath:
                 throttle_duration_sec=LOG_PERIOD)
         self._reported_share = share
 
-    def _is_crowded(self) -> bool:
+    def _has_several_publishers(self) -> bool:
         return self.count_publishers() > 1
 
     def _has_age(self) -> bool:

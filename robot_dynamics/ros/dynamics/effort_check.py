@@ -16,7 +16,7 @@
 
 from rclpy.node import Node
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.joints.effort_convention import EffortSemantics
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.gravity_check import GravityCheck, NO_EFFORT, STILL
 from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
@@ -36,7 +36,7 @@ class EffortCheck:
     """
 
     def __init__(
-        self, node: Node, arm: ArmModel, semantics: EffortSemantics, wanted: bool,
+        self, node: Node, arm: ArmModel, semantics: EffortConvention, wanted: bool,
     ) -> None:
         """Be done at once where the check is not wanted, or there is no effort to look at."""
         self._node, self._names, self._semantics = node, arm.joint_names, semantics

@@ -27,11 +27,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.joints.effort_convention import EffortSemantics, joint_from_measured
+from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
-from robot_dynamics.monitoring.state_plausibility import Judgement
+from robot_dynamics.monitoring.state_plausibility import StateVerdict
 from robot_dynamics.ros.cdr_templates import effort_template, SensedState
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
@@ -63,7 +63,7 @@ class Estimates:
     """The estimates of one arm: external effort, then residual, each made where it is wanted."""
 
     def __init__(
-        self, controller: Controller, semantics: EffortSemantics, values: Values,
+        self, controller: Controller, semantics: EffortConvention, values: Values,
     ) -> None:
         """Estimate with the load in force, at the bandwidths of the parameters."""
         self.semantics, self._controller = semantics, controller
@@ -149,7 +149,7 @@ class LiveEstimates:
 
     def look(
         self, reader: JointStateReader, state: SensedState, q: FloatArray,
-        v: FloatArray | None, judgement: Judgement, robot_gravity: FloatArray,
+        v: FloatArray | None, judgement: StateVerdict, robot_gravity: FloatArray,
     ) -> None:
         """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
         count_external, count_residual = self._counts
@@ -159,7 +159,7 @@ class LiveEstimates:
         estimates = self._estimates
         if estimates is None or not any(wanted):
             self._rest()
-        elif judgement.is_news:
+        elif judgement.is_new:
             try:
                 self._take(estimates, wanted, reader, state, q, v, judgement, robot_gravity)
             except RobotDynamicsError as error:
@@ -181,7 +181,7 @@ class LiveEstimates:
 
     def _take(
         self, estimates: Estimates, wanted: tuple[bool, bool], reader: JointStateReader,
-        state: SensedState, q: FloatArray, v: FloatArray | None, judgement: Judgement,
+        state: SensedState, q: FloatArray, v: FloatArray | None, judgement: StateVerdict,
         robot_gravity: FloatArray,
     ) -> None:
         measured = reader.effort(state)
@@ -202,7 +202,7 @@ class LiveEstimates:
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
 
-    def _begin_where_needed(self, estimates: Estimates, judgement: Judgement) -> float:
+    def _begin_where_needed(self, estimates: Estimates, judgement: StateVerdict) -> float:
         """Return the time [s] since the state before, which does not count after a restart."""
         dt = 1e-9 * (judgement.stamp - self._stamp)
         self._stamp = judgement.stamp

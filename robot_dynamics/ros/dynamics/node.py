@@ -27,7 +27,7 @@ from robot_dynamics.control.loop_warnings import loop_warnings
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.monitoring.state_plausibility import StateWatch
+from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
@@ -46,9 +46,9 @@ from robot_dynamics.ros.dynamics.safety_parameters import guard_limits, safety_o
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
 from robot_dynamics.ros.guarded_callbacks import (
+    describe_error,
     destroyed_unless_made,
     GuardedCallbacks,
-    reason_of,
 )
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
@@ -120,9 +120,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             raise self._configuring_failed
         self.trigger_activate()
 
-    def begin_to_end(self) -> None:
+    def request_shutdown(self) -> None:
         """Begin to ramp the effort out, while a service may still be at work."""
-        self._path.command.begin_to_end()
+        self._path.command.request_shutdown()
 
     def destroy_node(self) -> None:
         """Ramp the effort out, stop the control path, then the rest."""
@@ -146,7 +146,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         except Exception as error:  # rclpy would take it for an error of the node
             self._configuring_failed = error
             if not self._settings.values['autostart']:
-                self.get_logger().error(f'Not configured: {reason_of(error)}')
+                self.get_logger().error(f'Not configured: {describe_error(error)}')
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -232,7 +232,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._refuse_description(error)
 
     def _refuse_description(self, error: Exception) -> None:
-        self.get_logger().error(f'Kept the model in use: {reason_of(error)}')
+        self.get_logger().error(f'Kept the model in use: {describe_error(error)}')
 
     def _take_waiting_description(self) -> None:
         if self._waiting is None or self._path.command.is_commanding:
@@ -256,7 +256,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         options = options_from(values, arm)
         controller = Controller(arm, options)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
-        watch = StateWatch(
+        watch = StateMonitor(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
         estimates = Estimates(controller, options.semantics, values)
         self._path.use(
@@ -323,7 +323,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._refuse_trajectory(error)
 
     def _refuse_trajectory(self, error: Exception) -> None:
-        before, self._refusal = self._refusal, reason_of(error)
+        before, self._refusal = self._refusal, describe_error(error)
         self._refused += 1
         words = f'Refused a joint trajectory: {self._refusal}'
         if self._refusal == before:  # as of a stream

@@ -17,7 +17,7 @@
 import math
 
 import numpy as np
-from robot_dynamics.control.effort_limiter import GuardLimits
+from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
@@ -105,10 +105,10 @@ def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
     return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
 
 
-def guard_limits(values: Values, arm: ArmModel) -> GuardLimits:
+def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
     """Return the limits of this arm's efforts."""
     limits = arm.limits
-    return GuardLimits(
+    return EffortLimits(
         limits.lower, limits.upper, limits.velocity, values['position_margin'],
         effort_rates(values, arm))
 

@@ -34,8 +34,8 @@ from robot_dynamics.ros.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks, reason_of
-from robot_dynamics.trajectories.efforts import trajectory_efforts
+from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.limit_warnings import (
     limit_warnings,
     motor_warnings,
@@ -143,7 +143,7 @@ class DynamicsServices:
         if not request.trajectory.joint_names:
             request.trajectory.joint_names = list(dynamics.arm.joint_names)
         trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
-        result = trajectory_efforts(dynamics, trajectory)
+        result = efforts_along(dynamics, trajectory)
         order = JointOrder(dynamics.arm, request.trajectory.joint_names)
         response.trajectory = with_efforts(request.trajectory, order.answer(result.efforts))
         response.feasible = result.feasible
@@ -208,7 +208,7 @@ def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:
             handler(request, response)
         except RobotDynamicsError as error:
             # A new one, as the other may be half filled in.
-            return type(response)(success=False, message=reason_of(error))
+            return type(response)(success=False, message=describe_error(error))
         response.success = True
         return response
 

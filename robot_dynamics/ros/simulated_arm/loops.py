@@ -32,7 +32,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.cdr_templates import JointStateDecoder, stamp_bytes, state_template
 from robot_dynamics.ros.conversions import stamp_to_ros
-from robot_dynamics.ros.guarded_callbacks import reason_of
+from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
 from robot_dynamics.simulation.plant import Measured, Plant
@@ -83,7 +83,7 @@ class ArmTopics:
             effort = self._reader.finite_effort(state)
         except Exception as error:  # nothing that arrives may end the simulation
             self._node.get_logger().warning(
-                f'Refused an effort: {reason_of(error)}', throttle_duration_sec=LOG_PERIOD)
+                f'Refused an effort: {describe_error(error)}', throttle_duration_sec=LOG_PERIOD)
             return None
         return effort, state.stamp_ns
 

@@ -25,9 +25,9 @@ from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMP
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.guarded_callbacks import (
+    describe_error,
     destroyed_unless_made,
     GuardedCallbacks,
-    reason_of,
 )
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
@@ -41,7 +41,7 @@ from robot_dynamics.ros.robot_description import (
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
-from robot_dynamics.simulation.inner_controller import RobotSide
+from robot_dynamics.simulation.inner_controller import InnerController
 from robot_dynamics.simulation.plant import Plant
 from robot_dynamics_interfaces.srv import SetPayload
 from std_srvs.srv import Trigger
@@ -141,7 +141,7 @@ class SimulatedArmNode(GuardedCallbacks):
         self._lock = threading.Lock()
         self._loop: WallTimeLoop | LockStepLoop | None = None
         self._plant = Plant(
-            simulation, RobotSide(self._arm, semantics_from_parameters(values)),
+            simulation, InnerController(self._arm, semantics_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
         self._plant.encoders_at_motor = values['encoders'] == 'motor'
         topics = ArmTopics(self, self._arm.joint_names, _has_own_time(values))
@@ -182,7 +182,7 @@ class SimulatedArmNode(GuardedCallbacks):
         try:
             wrench, = wrenches_from_ros(self._arm, [message])
         except Exception as error:  # rclpy ends its spin at anything that is raised here
-            self.get_logger().error(f'Refused an external wrench: {reason_of(error)}')
+            self.get_logger().error(f'Refused an external wrench: {describe_error(error)}')
             return
         with self._lock:
             self._plant.wrenches[wrench.link] = wrench
@@ -205,7 +205,7 @@ class SimulatedArmNode(GuardedCallbacks):
             with self._lock:
                 self._plant.simulation.set_payload(payload)
         except Exception as error:  # rclpy ends its spin at anything that is raised here
-            response.success, response.message = False, reason_of(error)
+            response.success, response.message = False, describe_error(error)
             return response
         response.success = True
         response.message = (
