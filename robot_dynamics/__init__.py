@@ -12,4 +12,68 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which joint torques produce a motion? Dynamics of robot arms described by a URDF."""
+"""
+Which joint torques produce a motion? Dynamics of robot arms described by a URDF.
+
+The names that most programs need first are offered here; each is imported when it is first used.
+More is in the subpackages: `robot_dynamics.model`, `robot_dynamics.control` and so on.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robot_dynamics.analysis import analyze_recording as analyze_recording
+    from robot_dynamics.control import Controller as Controller
+    from robot_dynamics.control import ControllerOptions as ControllerOptions
+    from robot_dynamics.control import make_gains as make_gains
+    from robot_dynamics.exceptions import RobotDynamicsError as RobotDynamicsError
+    from robot_dynamics.identification import identify as identify
+    from robot_dynamics.joints import make_actuators as make_actuators
+    from robot_dynamics.joints import make_friction as make_friction
+    from robot_dynamics.model import ArmDynamics as ArmDynamics
+    from robot_dynamics.model import ArmModel as ArmModel
+    from robot_dynamics.model import load_arm as load_arm
+    from robot_dynamics.model import make_payload as make_payload
+    from robot_dynamics.model import Payload as Payload
+    from robot_dynamics.model_check import check_model as check_model
+    from robot_dynamics.recordings import Recording as Recording
+    from robot_dynamics.simulation import ArmSimulation as ArmSimulation
+    from robot_dynamics.simulation import ArmState as ArmState
+    from robot_dynamics.trajectories import JointTrajectory as JointTrajectory
+    from robot_dynamics.trajectories import make_trajectory as make_trajectory
+
+_MODULES = {
+    'analyze_recording': 'robot_dynamics.analysis',
+    'ArmDynamics': 'robot_dynamics.model',
+    'ArmModel': 'robot_dynamics.model',
+    'ArmSimulation': 'robot_dynamics.simulation',
+    'ArmState': 'robot_dynamics.simulation',
+    'check_model': 'robot_dynamics.model_check',
+    'Controller': 'robot_dynamics.control',
+    'ControllerOptions': 'robot_dynamics.control',
+    'identify': 'robot_dynamics.identification',
+    'JointTrajectory': 'robot_dynamics.trajectories',
+    'load_arm': 'robot_dynamics.model',
+    'make_actuators': 'robot_dynamics.joints',
+    'make_friction': 'robot_dynamics.joints',
+    'make_gains': 'robot_dynamics.control',
+    'make_payload': 'robot_dynamics.model',
+    'make_trajectory': 'robot_dynamics.trajectories',
+    'Payload': 'robot_dynamics.model',
+    'Recording': 'robot_dynamics.recordings',
+    'RobotDynamicsError': 'robot_dynamics.exceptions',
+}
+"""The module of each name."""
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = globals()[name] = getattr(import_module(_MODULES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES})

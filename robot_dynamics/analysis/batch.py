@@ -35,7 +35,6 @@ import signal
 import threading
 from typing import Any
 
-import robot_dynamics
 from robot_dynamics.analysis.result_store import load_result, Result, save_result
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
 from robot_dynamics.recordings.bag_files import METADATA, storage_groups
@@ -151,7 +150,7 @@ def _files_of(bag: Path) -> list[Path]:
 def _code_digest() -> str:
     """Return a digest of this package's own code."""
     digest = hashlib.blake2b(digest_size=20)
-    package = Path(robot_dynamics.__file__).parent
+    package = Path(__file__).parents[1]  # all of it: a result depends on the model as well
     for path in sorted(package.rglob('*.py')):
         digest.update(f'{path.relative_to(package)}\0'.encode() + path.read_bytes())
     return digest.hexdigest()

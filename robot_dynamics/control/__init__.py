@@ -25,9 +25,9 @@ __all__ = [
     'ControllerOptions',
     'ControlOutput',
     'EffortLimiter',
+    'EffortLimits',
     'Fault',
     'Gains',
-    'EffortLimits',
     'make_gains',
     'SafetyOptions',
 ]

@@ -24,6 +24,7 @@ from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 
 __all__ = [
+    'efforts_along',
     'find_excitation',
     'JointTrajectory',
     'make_reference_motion',
@@ -32,7 +33,6 @@ __all__ = [
     'read_trajectory',
     'Reference',
     'ReferenceGenerator',
-    'efforts_along',
     'TrajectoryEfforts',
     'TrajectoryFollower',
     'write_trajectory',
