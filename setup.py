@@ -15,10 +15,29 @@
 """Install the nodes, the library and the tools as an ament_python package."""
 
 from glob import glob
+import sys
 
 from setuptools import find_packages, setup
 
 package_name = 'robot_dynamics'
+EXECUTABLES = {
+    'dynamics_node': 'robot_dynamics.ros.entry_points:dynamics_node',
+    'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
+    'analyze_bag': 'robot_dynamics.tools.analyze_bag:main',
+    'animate': 'robot_dynamics.tools.animate:main',
+    'check_model': 'robot_dynamics.tools.check_model:main',
+    'demo': 'robot_dynamics.tools.demo.cli:main',
+    'dynamics': 'robot_dynamics.tools.ros2_dynamics.verbs:main',
+    'excite': 'robot_dynamics.tools.excite:main',
+    'identify': 'robot_dynamics.tools.identify:main',
+    'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
+    'torque_map': 'robot_dynamics.tools.torque_map:main',
+    'viewer': 'robot_dynamics.tools.viewer.cli:main',
+}
+# colcon installs executables into lib/robot_dynamics, for `ros2 run`. A wheel (pip install) puts
+# them on the PATH, where their names must not be those of other programs.
+is_wheel = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
+prefix = f'{package_name}_' if is_wheel else ''
 
 setup(
     name=package_name,
@@ -52,19 +71,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'dynamics_node = robot_dynamics.ros.entry_points:dynamics_node',
-            'simulated_arm = robot_dynamics.ros.entry_points:simulated_arm',
-            'analyze_bag = robot_dynamics.tools.analyze_bag:main',
-            'animate = robot_dynamics.tools.animate:main',
-            'check_model = robot_dynamics.tools.check_model:main',
-            'demo = robot_dynamics.tools.demo.cli:main',
-            'dynamics = robot_dynamics.tools.ros2_dynamics.verbs:main',
-            'excite = robot_dynamics.tools.excite:main',
-            'identify = robot_dynamics.tools.identify:main',
-            'planar_urdf = robot_dynamics.tools.planar_urdf:main',
-            'torque_map = robot_dynamics.tools.torque_map:main',
-            'viewer = robot_dynamics.tools.viewer.cli:main',
-        ],
+            f'{prefix}{name} = {function}' for name, function in EXECUTABLES.items()],
         # `ros2 dynamics`, where there is ros2cli
         'ros2cli.command': [
             'dynamics = robot_dynamics.tools.ros2_dynamics.ros2cli:DynamicsCommand',

@@ -15,14 +15,18 @@
 """What `import robot_dynamics` offers, and what it loads."""
 
 import ast
+from configparser import ConfigParser
 from pathlib import Path
+import shutil
 import subprocess
 import sys
+import zipfile
 
 import pytest
 import robot_dynamics
 from robot_dynamics.exceptions import RobotDynamicsError
 
+PROJECT = Path(robot_dynamics.__file__).parents[1]
 FOLDERS = sorted(
     path.parent.name for path in Path(robot_dynamics.__file__).parent.glob('*/__init__.py')
     if path.parent.name not in ('ros', 'tools'))
@@ -71,3 +75,45 @@ def test_no_name_of_a_subpackage_hides_a_module() -> None:
               for name in __import__(f'robot_dynamics.{folder}', fromlist=['__all__']).__all__
               if (root / folder / f'{name}.py').exists()]
     assert not hidden
+
+
+@pytest.fixture(scope='module')
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the unpacked wheel that `pip install .` makes of this package."""
+    directory = tmp_path_factory.mktemp('wheel')
+    source = directory / 'source'
+    for name in ('robot_dynamics', 'resource', 'config', 'launch', 'rviz'):
+        shutil.copytree(
+            PROJECT / name, source / name, ignore=shutil.ignore_patterns('__pycache__'))
+    for name in ('setup.py', 'setup.cfg', 'package.xml'):
+        shutil.copy(PROJECT / name, source)
+    subprocess.run(
+        [sys.executable, 'setup.py', '-q', 'bdist_wheel', '--dist-dir', directory],
+        cwd=source, check=True, capture_output=True)
+    file, = directory.glob('*.whl')
+    zipfile.ZipFile(file).extractall(directory / 'unpacked')
+    return directory / 'unpacked'
+
+
+def test_a_wheel_puts_no_names_of_others_on_the_path(wheel: Path) -> None:
+    entries = ConfigParser()
+    entries.optionxform = str  # type: ignore[assignment,method-assign]
+    entries.read(next(wheel.glob('*.dist-info')) / 'entry_points.txt')
+    names = list(entries['console_scripts'])
+    assert len(names) >= 12
+    assert all(name.startswith('robot_dynamics_') for name in names)
+
+
+def test_the_library_of_a_wheel_needs_no_ros(wheel: Path) -> None:
+    program = '\n'.join([
+        'import sys', f'sys.path.insert(0, {str(wheel)!r})',
+        "sys.modules['rclpy'] = sys.modules['robot_dynamics_interfaces'] = None",
+        'import numpy, robot_dynamics', 'from robot_dynamics.planar import default_arm_urdf',
+        f'assert robot_dynamics.__file__.startswith({str(wheel)!r})',
+        'arm = robot_dynamics.load_arm(default_arm_urdf())',
+        'gravity = robot_dynamics.ArmDynamics(arm).rigid_body.gravity',
+        'print(all(getattr(robot_dynamics, name) for name in robot_dynamics.__all__),',
+        '      gravity(numpy.array([numpy.pi / 4, numpy.pi / 6])).round(6).tolist())'])
+    out = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True).stdout
+    assert out == 'True [-49.522825, -11.370879]\n'

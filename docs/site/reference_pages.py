@@ -209,10 +209,9 @@ def _executables_page() -> str:
 
 def _entry_points() -> list[tuple[str, str, str]]:
     """Return name, module and function of the executables, as setup.py has them."""
-    block = re.search(
-        r"'console_scripts': \[(.*?)\]", (ROOT / 'setup.py').read_text(encoding='utf-8'),
-        re.DOTALL)
-    found = re.findall(r"'(\w+) = ([\w.]+):(\w+)'", block[1] if block else '')
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    block = re.search(r'EXECUTABLES = \{(.*?)\}', setup, re.DOTALL)
+    found = re.findall(r"'(\w+)': '([\w.]+):(\w+)'", block[1] if block else '')
     if not found:
         raise ValueError('setup.py names no executables')
     return [(name, module, function) for name, module, function in found]

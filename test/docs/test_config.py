@@ -115,7 +115,7 @@ def test_launch_files(path: Path) -> None:
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     assert used
     for executable in used - {'robot_state_publisher', 'rviz2'}:
-        assert f'{executable} = ' in setup
+        assert f"'{executable}': " in setup
     pytest.importorskip('launch_ros', reason='launch_ros comes with apt, and has no wheel')
     scope: dict[str, Any] = {'__name__': path.stem}
     exec(compile(tree, str(path), 'exec'), scope)

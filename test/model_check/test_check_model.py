@@ -151,7 +151,7 @@ def test_it_loads_no_ros():
 
 def test_it_is_installed_as_a_command():
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    assert 'check_model = robot_dynamics.tools.check_model:main' in setup
+    assert "'check_model': 'robot_dynamics.tools.check_model:main'" in setup
 
 
 # --- the table of the documentation --------------------------------------------------------------
