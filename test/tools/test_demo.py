@@ -84,7 +84,7 @@ def nodes_of(process):
     """Return the processes that the demo has started, by what they run."""
     pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
     return {
-        Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].rpartition('.')[2]: int(pid)
+        Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].split('.')[-2]: int(pid)
         for pid in pids}
 
 
@@ -216,7 +216,7 @@ def test_an_interrupt_stops_the_nodes_and_keeps_what_there_is(tmp_path):
         _, err = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 130, err
     assert 'Traceback' not in err
-    assert set(nodes) == {'dynamics_node', 'simulated_arm_node'}
+    assert set(nodes) == {'dynamics', 'simulated_arm'}
     assert all(is_gone(pid) for pid in nodes.values())
     assert not (tmp_path / 'here' / 'demo.png').exists()
     with Recording(tmp_path / 'here' / 'recording') as recording:
@@ -229,7 +229,7 @@ def test_a_demo_that_is_killed_leaves_no_node_behind(tmp_path):
         nodes = nodes_of(process)
         process.kill()
         process.communicate(timeout=TIMEOUT)
-    assert set(nodes) == {'dynamics_node', 'simulated_arm_node'}
+    assert set(nodes) == {'dynamics', 'simulated_arm'}
     wait_until(lambda: all(is_gone(pid) for pid in nodes.values()), 'the end of both nodes')
 
 
@@ -237,7 +237,7 @@ def test_a_node_that_dies_is_named_with_its_log(tmp_path):
     with start_demo(tmp_path, '--duration', 600, '--out', 'here') as process:
         wait_for_line(process.stdout, 'Following')
         nodes = nodes_of(process)
-        os.kill(nodes['dynamics_node'], signal.SIGKILL)
+        os.kill(nodes['dynamics'], signal.SIGKILL)
         _, err = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 1
     assert 'demo: dynamics ended with status -9' in err
@@ -295,7 +295,7 @@ def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
             '--rate', 100, '--out', 'made') as process:
         wait_for_line(process.stderr, r' [2-7]\d %')  # at the goal: no motion is interrupted
         log = tmp_path / 'made' / 'simulated_arm.log'
-        suspended = nodes_of(process)['dynamics_node']
+        suspended = nodes_of(process)['dynamics']
         os.kill(suspended, signal.SIGSTOP)
         try:
             wait_until(lambda: 'the brakes hold the arm' in log.read_text(), 'brakes')

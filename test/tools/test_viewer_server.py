@@ -325,7 +325,7 @@ def run(*arguments, without=()):
     """Run the command to its end, as if these libraries were not installed."""
     script = (
         f'import sys; sys.modules.update(dict.fromkeys({list(without)!r}))\n'
-        f'from {VIEWER} import main; sys.exit(main({list(arguments)!r}))')
+        f'from {VIEWER}.cli import main; sys.exit(main({list(arguments)!r}))')
     return children.run(
         [sys.executable, '-c', script], capture_output=True, text=True, stdin=subprocess.DEVNULL,
         timeout=3 * TIMEOUT)
