@@ -36,8 +36,9 @@ from benchmarks.safe_motion_cases import (
 )
 import numpy as np
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimits
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel

@@ -20,7 +20,6 @@ or a recording, gives the same efforts however fast it is played.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 import math
 import threading
@@ -28,29 +27,30 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.control.control_law import ErrorFeedback, Gains
-from robot_dynamics.control.gain_softening import crossover_frequency, gain_scale
+from robot_dynamics.control.computed_torque import ComputedTorque
+from robot_dynamics.control.control_law import ErrorFeedback
+from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, RobotEffort
+from robot_dynamics.control.gain_adaptation import GainAdaptation
+from robot_dynamics.control.laws import ControlLaw, GravityCompensation, LawInput, LawOutput
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.payload_transition import PayloadTransition
-from robot_dynamics.control.segment_tracking import FEW, TrackingLaw, TrackingOutput
-from robot_dynamics.control.stable_gains import longest_period, StateQuality, UNKNOWN
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.trajectories.interpolation import ActiveTrajectory, JointTrajectory, Reference
-from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 from robot_dynamics.validation import FloatArray, largest
 
 BoolArray = npt.NDArray[np.bool_]
-COMMAND_MODES = ('computed_torque', 'gravity_compensation', 'none')
-FOLLOWING = COMMAND_MODES[0]
-"""The command that follows a reference."""
-FRICTION_MODES = ('reference', 'measured', 'none')
-
-
+LAWS: dict[str, type[ControlLaw]] = {
+    'computed_torque': ComputedTorque,
+    'gravity_compensation': GravityCompensation,
+}
+"""The control laws, by the values of the parameter `command`."""
+NO_COMMAND = 'none'
 ERROR_TIME = 0.3
 """[s]: the limit of the following error is the way at the velocity limit in this time."""
 DEFAULT_ERROR = 0.5
@@ -58,7 +58,11 @@ DEFAULT_ERROR = 0.5
 FAULT_DAMPING = 0.5
 """Share of K_d with which a joint is damped in a fault."""
 _NS = 1e-9
-_STEP = 1.1
+
+
+def command_modes() -> tuple[str, ...]:
+    """Return the values of the parameter `command`."""
+    return (*LAWS, NO_COMMAND)
 
 
 class NonFiniteEffortError(InvalidInputError):
@@ -96,34 +100,6 @@ class ControlOutput(NamedTuple):
         return None if self.sample is None else self.sample()
 
 
-@dataclass(frozen=True)
-class ControllerOptions:
-    """What may change while the controller runs."""
-
-    gains: Gains
-    command: str = 'computed_torque'
-    effort_scale: float = 1.0
-    """The command is clamped to this share of the effort limits of the URDF."""
-    friction_compensation: str = 'reference'
-    """The velocity at which computed torque compensates friction; see `control`."""
-    effort_rate: FloatArray | float = math.inf
-    """Largest rate of change of the command [N·m/s] or [N/s], (n,) or one for all joints."""
-    semantics: EffortConvention = EffortConvention()
-    """What the robot adds to the command by itself is left out of it."""
-    softens_gains: bool = False
-    """Scale the feedback down for errors whose effort the rate limit would delay."""
-    conditions_references: bool = False
-    """Follow references within the limits of the arm; see `reference_generator`."""
-    slows_down: bool = False
-    """Slow an infeasible trajectory down instead of rejecting it."""
-    stops_and_holds: bool = False
-    """Stop and hold where a reference ends early; otherwise compensate gravity alone."""
-    following_error: FloatArray | None = None
-    """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
-    stream_timeout: float = 0.1
-    """[s] for which a set-point with a velocity is followed."""
-
-
 class Controller:
     """
     Computes efforts from measured states; safe to call from several threads.
@@ -135,7 +111,7 @@ class Controller:
     def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
         self.arm = arm
         self._lock = threading.Lock()
-        self._bare_dynamics = self._dynamics = ArmDynamics(arm)
+        self._unloaded_dynamics = self._dynamics = ArmDynamics(arm)
         self._workspace = WorkspaceInertia(self._dynamics)
         self._planning = ArmDynamics(arm)
         """For the thread that calls `follow`."""
@@ -144,42 +120,35 @@ class Controller:
                       if kind == 'continuous']
         self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
         self._stops_next = False
-        self._is_stopped = False
         self.slowness = 1.0
         """Factor by which the last trajectory was slowed down."""
-        self._quality = StateQuality(arm.joint_kinds)
-        self._rated_period = 0.0
-        self._mass = self._workspace.largest()
-        self.rate_share = 1.0
-        """Share of the natural frequency that the rate and the noise of the states allow."""
+        self._adaptation = GainAdaptation(arm.joint_kinds)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
-        self._tracking: TrackingLaw | None = None
-        self._answered: _Answered | None = None
-        """The last state, and what its command was made of."""
-        self._zero = np.zeros(arm.joint_count)
-        self._zero.setflags(write=False)
+        self._last: tuple[LawOutput, RobotEffort] | None = None
+        """The answer to the last state, and what the robot adds to it by itself."""
         self._no_joint = np.zeros(arm.joint_count, dtype=bool)
         self._no_joint.setflags(write=False)
-        self._motion_limits: MotionLimits | None = None
         self._options = options
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
-        """Take over gains, mode and limits; another mode ends the reference."""
+        """Take over gains, law and limits; another law ends the reference."""
         feedback = ErrorFeedback(
             options.gains, self.arm.joint_kinds, self._largest_error(options.following_error))
-        limit = self.arm.limits.effort.copy()  # infinite where there is none, at any scale
-        limit[np.isfinite(limit)] *= options.effort_scale
+        gravity = GravityCompensation(feedback, options)
+        law = gravity if options.command == NO_COMMAND else LAWS[options.command](
+            feedback, options)
+        bounds = EffortBounds(self.arm.limits.effort, options.effort_scale)
         with self._lock:
             if options.command != self._options.command:
                 self._follower.clear()
-                self._stops_next = self._is_stopped = False
-            self._options, self._feedback, self._effort_limit = options, feedback, limit
-            self._full_feedback = feedback
-            self._free_period = longest_period(options.gains)
-            self._least_limit = float(limit.min(initial=np.inf))
+                self._stops_next = False
+            self._options, self._feedback, self._bounds = options, feedback, bounds
+            self._law_at_rest: ControlLaw = gravity if law.follows else law
+            self._law_with_reference: ControlLaw = law if law.follows else ComputedTorque(
+                feedback, options)
+            self._follows = law.follows
             self._limit_motion()
-            self._adapt_gains()
 
     def _largest_error(self, limit: FloatArray | None) -> FloatArray:
         if limit is not None:
@@ -189,18 +158,23 @@ class Controller:
 
     def _limit_motion(self) -> None:
         """Derive from arm, load and options how fast references may be and gains can act."""
-        options = self._options
-        rate = np.broadcast_to(options.effort_rate, self._effort_limit.shape)
+        options, scaled = self._options, self._bounds.scaled
+        rate = np.broadcast_to(options.effort_rate, scaled.shape)
         self._motion_limits = self._workspace.motion_limits(
-            self._effort_limit, rate) if options.conditions_references else None
-        self._scale_motion()
+            scaled, rate) if options.conditions_references else None
         self._follower.stream_timeout = options.stream_timeout
-        omega = crossover_frequency(options.gains)
-        self._prompt_effort = rate / omega if omega > 0.0 and options.softens_gains else (
-            np.full_like(rate, math.inf))
-        self._mass = self._workspace.largest()
-        inertia = np.maximum(self._workspace.row_sums(), 1e-12)
-        self._prompt_feedback = float((self._prompt_effort / inertia).min(initial=math.inf))
+        if options.softens_gains:
+            self._law_with_reference.limit_rate(rate, self._workspace.row_sums())
+        self._adaptation.use(
+            options.gains if options.softens_gains else None, self._workspace.largest(), rate)
+        self._scale_motion()
+
+    def _scale_motion(self) -> None:
+        """Scale gains and references to the bandwidth that the joint states allow."""
+        limits, adaptation = self._motion_limits, self._adaptation
+        self._follower.limits = None if limits is None else (
+            limits.slower(adaptation.reference_scale))
+        self._law_with_reference.scale_gains(adaptation.scale)
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """
@@ -218,15 +192,15 @@ class Controller:
                 self._options.slows_down)
         with self._lock:
             self._follower.start(trajectory, *self._check_follows(), stamp_ns=stamp_ns)
-            self._stops_next = self._is_stopped = False
+            self._stops_next = False
             self.slowness = slowness
 
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError where nothing can be followed from it."""
-        if self._options.command != FOLLOWING:
+        if not self._follows:
+            names = ' or '.join(repr(name) for name, law in LAWS.items() if law.follows)
             raise TrajectoryError(
-                f'command is {self._options.command!r}, expected {FOLLOWING!r}: nothing is '
-                'followed')
+                f'command is {self._options.command!r}, expected {names}: nothing is followed')
         if self._state is None:
             raise TrajectoryError(
                 'no joint state with velocities has been received, so that there is no state to '
@@ -236,11 +210,11 @@ class Controller:
     def stop(self) -> str:
         """Stop along the path in force, or from the measured state, and hold; return a report."""
         with self._lock:
-            if self._options.command == 'none' or self._state is None:
+            if self._options.command == NO_COMMAND or self._state is None:
                 return 'nothing to stop: the node does not command the arm'
             path = 'along the reference' if self._follower.active else 'from the measured state'
             self._follower.stop(*self._state)
-            self._stops_next, self._is_stopped = False, True
+            self._stops_next = False
             return f'stopping {path}, then holding the position'
 
     @property
@@ -257,7 +231,7 @@ class Controller:
         """Follow nothing; without feedback, until the next trajectory or stop."""
         with self._lock:
             self._follower.clear()
-            self._stops_next = self._is_stopped = False
+            self._stops_next = False
 
     def restart_states(self) -> None:
         """Take the next state as a first one: it need not follow from the last."""
@@ -268,8 +242,7 @@ class Controller:
         """Forget the reference; stop from the next measured state and hold, if so chosen."""
         with self._lock:
             self._follower.clear()
-            self._stops_next = (
-                self._options.stops_and_holds and self._options.command == FOLLOWING)
+            self._stops_next = self._options.stops_and_holds and self._follows
 
     def stop_on_path(self) -> None:
         """Stop along the reference and hold, if so chosen; otherwise forget the reference."""
@@ -334,110 +307,75 @@ class Controller:
     def _update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
         if self._transition is not None:
             self._advance_payload(self._transition, stamp_ns)
-        dynamics, zero = self._dynamics, self._zero
-        gravity = dynamics.rigid_body.gravity(q)
-        friction, a, computed_torque, sample = zero, zero, None, None
-        wanted, share, is_far, q_model = None, self.rate_share, False, q
-        if v is None:
-            self._lose_velocity()
-        else:
-            v = self._take_state(stamp_ns, q, v)
-            active = self._follower.active
-            if active is not None:
-                sample = partial(active.sample, stamp_ns)
-                a, v_r, feedback, is_far = self._track(active, stamp_ns, q, v)
-                if self.rate_share < 1.0:  # the effort acts when the arm has moved on
-                    q_model = q + self._quality.lag * v
-                computed_torque = wanted = dynamics.rigid_body.inverse_dynamics(q_model, v, a)
-                if not dynamics.is_frictionless:
-                    friction = self._friction(v_r, v, computed_torque)
-                    computed_torque = wanted = computed_torque + friction
-                if feedback > self._prompt_feedback:
-                    a_soft, soft = self._softened(active.sample(stamp_ns), q, v, a)
-                    if soft < 1.0:
-                        a, share = a_soft, soft * share
-                        wanted = dynamics.rigid_body.inverse_dynamics(q_model, v, a) + friction
+        v = self._take_state(stamp_ns, q, v)
+        reference, dynamics = self._follower.active, self._dynamics
+        law, q_ahead = self._law_at_rest, q
+        if reference is not None and v is not None:
+            law = self._law_with_reference
+            if self._adaptation.scale < 1.0:  # the effort acts when the arm has moved on
+                q_ahead = q + self._adaptation.quality.lag * v
+        state = LawInput(
+            dynamics, stamp_ns, q, v, q_ahead, dynamics.rigid_body.gravity(q), reference)
+        return self._limited(state, law(state))
+
+    def _limited(self, state: LawInput, answer: LawOutput) -> ControlOutput:
+        """Return the answer of a law as a command within the effort limits."""
+        q, gravity, reference = state.q, state.gravity, state.reference
+        effort, nominal = answer.effort, answer.nominal
+        is_gravity = effort is gravity
         gravity_peak = largest(gravity)
-        peak = 0.0 if computed_torque is None else largest(computed_torque)
+        peak = gravity_peak if is_gravity else largest(nominal)
         if not (gravity_peak < math.inf and peak < math.inf):
-            raise _not_finite(q, gravity, computed_torque)
-        follows = computed_torque is not None and (
-            self._options.command == FOLLOWING or self._is_stopped)
-        bare = dynamics is self._bare_dynamics
-        robot_gravity = gravity if bare else self._bare_dynamics.rigid_body.gravity(q)
-        robot = self._options.semantics
-        own = _NOTHING
-        if robot.robot_compensates:
-            own = _Own(
-                robot_gravity if robot.compensates_gravity else None,
-                friction if robot.compensates_friction and follows else None)
-        is_free = own is _NOTHING and gravity_peak <= self._least_limit
-        hold, clamped = (gravity, self._no_joint) if is_free else (
-            self._bounded(own.gravity_taken_off(gravity), own))
+            raise _not_finite(q, gravity, nominal)
+        robot_gravity = gravity if state.dynamics is self._unloaded_dynamics else (
+            self._unloaded_dynamics.rigid_body.gravity(q))
+        robot, convention = NOTHING, self._options.semantics
+        if convention.robot_compensates:
+            robot = RobotEffort(
+                robot_gravity if convention.compensates_gravity else None,
+                None if is_gravity or not convention.compensates_friction else answer.friction)
+        bounds, is_free = self._bounds, robot is NOTHING
+        hold, clamped = (gravity, self._no_joint) if (
+            is_free and gravity_peak <= bounds.least) else (
+            bounds.bounded(robot.without_gravity(gravity), robot))
         command: FloatArray | None = hold
-        if self._options.command == 'none':
+        if self._options.command == NO_COMMAND:
             command, clamped = None, self._no_joint
-        elif follows and wanted is not None:
-            peak = peak if wanted is computed_torque else largest(wanted)
-            is_free = own is _NOTHING and peak <= self._least_limit
-            command, clamped = (wanted, self._no_joint) if is_free else (
-                self._bounded(own.taken_off(wanted), own, hold))
-        self._answered = (
-            dynamics, q_model if follows else q, v, a,
-            gravity if q_model is q or not follows else None, friction, follows, own)
+        elif not is_gravity:
+            peak = peak if effort is nominal else largest(effort)
+            command, clamped = (effort, self._no_joint) if is_free and peak <= bounds.least else (
+                bounds.bounded(robot.command(effort), robot, hold))
+        self._last = answer, robot
+        if reference is None:
+            return ControlOutput(
+                gravity, robot_gravity, None, command, hold, clamped, 1.0, None, state.v)
         return ControlOutput(
-            gravity, robot_gravity, computed_torque, command, hold, clamped,
-            share if follows else 1.0, sample, v, is_far)
+            gravity, robot_gravity, nominal, command, hold, clamped,
+            answer.gain_scale * self._adaptation.scale, partial(reference.sample, state.stamp_ns),
+            state.v, answer.is_far)
 
     def _terms(self) -> EffortTerms | None:
-        if self._answered is None:
+        if self._last is None:
             return None
-        dynamics, q, v, a, gravity, friction, follows, own = self._answered
-        zero = self._zero
-        if gravity is None:
-            gravity = dynamics.rigid_body.gravity(q)
-        v_terms = v if follows and v is not None else zero
-        terms = dynamics.terms(
-            q, v_terms, a if follows else zero, friction=friction if follows else zero)
-        # The engine rounds g(q) differently in each algorithm; here it is that of the command.
-        terms = own.taken_off_terms(terms._replace(
-            gravity=gravity, effort=terms.effort + (gravity - terms.gravity)))
-        if v is not None and not follows:
-            terms = terms._replace(kinetic_energy=dynamics.rigid_body.kinetic_energy(q, v))
+        answer, robot = self._last
+        terms = robot.command_terms(answer.terms())
         # An energy beyond all numbers is no reason to withhold the effort.
         return terms if all(np.isfinite(part).all() for part in terms) else None
-
-    def _bounded(
-        self, command: FloatArray, own: '_Own', hold: FloatArray | None = None,
-    ) -> tuple[FloatArray, BoolArray]:
-        """
-        Return the command within its limit, so that the effort at the joints is within theirs.
-
-        The latter is the command and the gravity that the robot adds. (Friction that it adds is
-        neglected.) Where gravity alone is beyond the limit, the command need not push against it:
-        it may be 0, or take load off. A scale of the effort limits that is too low for `hold`,
-        the command that holds the arm, extends to it; without `hold` the scale does not apply.
-        """
-        limit = self.arm.limits.effort
-        low, high = -limit, limit
-        if hold is not None:
-            low = np.maximum(low, np.minimum(-self._effort_limit, hold))
-            high = np.minimum(high, np.maximum(self._effort_limit, hold))
-        if own.gravity is not None:
-            low = np.maximum(low, np.minimum(-limit - own.gravity, 0.0))
-            high = np.minimum(high, np.maximum(limit - own.gravity, 0.0))
-        bounded = np.minimum(np.maximum(command, low), high)
-        return bounded, bounded != command
 
     @property
     def quality(self) -> str:
         """A description of the joint states, from which `rate_share` follows."""
-        return str(self._quality)
+        return str(self._adaptation.quality)
 
     @property
     def knows_quality(self) -> bool:
         """Whether enough joint states have been received for `rate_share` to be meaningful."""
-        return self._quality.is_known
+        return self._adaptation.quality.is_known
+
+    @property
+    def rate_share(self) -> float:
+        """Share of the natural frequency that the rate and the noise of the states allow."""
+        return self._adaptation.scale
 
     @property
     def workspace(self) -> WorkspaceInertia:
@@ -461,54 +399,23 @@ class Controller:
             return hold
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
             M, limit = self._dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
-            damping = M @ (FAULT_DAMPING * self._feedback.gains.kd * v)
+            scale = FAULT_DAMPING * self._adaptation.scale
+            damping = M @ (scale * self._feedback.gains.kd * v)
             braked = np.clip(hold - damping, np.minimum(-limit, hold), np.maximum(limit, hold))
             return braked if np.isfinite(braked).all() else hold
 
-    def _track(
-        self, active: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
-    ) -> TrackingOutput:
-        segment, feedback = active.segment(now_ns), self._feedback
-        if segment is None or len(q) > FEW:
-            reference = active.sample(now_ns)
-            a = feedback.acceleration(reference, q, v)
-            return TrackingOutput(
-                a, feedback.reference_velocity(reference, q),
-                float(np.abs(a - reference.acceleration).max(initial=0.0)),
-                feedback.is_far(reference.position, q))
-        tracking = self._tracking
-        if tracking is None or tracking.segment is not segment or (
-                tracking.feedback is not feedback):
-            tracking = self._tracking = TrackingLaw(segment, feedback)
-        return tracking.at(now_ns, q, v)
-
-    def _softened(
-        self, reference: Reference, q: FloatArray, v: FloatArray, a: FloatArray,
-    ) -> tuple[FloatArray, float]:
-        """Return the acceleration with gains that the effort can follow, and their share."""
-        gains = self._feedback.gains
-        proportional = gains.kp * self._feedback.position_error(reference.position, q)
-        damping = gains.kd * (reference.velocity - v)
-        M = self._dynamics.rigid_body.mass_matrix(q)
-        s = gain_scale(M @ proportional, M @ damping, self._prompt_effort)
-        return a - (1.0 - s * s) * proportional - (1.0 - s) * damping, s
-
-    def _friction(self, v_r: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
-        dynamics, mode = self._dynamics, self._options.friction_compensation
-        if mode == 'reference':
-            return dynamics.friction_effort(v_r, load, smooth=True)
-        return dynamics.friction_effort(v, load) if mode == 'measured' else self._zero
-
-    def _take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> FloatArray:
+    def _take_state(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
+    ) -> FloatArray | None:
         """Take over a state; start the stop that waits for it; return the velocity to use."""
-        if self._options.softens_gains:
-            dt = 0.0 if self._state is None else _NS * (stamp_ns - self._state[0])
-            v = self._quality.velocity(dt, q, v)
-            period = self._quality.period
-            if self._quality.is_due or (
-                    period > self._free_period and period > _STEP * self._rated_period):
-                self._rated_period = period
-                self._adapt_gains()
+        if v is None:
+            self._lose_velocity()
+            return None
+        last = self._state
+        v, has_changed = self._adaptation.take(
+            0.0 if last is None else _NS * (stamp_ns - last[0]), q, v)
+        if has_changed:
+            self._scale_motion()
         self._state = stamp_ns, q, v
         if self._stops_next:
             self._stops_next = False
@@ -522,64 +429,11 @@ class Controller:
             self._follower.clear()
         self._state = None
 
-    def _scale_motion(self) -> None:
-        """Slow references down in proportion to the bandwidth of the feedback."""
-        limits, share = self._motion_limits, self.rate_share
-        if not self._quality.is_known:
-            share = min(1.0, share / UNKNOWN)
-        self._follower.limits = None if limits is None else limits.slower(share)
-
-    def _adapt_gains(self) -> None:
-        """Lower the gains to what period and noise of the states, and the rate limit, allow."""
-        options, share = self._options, 1.0
-        if options.softens_gains:
-            share = self._quality.stable_share(
-                options.gains, self._mass,
-                np.broadcast_to(options.effort_rate, self._effort_limit.shape))
-        is_scaled = self._feedback is not self._full_feedback
-        if share < 1.0 and is_scaled and 1.0 / _STEP < share / self.rate_share < _STEP:
-            return
-        self.rate_share = share
-        self._scale_motion()
-        self._feedback = self._full_feedback.scaled(share) if share < 1.0 else (
-            self._full_feedback)
-
     def _advance_payload(self, transition: PayloadTransition, stamp_ns: int) -> None:
         self._dynamics = ArmDynamics(self.arm.with_payloads(transition.payloads(stamp_ns)))
         if transition.done:
             self._transition = None
             transition.when_done(transition.target)
-
-
-class _Own(NamedTuple):
-    """What the robot adds by itself, each (n,) or None for nothing."""
-
-    gravity: FloatArray | None
-    friction: FloatArray | None
-
-    def gravity_taken_off(self, effort: FloatArray) -> FloatArray:
-        return effort if self.gravity is None else effort - self.gravity
-
-    def taken_off(self, effort: FloatArray) -> FloatArray:
-        effort = self.gravity_taken_off(effort)
-        return effort if self.friction is None else effort - self.friction
-
-    def taken_off_terms(self, terms: EffortTerms) -> EffortTerms:
-        if self.gravity is None and self.friction is None:
-            return terms
-        gravity = terms.gravity if self.gravity is None else terms.gravity - self.gravity
-        friction = terms.friction if self.friction is None else np.zeros_like(terms.friction)
-        return terms._replace(
-            gravity=gravity, friction=friction, effort=self.taken_off(terms.effort))
-
-
-_NOTHING = _Own(None, None)
-
-
-# dynamics, q, v, a, g(q) or None, friction, whether a reference is followed, the robot's own share
-_Answered = tuple[
-    ArmDynamics, FloatArray, FloatArray | None, FloatArray, FloatArray | None, FloatArray, bool,
-    _Own]
 
 
 def _not_finite(

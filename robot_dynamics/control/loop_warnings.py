@@ -17,8 +17,8 @@
 from collections.abc import Iterator
 
 import numpy as np
-from robot_dynamics.control.controller import ControllerOptions
 from robot_dynamics.control.gain_softening import crossover_frequency
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.stable_gains import slowest_rate
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 

@@ -20,9 +20,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.control.gain_softening import crossover_frequency, gain_scale
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -19,8 +19,9 @@ import math
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop_warnings import loop_warnings
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.stable_gains import (
     CROSSOVER,
     DELAY_LAG,

@@ -25,7 +25,8 @@ from fuzz_arms import ARMS, CROWD
 from fuzz_law import check_finite, check_words, over_the_wire
 import numpy as np
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel

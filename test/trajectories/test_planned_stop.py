@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -22,8 +22,9 @@ from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop_warnings import loop_warnings
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import Payload

@@ -14,13 +14,15 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
+from robot_dynamics.control.computed_torque import FRICTION_MODES
 from robot_dynamics.control.control_law import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.controller import COMMAND_MODES, ControllerOptions, FRICTION_MODES
+from robot_dynamics.control.controller import command_modes
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
@@ -46,7 +48,7 @@ SPECS = (
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '
-        'without a reference.', choices=COMMAND_MODES),
+        'without a reference.', choices=command_modes()),
     ParameterSpec(
         'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
         'Natural frequency of the tracking error [rad/s], one for all joints or one a joint: '

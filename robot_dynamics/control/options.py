@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Options of the controller."""
+
+from dataclasses import dataclass
+import math
+
+from robot_dynamics.control.control_law import Gains
+from robot_dynamics.joints.effort_convention import EffortConvention
+from robot_dynamics.validation import FloatArray
+
+
+@dataclass(frozen=True)
+class ControllerOptions:
+    """What may change while the controller runs."""
+
+    gains: Gains
+    command: str = 'computed_torque'
+    """A name of `controller.LAWS`, or `none`."""
+    effort_scale: float = 1.0
+    """The command is clamped to this share of the effort limits of the URDF."""
+    friction_compensation: str = 'reference'
+    """The velocity at which computed torque compensates friction; see `control_law`."""
+    effort_rate: FloatArray | float = math.inf
+    """Largest rate of change of the command [N·m/s] or [N/s], (n,) or one for all joints."""
+    semantics: EffortConvention = EffortConvention()
+    """What the robot adds to the command by itself is left out of it."""
+    softens_gains: bool = False
+    """Scale the feedback down for errors whose effort the rate limit would delay."""
+    conditions_references: bool = False
+    """Follow references within the limits of the arm; see `reference_generator`."""
+    slows_down: bool = False
+    """Slow an infeasible trajectory down instead of rejecting it."""
+    stops_and_holds: bool = False
+    """Stop and hold where a reference ends early; otherwise compensate gravity alone."""
+    following_error: FloatArray | None = None
+    """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
+    stream_timeout: float = 0.1
+    """[s] for which a set-point with a velocity is followed."""
