@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
+from robot_dynamics.control.controller import LAWS
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -195,3 +196,8 @@ def test_changed_noise_acts(client: RosClient) -> None:
         noisy = np.array([m.position for m in states.wait_count(400)])
         assert np.std(noisy, axis=0) == pytest.approx([1e-3, 1e-3], rel=0.3)
         client.set_parameters(ARM_NODE, {'position_noise': 0.0})
+
+
+def test_the_commands_are_the_control_laws_and_none() -> None:
+    spec, = (spec for spec in DYNAMICS_SPECS if spec.name == 'command')
+    assert spec.choices == (*LAWS, 'none')

@@ -1,0 +1,139 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""For each control law the terms sum to the effort; the law of docs/control_laws.md is one."""
+
+from pathlib import Path
+import re
+
+import numpy as np
+import pytest
+from robot_dynamics.control import controller
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller, LAWS
+from robot_dynamics.control.laws import ControlLaw
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.joints.effort_convention import make_effort_convention
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robots import robot_urdf
+
+PAGE = Path(__file__).parents[2] / 'docs' / 'control_laws.md'
+MS = 1_000_000
+START = 1_790_000_000_000 * MS
+STATES = 40
+
+
+def page_law() -> type[ControlLaw]:
+    """Return the law that the page shows."""
+    text, = re.findall(r'```python\n(# impedance.py\n.*?)```', PAGE.read_text(), re.DOTALL)
+    scope: dict[str, type[ControlLaw]] = {}
+    exec(compile(text, 'impedance.py', 'exec'), scope)
+    return scope['Impedance']
+
+
+IMPEDANCE = page_law()
+ALL = {**LAWS, 'impedance': IMPEDANCE}
+
+
+@pytest.fixture(autouse=True)
+def _with_the_law_of_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(controller.LAWS, 'impedance', IMPEDANCE)
+
+
+@pytest.fixture(scope='module', params=['ur5', 'panda'])
+def arm(request: pytest.FixtureRequest) -> ArmModel:
+    """Return an arm with friction and a load."""
+    model = load_arm(robot_urdf(request.param))
+    n = model.joint_count
+    return model.with_friction(make_friction(
+        model.joint_names, viscous=[1.5] * n, coulomb=[2.0] * n, static=[2.5] * n))
+
+
+def make(arm: ArmModel, name: str, **options: object) -> Controller:
+    gains = make_gains(arm.joint_names, kp=[300.0], kd=[25.0])
+    return Controller(arm, ControllerOptions(
+        gains, command=name, **options))  # type: ignore[arg-type]
+
+
+def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
+    """Answer states along a noisy motion; check that the terms sum to the command."""
+    rng, n = np.random.default_rng(3), arm.joint_count
+    middle = 0.5 * (np.clip(arm.limits.lower, -3.0, 3.0) + np.clip(arm.limits.upper, -3.0, 3.0))
+    q = middle + rng.uniform(-0.3, 0.3, n)
+    one.update(START, q, np.zeros(n))
+    if with_reference:
+        one.follow(make_trajectory(
+            arm.joint_names, [1.0], [q + 0.1], (), (), arm.joint_names), 0)
+    unlimited = 0
+    for k in range(1, STATES):
+        q = q + rng.normal(scale=1e-3, size=n)
+        output = one.update(START + 5 * k * MS, q, rng.normal(scale=0.2, size=n), with_terms=True)
+        terms, command = output.terms, output.command
+        assert terms is not None
+        parts = (terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
+        scale = 1e-9 * (1.0 + np.abs(parts).max())
+        assert parts == pytest.approx(terms.effort, abs=scale)
+        assert command is not None
+        free = ~output.clamped
+        assert terms.effort[free] == pytest.approx(command[free], abs=scale)
+        unlimited += int(free.all())
+    assert unlimited > STATES // 2
+
+
+@pytest.mark.parametrize('name', ALL)
+@pytest.mark.parametrize(
+    'robot_compensates', [(), ('gravity',), ('gravity', 'friction')], ids=str)
+def test_the_terms_sum_to_the_command(
+    arm: ArmModel, name: str, robot_compensates: tuple[str, ...],
+) -> None:
+    convention = make_effort_convention('joint_torque', robot_compensates, False)
+    one = make(arm, name, semantics=convention)
+    follow(one, arm, with_reference=ALL[name].follows)
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
+    arm: ArmModel, name: str,
+) -> None:
+    one = make(arm, name, softens_gains=True, effort_rate=500.0)
+    load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
+    one.set_payload(load, 0.0, lambda _: None)
+    follow(one, arm, with_reference=ALL[name].follows)
+
+
+def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    one, n = make(arm, 'impedance'), arm.joint_count
+    q, v = np.full(n, 0.4), np.zeros(n)
+    one.update(START, q, v)
+    one.follow(make_trajectory(arm.joint_names, [0.0], [q + 0.02], (), (), arm.joint_names), 0)
+    v = np.linspace(-0.1, 0.1, n)
+    output = one.update(START + MS, q, v)
+    gravity = ArmDynamics(arm).rigid_body.gravity(q)
+    assert output.command == pytest.approx(gravity + 300.0 * 0.02 - 25.0 * v)
+
+
+@pytest.mark.parametrize('name', [name for name, law in ALL.items() if not law.follows])
+def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, name), np.zeros(arm.joint_count)
+    one.update(START, q, q)
+    with pytest.raises(
+            TrajectoryError, match=f"command is {name!r}, expected 'computed_torque' or "):
+        one.follow(make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names), 0)
