@@ -77,7 +77,7 @@ class SafeCommand:
 
     def __init__(
         self, node: Node, qos: QoSProfile, when_interrupted: Callable[[str, bool], None],
-        when_recovered: Callable[[], None],
+        when_recovered: Callable[[], None], when_changed: Callable[[], object],
     ) -> None:
         """
         Report interruptions of the reference.
@@ -85,10 +85,11 @@ class SafeCommand:
         `when_interrupted` is called when nothing can be followed any more, with the reason and
         whether commands resume automatically.
 
-        `when_recovered` is called when commands resume after a fault.
+        `when_recovered` is called when commands resume after a fault. `when_changed` is called
+        when a fault begins or ends, in the thread that noticed it, and must return soon.
         """
         self._node, self._when_interrupted = node, when_interrupted
-        self._when_recovered = when_recovered
+        self._when_recovered, self._when_changed = when_recovered, when_changed
         self.counters = CommandCounters()
         self._command = self._publisher(JointState, 'effort_command', qos)
         self._send = self._command.handle.publish_raw
@@ -102,8 +103,6 @@ class SafeCommand:
         self._is_active = self._ends = False
         self._is_wanted = True
         self._latched: Fault | None = None
-        self.when_changed: Callable[[], object] = lambda: None
-        """Called when a fault begins or is over, in the thread that met it; must return soon."""
         self._faults_seen = 0
         self._mode_seen = Mode.INACTIVE
         self._thread = threading.Thread(target=self._watch, name='command watch', daemon=True)
@@ -116,7 +115,7 @@ class SafeCommand:
             self._node.get_logger().warning(
                 f'A subscriber of {topic} gets nothing, as it asks for another {policy} than '
                 'offered: reliable or best effort, volatile, no deadline.')
-            self.when_changed()
+            self._when_changed()
 
         return self._node.create_publisher(
             message_type, topic, qos, event_callbacks=PublisherEventCallbacks(
@@ -375,7 +374,7 @@ class SafeCommand:
                 throttle_duration_sec=LOG_PERIOD)
         if self._mode_seen is not supervisor.mode:
             self._mode_seen = supervisor.mode
-            self.when_changed()
+            self._when_changed()
 
     def status(self) -> Status:
         """Return the state of the command for the diagnostics."""

@@ -88,14 +88,21 @@ class _Served:
 class ControlPath:
     """Answers each joint state with the efforts for it, under the stamp of that state."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(
+        self, node: Node, count_publishers: Callable[[], int],
+        when_changed: Callable[[], object],
+    ) -> None:
+        """
+        Publish on the topics of a node.
+
+        `count_publishers` returns how many publishers of joint states there are; `when_changed`
+        is called when a fault begins or ends, and must return soon.
+        """
+        self._node, self._count_publishers = node, count_publishers
         self._served: _Served | None = None
         self._answering = threading.Lock()
         self._stream = SetPointStream()
         self._state_max_age = 0.0
-        self.count_publishers: Callable[[], int] = lambda: 1
-        """Tells how many publishers of joint states there are."""
         self.counters = ControlCounters()
 
         def publisher(message_type: type, topic: str) -> Any:
@@ -110,10 +117,10 @@ class ControlPath:
         self._send_computed_torque = computed_torque.handle.publish_raw
         self._count_terms = self._terms.handle.get_subscription_count
         self._count_reference = self._reference.handle.get_subscription_count
-        self.estimates = LiveEstimates(node)
         self.markers = LiveMarkers(node)
-        self.estimates.is_external_wanted = lambda: self.markers.is_on
-        self.command = SafeCommand(node, NEWEST_ONLY, self._interrupt, self._resume)
+        self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
+        self.command = SafeCommand(
+            node, NEWEST_ONLY, self._interrupt, self._resume, when_changed)
         self._was_interrupted = False
         self._share = self._reported_share = 1.0
 
@@ -316,7 +323,7 @@ class ControlPath:
         self._reported_share = share
 
     def _has_several_publishers(self) -> bool:
-        return self.count_publishers() > 1
+        return self._count_publishers() > 1
 
     def _has_age(self) -> bool:
         """With use_sim_time stamps have no age by the clock of this computer."""

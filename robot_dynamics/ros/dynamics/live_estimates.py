@@ -119,8 +119,9 @@ class Estimates:
 class LiveEstimates:
     """Publishes estimates; `look` is for the control path's thread, `status` for any."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, is_external_wanted: Callable[[], bool]) -> None:
+        """`is_external_wanted` tells whether more than subscribers need the external effort."""
+        self._node, self._is_external_wanted = node, is_external_wanted
         self._publishers = (
             node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual', NEWEST_ONLY))
@@ -130,8 +131,6 @@ class LiveEstimates:
         self._is_on = self._is_lacking = False
         self._words = UNHEARD
         self._stamp = 0
-        self.is_external_wanted: Callable[[], bool] = lambda: False
-        """Tells whether somebody beside the subscribers needs the external effort."""
         self.external_effort: FloatArray | None = None
         """That of the newest state (n,), where it is estimated."""
         self.external_limit: FloatArray | None = None
@@ -155,7 +154,7 @@ class LiveEstimates:
         count_external, count_residual = self._counts
         is_heard = count_external() > 0
         is_limited = self.external_limit is not None
-        wanted = is_heard or is_limited or self.is_external_wanted(), count_residual() > 0
+        wanted = is_heard or is_limited or self._is_external_wanted(), count_residual() > 0
         estimates = self._estimates
         if estimates is None or not any(wanted):
             self._rest()

@@ -94,7 +94,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._configuring_failed: Exception | None = None
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
-        self._path = ControlPath(self)
+        self._path = ControlPath(
+            self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
@@ -102,12 +103,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10,
             refuse=self._refuse_trajectory)
         self._report = StateReport(self._path.counters)
-        self._path.command.when_changed = Diagnostics(self, self._statuses).look_now
         self._loop = MessageLoop(
             self, JointState, 'joint_states', NEWEST_STATE, JointStateDecoder().decode,
             self._path.on_state, self._path.refuse,
             in_thread=self._settings.values['state_thread'])
-        self._path.count_publishers = self._loop.publisher_count
         if self._settings.values['autostart']:
             self._start()
 
