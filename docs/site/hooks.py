@@ -17,11 +17,11 @@
 from collections.abc import Mapping
 import posixpath
 
-from api_pages import api_pages
 from mathml import FormulaExtension
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files, InclusionLevel
+from python_pages import python_pages
 from readme_pages import (
     CODE,
     code_page,
@@ -66,7 +66,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         except ValueError as error:
             raise PluginError(f'{page}: {error}') from None
         _replace(files, config, page, text)
-    for page, text in {**code, **api_pages()}.items():
+    for page, text in {**code, **python_pages()}.items():
         _replace(files, config, page, text)
     return files
 

@@ -43,7 +43,7 @@ def identified_urdf(
     """
     Return the URDF with the bodies' parameters φ (10 × bodies,), of the arm that it describes.
 
-    `viscous` and `dry` (n,) [N·m·s/rad, N·m] become <dynamics damping friction> of the joints.
+    `viscous` and `dry` (n,) [N·m·s/rad, N·m] become `<dynamics damping friction>` of the joints.
     Bodies whose φ are as before keep their elements. Raises ModelError where a body is not
     physically consistent.
     """

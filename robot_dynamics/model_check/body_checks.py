@@ -45,7 +45,7 @@ _AXES = 'xyz'
 
 
 def check_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
-    """Return the links with an <inertial> whose mass is negative, zero or tiny."""
+    """Return the links with an `<inertial>` whose mass is negative, zero or tiny."""
     findings = []
     for body in bodies:
         if body.mass is None or body.mass >= TINY_MASS:
@@ -118,7 +118,7 @@ def check_extents(
 
 
 def check_lost_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
-    """Return the links with geometry and no <inertial>, or with more than one."""
+    """Return the links with geometry and no `<inertial>`, or with more than one."""
     findings = []
     for body in bodies:
         if body.inertials > 1:

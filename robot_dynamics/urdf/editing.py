@@ -34,7 +34,7 @@ class _Change(NamedTuple):
 
 
 class _Finder:
-    """Looks for <inertial> of links and <dynamics> of joints, right below the robot."""
+    """Looks for `<inertial>` of links and `<dynamics>` of joints, right below the robot."""
 
     def __init__(
         self, data: bytes, links: Mapping[str, str | None], joints: Mapping[str, str],
@@ -109,7 +109,7 @@ def with_elements(
     urdf: str, inertials: Mapping[str, str | None], dynamics: Mapping[str, str],
 ) -> str:
     """
-    Return the URDF with other <inertial> elements of links and <dynamics> of joints, by name.
+    Return the URDF with other `<inertial>` elements of links and `<dynamics>` of joints, by name.
 
     None takes the element away. Raises ModelError where the text is no XML.
     """

@@ -36,8 +36,8 @@ class LinkBody:
     One link, in its own frame.
 
     `mass` [kg], `com` (3,) [m] and `inertia` (3, 3) [kg·m²], about the center of mass, are None
-    without an <inertial>. `corners` (k, 3) [m] are those of boxes around its shapes; None where
-    there are shapes, none of which could be read. `inertials` counts the <inertial> elements, of
+    without an `<inertial>`. `corners` (k, 3) [m] are those of boxes around its shapes; None where
+    there are shapes, none of which could be read. `inertials` counts the `<inertial>` elements, of
     which the first is read.
     """
 

@@ -22,7 +22,7 @@ sine; geometry, limits and mimic relations are left out.
 import xml.etree.ElementTree as ElementTree
 
 INERTIA_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-"""The attributes of <inertia>."""
+"""The attributes of `<inertia>`."""
 
 # Stands for "no limit" where the parser behind Pinocchio wants a number.
 _UNLIMITED = '1e30'
@@ -31,7 +31,7 @@ _NUMBERS_OF = {
 
 
 def pinocchio_urdf(root: ElementTree.Element) -> str:
-    """Return the text for Pinocchio of a <robot> that was checked (see `urdf.parse_urdf`)."""
+    """Return the text for Pinocchio of a `<robot>` that was checked (see `urdf.parse_urdf`)."""
     tree = ElementTree.Element('robot', {'name': root.get('name') or 'arm'})
     for link in root.findall('link'):
         copy = ElementTree.SubElement(tree, 'link', {'name': link.get('name') or ''})

@@ -37,7 +37,7 @@ _PLACES = ('', 'actuator/', 'joint/')
 
 def read_reductions(robot: ElementTree.Element) -> dict[str, tuple[str, ...]]:
     """
-    Return the reductions that the transmissions of a <robot> state, by joint.
+    Return the reductions that the transmissions of a `<robot>` state, by joint.
 
     The texts are not judged here: a reduction that nobody asks for keeps no arm from its work.
     """

@@ -44,7 +44,7 @@ def robot_element(xml: str) -> ElementTree.Element:
 
 
 def pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:
-    """Return rotation (3, 3) and place (3,) [m] of the <origin> in an element."""
+    """Return rotation (3, 3) and place (3,) [m] of the `<origin>` in an element."""
     origin = element.find('origin')
     return rotation(vector(origin, 'rpy', '0 0 0')), vector(origin, 'xyz', '0 0 0')
 
