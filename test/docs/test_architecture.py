@@ -1,0 +1,64 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""docs/architecture.md names the folders, threads, locks and modules that exist."""
+
+from pathlib import Path
+import re
+
+import robot_dynamics
+
+PACKAGE = Path(robot_dynamics.__file__).parent
+TEXT = (PACKAGE.parent / 'docs' / 'architecture.md').read_text(encoding='utf-8')
+THREAD = re.compile(r"name=f?'([^']+)'")
+
+
+def rows(heading: str) -> list[str]:
+    """Return the first cells of the table below a row of headings."""
+    table = TEXT.partition(f'| {heading} |')[2].partition('\n\n')[0]
+    return [line.split('|')[1].strip(' `') for line in table.splitlines()[2:]]
+
+
+def test_every_folder_stands_in_the_table_in_the_order_of_the_layers() -> None:
+    folders = rows('folder')
+    assert sorted(folders) == sorted(path.parent.name for path in PACKAGE.glob('*/__init__.py'))
+    project = (PACKAGE.parent / 'pyproject.toml').read_text(encoding='utf-8')
+    layers = re.findall(r'^    "([\w : ]+)",$', project.partition('layers = [')[2].partition(
+        ']')[0], re.MULTILINE)
+    rank = {name: i for i, layer in enumerate(layers) for name in layer.split(' : ')}
+    assert [rank[name] for name in folders] == sorted(rank[name] for name in folders)
+
+
+def test_every_thread_stands_in_the_table() -> None:
+    found = set()
+    for path in (PACKAGE / 'ros').rglob('*.py'):
+        text = path.read_text(encoding='utf-8')
+        for call in re.findall(r'threading\.Thread\((.*?)daemon', text, re.DOTALL):
+            found |= set(THREAD.findall(call))
+    names = {name.replace('{topic}', 'joint_states').replace('{name}', '~/stop') for name in found}
+    assert names == set(rows('thread')) - {'main'}
+
+
+def test_every_module_that_is_named_exists() -> None:
+    named = re.findall(r'`((?:\w+/)+\w+\.py)`', TEXT)
+    assert len(named) > 10
+    assert [name for name in named if not (PACKAGE / name).is_file()] == []
+
+
+def test_every_lock_that_is_named_exists() -> None:
+    sources = {path.read_text(encoding='utf-8') for path in PACKAGE.rglob('*.py')}
+    for name in rows('lock'):
+        owner, attribute = name.split('.')
+        assert any(f'class {owner}' in text and f'self.{attribute} = threading.' in text
+                   for text in sources), name
