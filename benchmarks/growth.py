@@ -22,7 +22,7 @@ from benchmarks.chains import chain_urdf, spatial_chain
 from benchmarks.timing import medians
 import numpy as np
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.rigid_body import UncheckedRigidBody
 from robot_dynamics.validation import FloatArray
 
 JOINTS = (2, 3, 4, 5, 7, 10, 14, 20, 30, 40, 50, 60)
@@ -61,7 +61,7 @@ def exponent(times: FloatArray) -> float:
 
 def _calls(n: int) -> dict[str, tuple[Callable[..., object], Sequence[tuple[Any, ...]]]]:
     """Return the quantities of a chain of n joints, with states to ask them at."""
-    body = RigidBody(load_arm(chain_urdf(spatial_chain(n))))
+    body = UncheckedRigidBody(load_arm(chain_urdf(spatial_chain(n))))
     states = [tuple(state) for state in np.random.default_rng(n).uniform(-1, 1, (STATES, 3, n))]
     positions = [state[:1] for state in states]
     motions = [state[:2] for state in states]

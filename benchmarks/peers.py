@@ -22,7 +22,8 @@ from benchmarks.engines import Calls, PEERS
 from benchmarks.timing import medians
 import numpy as np
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.model.rigid_body import UncheckedRigidBody
 from robot_dynamics.validation import FloatArray
 
 JOINTS = 7
@@ -39,14 +40,14 @@ SAME = (OURS, 'Pinocchio')
 
 def library(links: list[ChainLink]) -> Calls:
     """Return the library's answers for rigid bodies, which is what the peers are asked for."""
-    body = ArmDynamics(load_arm(chain_urdf(links))).rigid_body
+    body = UncheckedRigidBody(load_arm(chain_urdf(links)))
     return Calls(
         OURS, body.inverse_dynamics, body.gravity, body.mass_matrix, body.forward_dynamics)
 
 
 def library_with_friction(links: list[ChainLink]) -> Calls:
     """Return the library's answers with the friction of the arm, which is none here."""
-    dynamics = ArmDynamics(load_arm(chain_urdf(links)))
+    dynamics = UncheckedArmDynamics(load_arm(chain_urdf(links)))
     body = dynamics.rigid_body
     return Calls(
         f'{OURS}, ArmDynamics', dynamics.inverse_dynamics, body.gravity, body.mass_matrix,

@@ -42,7 +42,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.rigid_body import UncheckedRigidBody
 from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
 from robot_dynamics.validation import FloatArray
 
@@ -172,7 +172,7 @@ class Plant:
     """
 
     def __init__(self, arm: ArmModel, q: FloatArray) -> None:
-        self._body = ArmDynamics(arm).rigid_body
+        self._body = UncheckedRigidBody(arm)
         self._viscous, self._coulomb = arm.friction.viscous, arm.friction.coulomb
         self._is_rough = bool(self._viscous.any() or self._coulomb.any())
         self.q, self.v = q.copy(), np.zeros_like(q)

@@ -131,6 +131,19 @@ def check_samples(
     return _check_size(field, array, names, largest)
 
 
+def check_states(
+    field: str, value: Any, columns: int, names: Sequence[str] | None = None,
+) -> FloatArray:
+    """
+    Return one vector, shape (columns,), or many, shape (samples, columns), all finite, as float64.
+
+    Raises InvalidInputError as `check_vector` and `check_samples` do.
+    """
+    array = _as_float_array(field, value)
+    check = check_samples if array.ndim == 2 else check_vector
+    return check(field, array, columns, names)
+
+
 def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
     """
     Return `value` as a float64 tensor, shape (3, 3), all finite and at most `largest` in size.

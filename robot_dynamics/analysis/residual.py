@@ -71,7 +71,7 @@ def model_terms(
     order of `dynamics.arm.joint_names`, finite; the states are in the order of time, which matters
     where gears have a presliding distance.
     """
-    body, zero = dynamics.rigid_body, np.zeros_like(position)
+    body, zero = dynamics.unchecked.rigid_body, np.zeros_like(position)
     q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))
     gravity = body.inverse_dynamics_batch(q, zero, zero)
     nonlinear = body.inverse_dynamics_batch(q, v, zero)
@@ -81,7 +81,7 @@ def model_terms(
         inertial=whole - nonlinear,
         coriolis=nonlinear - gravity,
         gravity=gravity,
-        friction=dynamics.friction_along(q, v, whole),
+        friction=dynamics.unchecked.friction_along(q, v, whole),
         kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
         potential_energy=body.potential_energy_batch(q))
 

@@ -29,7 +29,7 @@ from robot_dynamics.control.gain_softening import crossover_frequency, gain_scal
 from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.segment_tracking import FEW, TrackingLaw, TrackingOutput
-from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory, Reference
 from robot_dynamics.validation import FloatArray
 
@@ -83,7 +83,7 @@ class ComputedTorque(ControlLaw):
         return LawOutput(effort, terms, friction, nominal, scale, is_far)
 
     def _terms(
-        self, dynamics: ArmDynamics, q: FloatArray, v: FloatArray, q_ahead: FloatArray,
+        self, dynamics: UncheckedArmDynamics, q: FloatArray, v: FloatArray, q_ahead: FloatArray,
         a: FloatArray, friction: FloatArray, gravity: FloatArray,
     ) -> EffortTerms:
         if q_ahead is not q:
@@ -108,7 +108,7 @@ class ComputedTorque(ControlLaw):
         return law.at(now_ns, q, v)
 
     def _softened(
-        self, dynamics: ArmDynamics, reference: Reference, q: FloatArray, v: FloatArray,
+        self, dynamics: UncheckedArmDynamics, reference: Reference, q: FloatArray, v: FloatArray,
         a: FloatArray,
     ) -> tuple[FloatArray, float]:
         """Return the acceleration with gains that the effort can follow, and their scale s."""
@@ -120,7 +120,7 @@ class ComputedTorque(ControlLaw):
         return a - (1.0 - s * s) * proportional - (1.0 - s) * damping, s
 
     def _friction(
-        self, dynamics: ArmDynamics, v_r: FloatArray, v: FloatArray, load: FloatArray,
+        self, dynamics: UncheckedArmDynamics, v_r: FloatArray, v: FloatArray, load: FloatArray,
     ) -> FloatArray:
         if self._friction_mode == 'reference':
             return dynamics.friction_effort(v_r, load, smooth=True)

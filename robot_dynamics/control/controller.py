@@ -36,7 +36,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.payload_transition import PayloadTransition
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
@@ -111,10 +111,10 @@ class Controller:
     def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
         self.arm = arm
         self._lock = threading.Lock()
-        self._unloaded_dynamics = self._dynamics = ArmDynamics(arm)
-        self._workspace = WorkspaceInertia(self._dynamics)
+        self._unloaded_dynamics = self._dynamics = UncheckedArmDynamics(arm)
         self._planning = ArmDynamics(arm)
         """For the thread that calls `follow`."""
+        self._workspace = WorkspaceInertia(self._planning)
         self._transition: PayloadTransition | None = None
         continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
                       if kind == 'continuous']
@@ -269,7 +269,7 @@ class Controller:
         planning = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
         workspace = WorkspaceInertia(planning)
         if transition_time == 0.0:
-            dynamics = ArmDynamics(planning.arm)
+            dynamics = UncheckedArmDynamics(planning.arm)
             with self._lock:
                 self._dynamics, self._transition = dynamics, None
                 self._planning, self._workspace = planning, workspace
@@ -430,7 +430,8 @@ class Controller:
         self._state = None
 
     def _advance_payload(self, transition: PayloadTransition, stamp_ns: int) -> None:
-        self._dynamics = ArmDynamics(self.arm.with_payloads(transition.payloads(stamp_ns)))
+        self._dynamics = UncheckedArmDynamics(
+            self.arm.with_payloads(transition.payloads(stamp_ns)))
         if transition.done:
             self._transition = None
             transition.when_done(transition.target)

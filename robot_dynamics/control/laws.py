@@ -26,7 +26,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory
 from robot_dynamics.validation import FloatArray
 
@@ -41,7 +41,7 @@ class LawInput(NamedTuple):
     followed, None for nothing; with a reference there is a velocity.
     """
 
-    dynamics: ArmDynamics
+    dynamics: UncheckedArmDynamics
     stamp_ns: int
     q: FloatArray
     v: FloatArray | None
@@ -124,8 +124,8 @@ class GravityCompensation(ControlLaw):
 
 
 def equation_terms(
-    dynamics: ArmDynamics, q: FloatArray, v: FloatArray, a: FloatArray, friction: FloatArray,
-    gravity: FloatArray,
+    dynamics: UncheckedArmDynamics, q: FloatArray, v: FloatArray, a: FloatArray,
+    friction: FloatArray, gravity: FloatArray,
 ) -> EffortTerms:
     """
     Return the terms of M(q) a + C(q, v) v + g(q) + friction, all arrays (n,).

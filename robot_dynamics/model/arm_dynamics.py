@@ -21,13 +21,22 @@ depends on the load, too: what the joints bear of rigid bodies, M q̈ + C q̇ + 
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, singular_mass_matrix
+from robot_dynamics.model.rigid_body import (
+    check_threads,
+    ExternalWrench,
+    ManipulatorEquation,
+    RigidBody,
+    singular_mass_matrix,
+    UncheckedRigidBody,
+)
 from robot_dynamics.validation import FloatArray
 
 
@@ -48,12 +57,12 @@ class EffortTerms(NamedTuple):
     potential_energy: float
 
 
-class ArmDynamics:
-    """Dynamics of an arm with friction; conventions as in `RigidBody`, not for two threads."""
+class UncheckedArmDynamics:
+    """`ArmDynamics` without checks, with inputs as in `UncheckedRigidBody`."""
 
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm
-        self.rigid_body = RigidBody(arm)
+        self.rigid_body = UncheckedRigidBody(arm)
         self.friction = arm.friction
         self._dry = arm.friction.static > 0.0
         self._is_dry = bool(self._dry.any())
@@ -176,3 +185,99 @@ class ArmDynamics:
         return EffortTerms(
             inertial, coriolis, gravity, friction, external,
             inertial + coriolis + gravity + friction + external, *energies)
+
+
+class ArmDynamics(ManipulatorEquation):
+    """
+    Dynamics of an arm with friction: τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f.
+
+    M, C, the Christoffel symbols and g are methods of `ManipulatorEquation`, which also says how
+    inputs are checked. `unchecked` has the same methods without checks, for control loops; both
+    share scratch memory.
+    """
+
+    def __init__(self, arm: ArmModel) -> None:
+        self.unchecked = UncheckedArmDynamics(arm)
+        super().__init__(arm, self.unchecked.rigid_body)
+
+    @cached_property
+    def rigid_body(self) -> RigidBody:
+        """The same arm without friction."""
+        return RigidBody(self.arm)
+
+    def inverse_dynamics(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """
+        Return τ = M(q) a + C(q, v) v + g(q) + τ_friction − Jᵀ f, (n,) [N·m] or [N].
+
+        At rest any dry friction up to F_s is possible; it is taken as 0. Recursive Newton–Euler
+        algorithm (Featherstone 2008, section 5.3).
+        """
+        return self.unchecked.inverse_dynamics(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
+
+    def inverse_dynamics_batch(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, threads: int = 1,
+    ) -> FloatArray:
+        """
+        Return the efforts of many states; all arrays are (samples, n).
+
+        `threads` >= 1 share the work if Pinocchio was built with OpenMP.
+        """
+        return self.unchecked.inverse_dynamics_batch(
+            **self._samples(q=q, v=v, a=a), threads=check_threads(threads))
+
+    def forward_dynamics(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """
+        Return the acceleration a, (n,), of M(q) a + C(q, v) v + g(q) + τ_friction − Jᵀ f = τ.
+
+        A joint with dry friction whose velocity is exactly 0 stays at rest while a friction of at
+        most F_s holds it (`stiction`); otherwise it breaks away against F_s. Articulated body
+        algorithm (Featherstone 2008, section 7.3). Raises InvalidInputError also if M(q) is
+        singular: a joint that moves no mass.
+        """
+        return self.unchecked.forward_dynamics(
+            **self._vectors(q=q, v=v, tau=tau), wrenches=wrenches)
+
+    def terms(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
+        wrenches: Sequence[ExternalWrench] = (), friction: npt.ArrayLike | None = None,
+    ) -> EffortTerms:
+        """
+        Return the terms of `inverse_dynamics`, each (n,) [N·m] or [N], and the energies [J].
+
+        `friction` (n,) replaces the friction at the velocity v.
+        """
+        return self.unchecked.terms(
+            **self._vectors(q=q, v=v, a=a), wrenches=wrenches,
+            friction=None if friction is None else self._vectors(friction=friction)['friction'])
+
+    def friction_effort(
+        self, v: npt.ArrayLike, load: npt.ArrayLike, smooth: bool = False,
+    ) -> FloatArray:
+        """
+        Return the friction of joints and gears at the velocity v, [N·m] or [N].
+
+        v and `load`, the effort of the rigid bodies M a + C v + g − Jᵀ f, are both (n,) or both
+        (samples, n). With `smooth`, dry friction is a sigmoid of the velocity around rest.
+        """
+        return self.unchecked.friction_effort(**self._states(v=v, load=load), smooth=smooth)
+
+    def friction_along(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, load: npt.ArrayLike,
+        state: npt.ArrayLike | None = None,
+    ) -> FloatArray:
+        """
+        Return the friction (samples, n) [N·m] or [N] along a motion, samples in order of time.
+
+        Smooth around rest. If gears have a presliding distance, dry friction follows the
+        displacement since the last velocity reversal (`presliding`), with the presliding state
+        `state` (n,) at the first sample.
+        """
+        return self.unchecked.friction_along(
+            **self._samples(q=q, v=v, load=load),
+            state=None if state is None else self._vectors(state=state)['state'])

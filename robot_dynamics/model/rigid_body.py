@@ -26,10 +26,18 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.validation import all_finite, FloatArray
+from robot_dynamics.validation import (
+    all_finite,
+    check_samples,
+    check_scalar,
+    check_states,
+    check_vector,
+    FloatArray,
+)
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
 """Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""
@@ -42,12 +50,18 @@ class ExternalWrench:
     """
     What the environment exerts on a link, in that link's frame, at its origin.
 
-    `force` (3,) [N], `torque` (3,) [N·m].
+    `force` (3,) [N], `torque` (3,) [N·m]. Raises InvalidInputError on another length or a value
+    that is not finite.
     """
 
     link: str
     force: FloatArray
     torque: FloatArray
+
+    def __post_init__(self) -> None:
+        for field in ('force', 'torque'):
+            value = check_vector(field, getattr(self, field), 3, ('x', 'y', 'z'))
+            object.__setattr__(self, field, value)
 
 
 class RigidBodyTerms(NamedTuple):
@@ -61,12 +75,12 @@ class RigidBodyTerms(NamedTuple):
     potential_energy: float
 
 
-class RigidBody:
+class UncheckedRigidBody:
     """
-    The rigid bodies of one arm; all vectors are (n,) in the order of `arm.joint_names`.
+    `RigidBody` without checks, for control loops and simulation.
 
-    q [rad] or [m], v and a its derivatives, tau [N·m] or [N]. Inputs are float64 arrays that have
-    been checked. An instance holds the scratch memory of the algorithms, so it is not for two
+    Inputs are finite float64 arrays of the right shape; other inputs give errors of Pinocchio or
+    wrong results. An instance holds the scratch memory of the algorithms, so it is not for two
     threads at a time; what it returns is new.
     """
 
@@ -282,3 +296,162 @@ def singular_mass_matrix(q: FloatArray) -> InvalidInputError:
     return InvalidInputError(
         f'forward dynamics at position {q.tolist()} has no finite solution: the mass matrix is '
         'singular, expected every joint to move some mass or inertia')
+
+
+class ManipulatorEquation:
+    """
+    The terms M(q), C(q, v), g(q) and −Jᵀ f of one arm, and its energies.
+
+    All vectors are (n,) in the order of `arm.joint_names`: q [rad] or [m], v and a its
+    derivatives, tau [N·m] or [N]. Each method accepts lists, tuples and arrays of numbers, and
+    raises InvalidInputError, naming field, index, joint and value, if a length is wrong or a
+    value is not a finite number. Not for two threads at a time.
+    """
+
+    def __init__(self, arm: ArmModel, body: UncheckedRigidBody) -> None:
+        self.arm = arm
+        self._body = body
+
+    def __repr__(self) -> str:
+        return f'<{type(self).__name__} of {self.arm!r}>'
+
+    def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
+        """
+        Return the mass matrix M(q), (n, n), of τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
+
+        Symmetric and positive definite; ½ q̇ᵀ M q̇ is the kinetic energy, with the reflected
+        inertia of the rotors. M_ij is [kg·m²] between two revolute joints, [kg·m] between a
+        revolute and a prismatic one, [kg] between two prismatic ones. Composite rigid body
+        algorithm (Featherstone 2008, section 6.2).
+        """
+        return self._body.mass_matrix(**self._vectors(q=q))
+
+    def coriolis_matrix(self, q: npt.ArrayLike, v: npt.ArrayLike) -> FloatArray:
+        """
+        Return C(q, v), (n, n), with C_ij = Σ_k c_ijk v_k and the Christoffel symbols c_ijk.
+
+        C(q, v) v are the Coriolis and centrifugal torques [N·m] or forces [N]. With this choice
+        of C, Ṁ − 2 C is skew-symmetric (Siciliano et al. 2009, eq. (7.44)).
+        """
+        return self._body.coriolis_matrix(**self._vectors(q=q, v=v))
+
+    def christoffel_symbols(self, q: npt.ArrayLike) -> FloatArray:
+        """
+        Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
+
+        Row i of C(q, v) v is Σ_jk c_ijk v_j v_k (Siciliano et al. 2009, eq. (7.45)). Units are
+        those of M per [rad] or [m].
+        """
+        return self._body.christoffel_symbols(**self._vectors(q=q))
+
+    def gravity(self, q: npt.ArrayLike) -> FloatArray:
+        """
+        Return g(q), (n,) [N·m] or [N]: the effort that holds the arm still.
+
+        g(q) = ∂U/∂q with the potential energy U(q) of all links and payloads.
+        """
+        return self._body.gravity(**self._vectors(q=q))
+
+    def nonlinear(self, q: npt.ArrayLike, v: npt.ArrayLike) -> FloatArray:
+        """Return N(q, v) = C(q, v) v + g(q), (n,) [N·m] or [N]."""
+        return self._body.nonlinear(**self._vectors(q=q, v=v))
+
+    def external(self, q: npt.ArrayLike, wrenches: Sequence[ExternalWrench]) -> FloatArray:
+        """Return −J(q)ᵀ f, (n,) [N·m] or [N]: the effort that balances the external wrenches."""
+        return self._body.external(**self._vectors(q=q), wrenches=wrenches)
+
+    def kinetic_energy(self, q: npt.ArrayLike, v: npt.ArrayLike) -> float:
+        """Return ½ vᵀ M(q) v [J], of links and rotors."""
+        return self._body.kinetic_energy(**self._vectors(q=q, v=v))
+
+    def potential_energy(self, q: npt.ArrayLike) -> float:
+        """Return U(q) = −Σ m gᵀ c [J] of all mass, measured from the origin of the base frame."""
+        return self._body.potential_energy(**self._vectors(q=q))
+
+    def potential_energy_batch(self, q: npt.ArrayLike) -> FloatArray:
+        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
+        return self._body.potential_energy_batch(**self._samples(q=q))
+
+    def _vectors(self, **values: npt.ArrayLike) -> dict[str, FloatArray]:
+        """Return vectors (n,), checked; raise InvalidInputError."""
+        names = self.arm.joint_names
+        return {
+            field: check_vector(field, value, len(names), names)
+            for field, value in values.items()}
+
+    def _samples(self, **values: npt.ArrayLike) -> dict[str, FloatArray]:
+        """Return matrices (samples, n) with equal numbers of samples; raise InvalidInputError."""
+        names = self.arm.joint_names
+        return _of_one_shape({
+            field: check_samples(field, value, len(names), names)
+            for field, value in values.items()})
+
+    def _states(self, **values: npt.ArrayLike) -> dict[str, FloatArray]:
+        """Return arrays of one shape, (n,) or (samples, n), checked; raise InvalidInputError."""
+        names = self.arm.joint_names
+        return _of_one_shape({
+            field: check_states(field, value, len(names), names)
+            for field, value in values.items()})
+
+
+class RigidBody(ManipulatorEquation):
+    """The rigid bodies of one arm, without friction."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        super().__init__(arm, UncheckedRigidBody(arm))
+
+    def inverse_dynamics(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """
+        Return τ = M(q) a + C(q, v) v + g(q) − Jᵀ f, (n,) [N·m] or [N].
+
+        Recursive Newton–Euler algorithm (Featherstone 2008, section 5.3).
+        """
+        return self._body.inverse_dynamics(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
+
+    def inverse_dynamics_batch(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, threads: int = 1,
+    ) -> FloatArray:
+        """
+        Return the efforts of many states; all arrays are (samples, n).
+
+        `threads` >= 1 share the work if Pinocchio was built with OpenMP.
+        """
+        return self._body.inverse_dynamics_batch(
+            **self._samples(q=q, v=v, a=a), threads=check_threads(threads))
+
+    def forward_dynamics(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """
+        Return the acceleration a, (n,), that solves M(q) a + C(q, v) v + g(q) − Jᵀ f = τ.
+
+        Articulated body algorithm (Featherstone 2008, section 7.3). Raises InvalidInputError also
+        if M(q) is singular: a joint that moves no mass.
+        """
+        return self._body.forward_dynamics(**self._vectors(q=q, v=v, tau=tau), wrenches=wrenches)
+
+    def terms(
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> RigidBodyTerms:
+        """Return the terms of `inverse_dynamics`, each (n,) [N·m] or [N], and energies [J]."""
+        return self._body.terms(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
+
+
+def check_threads(threads: int) -> int:
+    """Return a number of threads; raise InvalidInputError unless it is at least 1."""
+    return int(check_scalar('threads', threads, minimum=1))
+
+
+def _of_one_shape(values: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the arrays; raise InvalidInputError unless their shapes are equal."""
+    (first, expected), *others = values.items()
+    for field, array in others:
+        if array.shape != expected.shape:
+            raise InvalidInputError(
+                f'{field} has the shape {array.shape}, expected {expected.shape} as {first} has')
+    return values

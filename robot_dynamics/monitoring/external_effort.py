@@ -48,7 +48,7 @@ class ExternalEffort:
     def __init__(self, dynamics: ArmDynamics, bandwidth: float) -> None:
         """Follow with a bandwidth of K / 2π [Hz] > 0; raise InvalidInputError."""
         self._observer = MomentumObserver(dynamics.arm.joint_count, bandwidth)
-        self._dynamics = dynamics
+        self._dynamics = dynamics.unchecked
         self._before: _Known | None = None
 
     def set_bandwidth(self, bandwidth: float) -> None:
@@ -67,7 +67,7 @@ class ExternalEffort:
         The momentum of the state before is that of the new model from now on, so that the
         estimate does not step because the model did.
         """
-        self._dynamics = dynamics
+        self._dynamics = dynamics.unchecked
         if self._before is not None:
             self._before = self._at(self._before.q, self._before.v)
 

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.backlash import Backlash
@@ -141,7 +141,7 @@ class ArmSimulation:
         self.work += sum(self.energy()) - before
 
     def _use(self, arm: ArmModel) -> None:
-        self._dynamics = ArmDynamics(arm)
+        self._dynamics = UncheckedArmDynamics(arm)
         self._motion = Motion(self._dynamics)
 
     @property

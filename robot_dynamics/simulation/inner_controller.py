@@ -17,7 +17,7 @@
 import numpy as np
 from robot_dynamics.joints.effort_convention import EffortConvention, measured_from_joint
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.validation import FloatArray
 
 
@@ -30,7 +30,7 @@ class InnerController:
 
     def __init__(self, arm: ArmModel, semantics: EffortConvention) -> None:
         self.semantics = semantics
-        self._dynamics = ArmDynamics(arm)
+        self._dynamics = UncheckedArmDynamics(arm)
 
     def with_own_compensation(
         self, effort: FloatArray, q: FloatArray, v: FloatArray,

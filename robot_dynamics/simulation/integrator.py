@@ -29,7 +29,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
 from robot_dynamics.simulation.events import End, EventFinder
@@ -69,7 +69,7 @@ class Leg(NamedTuple):
 class Motion:
     """The motion of one arm, under the efforts and wrenches given last to `drive`."""
 
-    def __init__(self, dynamics: ArmDynamics) -> None:
+    def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self._forces = forces = JointForces(dynamics)
         self._modes, self._events = ContactModeSolver(forces), EventFinder(forces)
         self._damping_bound = _bound_of_damping_rate(dynamics)
@@ -233,7 +233,7 @@ class Motion:
             body.potential_energy(before.q) - body.potential_energy(after.q))
 
 
-def _bound_of_damping_rate(dynamics: ArmDynamics) -> float:
+def _bound_of_damping_rate(dynamics: UncheckedArmDynamics) -> float:
     """Return what bounds the rate [1/s] at which joints slow down: M is at least the rotors'."""
     actuators, viscous = dynamics.arm.actuators, dynamics.friction.viscous
     if actuators is None:

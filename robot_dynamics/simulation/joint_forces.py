@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.joints.stiction import BoolArray, hold, Modes
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.model.rigid_body import ExternalWrench, UncheckedRigidBody
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.runge_kutta import Acceleration
 from robot_dynamics.validation import FloatArray
@@ -61,13 +61,13 @@ class GearModes(NamedTuple):
 class JointForces:
     """The forces on the joints under the efforts and wrenches given last to `drive`."""
 
-    def __init__(self, dynamics: ArmDynamics) -> None:
+    def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
         self.play = Backlash.of(dynamics.arm.actuators)
         self.is_damped = bool(self.friction.viscous.any())
         self.is_dry = bool(self.friction.static.any())
         self._arm = dynamics.arm
-        self._bodies: dict[bytes, RigidBody] = {}
+        self._bodies: dict[bytes, UncheckedRigidBody] = {}
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
         """Let these efforts of the motors (n,) and wrenches act from now on."""
@@ -90,13 +90,13 @@ class JointForces:
         M = np.where(opened | opened[:, None], 0.0, self.body.mass_matrix(state.q))
         return np.asarray(M + np.diag(self.play.inertia * opened))
 
-    def body_with(self, opened: BoolArray) -> RigidBody:
+    def body_with(self, opened: BoolArray) -> UncheckedRigidBody:
         """Return the rigid bodies without the rotors of motors on their own."""
         if self.play is None or not opened.any():
             return self.body
         key = opened.tobytes()
         if key not in self._bodies:
-            self._bodies[key] = RigidBody(self._arm.with_rotors_apart(opened))
+            self._bodies[key] = UncheckedRigidBody(self._arm.with_rotors_apart(opened))
         return self._bodies[key]
 
     def effort(self, q: FloatArray, v: FloatArray, opened: BoolArray) -> FloatArray:

@@ -88,7 +88,7 @@ def make_reference_motion(
     T = check_scalar('duration', duration, SHORTEST_DURATION)
     dynamics = ArmDynamics(arm)
     q0 = start_pose(dynamics) if start is None else _checked_start(arm, start)
-    holding = dynamics.rigid_body.gravity(q0)
+    holding = dynamics.gravity(q0)
     gravity = _effort_ratio(arm, holding)
     if gravity >= 1.0:
         worst = int(np.argmax(np.abs(holding) / arm.limits.effort))
@@ -143,7 +143,7 @@ def start_pose(dynamics: ArmDynamics) -> FloatArray:
     middle, half_range = _ranges(arm)
     pattern = np.resize(_START_PATTERN, arm.joint_count)
     poses = [middle + scale * pattern * half_range for scale in _START_SCALES]
-    ratios = [_effort_ratio(arm, dynamics.rigid_body.gravity(q)) for q in poses]
+    ratios = [_effort_ratio(arm, dynamics.gravity(q)) for q in poses]
     for q, ratio in zip(poses, ratios):
         if ratio <= 0.5:
             return q

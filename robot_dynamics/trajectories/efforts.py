@@ -66,7 +66,7 @@ def efforts_along(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Traject
     where the efforts are continuous.
     """
     segments = TrajectorySegments(trajectory)
-    efforts = dynamics.inverse_dynamics_batch(*segments.points)
+    efforts = dynamics.unchecked.inverse_dynamics_batch(*segments.points)
     search = _Search(dynamics)
     search.compare(segments.times, segments.points, efforts)
     if segments.count:
@@ -83,7 +83,7 @@ class _Search:
     """The largest share of a limit that was found so far."""
 
     def __init__(self, dynamics: ArmDynamics) -> None:
-        self._dynamics = dynamics
+        self._dynamics = dynamics.unchecked
         self.ratio, self.joint, self.time, self.limit = -1.0, 0, 0.0, ''
 
     def compare(

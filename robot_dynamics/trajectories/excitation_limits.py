@@ -108,7 +108,7 @@ def motion_limits(
                 f'start of {name!r} is {q:g}, expected a position between {low:g} and {high:g}, '
                 'where it can move, or a joint left out of joints')
     allowed = effort * limits.effort
-    holding = np.abs(dynamics.rigid_body.gravity(q0))
+    holding = np.abs(dynamics.gravity(q0))
     if (holding >= allowed).any():
         j = int(np.argmax(holding / allowed))
         raise InvalidInputError(

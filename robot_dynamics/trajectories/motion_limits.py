@@ -90,7 +90,7 @@ class WorkspaceInertia:
     """M(q) and g(q) of one arm at sampled poses of its workspace."""
 
     def __init__(self, dynamics: ArmDynamics) -> None:
-        body = dynamics.rigid_body
+        body = dynamics.unchecked.rigid_body
         poses = random_states(dynamics.arm, _POSES)[0]
         n = dynamics.arm.joint_count
         self.arm = dynamics.arm

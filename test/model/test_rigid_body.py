@@ -33,7 +33,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
@@ -461,7 +461,7 @@ def batch_is_the_single_ones(case):
 
 @pytest.mark.parametrize('samples', [1, 500, 501, 1203])
 def test_a_batch_of_any_size_is_the_single_ones(samples):
-    body = RigidBody(load_arm(default_arm_urdf()))
+    body = UncheckedRigidBody(load_arm(default_arm_urdf()))
     q, v, a = np.random.default_rng(samples).normal(0, 2, (3, samples, 2))
     # as it is done by a Pinocchio without OpenMP
     one_by_one = body._rnea_one_by_one(q, v, a)

@@ -33,7 +33,7 @@ import rclpy
 from rclpy.serialization import serialize_message
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, RigidBody
+from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_from_ros
 from robot_dynamics.ros.dynamics.node import DynamicsNode
@@ -177,7 +177,7 @@ def state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize('n', [2, 7, 60])
 def test_one_call_of_the_engine_for_one_question(engine: Counter[str], n: int) -> None:
     """Whatever the number of joints, and with few calls around it."""
-    body = RigidBody(load_arm(chain(n)))
+    body = UncheckedRigidBody(load_arm(chain(n)))
     q, v, a = state(n)
     for name, most, work in (
             ('rnea', 8, lambda: body.inverse_dynamics(q, v, a)),
@@ -192,7 +192,7 @@ def test_one_call_of_the_engine_for_one_question(engine: Counter[str], n: int) -
 
 
 def test_a_frictionless_arm_pays_for_no_friction(engine: Counter[str]) -> None:
-    dynamics = ArmDynamics(load_arm(chain(JOINTS)))
+    dynamics = ArmDynamics(load_arm(chain(JOINTS))).unchecked
     q, v, a = state(JOINTS)
     assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
     assert calls_of(lambda: dynamics.forward_dynamics(q, v, a)).total() <= 14

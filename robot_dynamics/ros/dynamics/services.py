@@ -108,7 +108,7 @@ class DynamicsServices:
     def _inverse_dynamics(
         self, request: InverseDynamics.Request, response: InverseDynamics.Response,
     ) -> None:
-        dynamics = self._arm().dynamics
+        dynamics = self._arm().dynamics.unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
@@ -125,7 +125,7 @@ class DynamicsServices:
     def _batch(
         self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
     ) -> None:
-        dynamics = self._arm().dynamics
+        dynamics = self._arm().dynamics.unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.positions(request.position)
         v = order.rates(request.velocity, len(q), 'velocity')
@@ -155,7 +155,7 @@ class DynamicsServices:
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
     ) -> None:
-        dynamics = self._arm().dynamics
+        dynamics = self._arm().dynamics.unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
@@ -171,7 +171,7 @@ class DynamicsServices:
     def _manipulator_equation(
         self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
     ) -> None:
-        dynamics = self._arm().dynamics
+        dynamics = self._arm().dynamics.unchecked
         body = dynamics.rigid_body
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)

@@ -1,0 +1,171 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`ArmDynamics` and `RigidBody` accept every sequence of numbers, and reject all other inputs."""
+
+from collections.abc import Callable
+import inspect
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, UncheckedRigidBody
+from robot_dynamics.planar.urdf import default_arm_urdf
+
+_BARE = load_arm(default_arm_urdf())
+ARM = _BARE.with_friction(make_friction(_BARE.joint_names, [0.5], [1.0])).with_gear_friction(
+    make_gear_friction(_BARE.joint_names, load=[0.1, 0.3], presliding_distance=[0.01]))
+STATE = {
+    'q': (1, -2), 'v': (3, 2), 'a': (-4, 5), 'tau': (20, -6), 'load': (7, -8),
+    'friction': (2, 1), 'state': (1, -1)}
+MANY = {'inverse_dynamics_batch', 'potential_energy_batch', 'friction_along'}
+"""Methods whose arrays are (samples, n)."""
+WRENCHES = [ExternalWrench('tool0', np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))]
+Inputs = dict[str, tuple[Any, ...]]
+
+
+def inputs_of(kind: type, method: str) -> Inputs:
+    """Return integers for each parameter of a method that is an array over the joints."""
+    names = [name for name in inspect.signature(getattr(kind, method)).parameters if name in STATE]
+    return {name: (STATE[name], STATE[name][::-1]) if method in MANY and name != 'state' else (
+        STATE[name]) for name in names}
+
+
+def caller(kind: type, method: str) -> Callable[..., Any]:
+    bound = getattr(kind(ARM), method)
+    has_wrenches = 'wrenches' in inspect.signature(bound).parameters
+    return lambda **inputs: bound(**inputs, **({'wrenches': WRENCHES} if has_wrenches else {}))
+
+
+METHODS = [
+    (kind, name) for kind in (ArmDynamics, RigidBody)
+    for name, _ in inspect.getmembers(kind, inspect.isfunction) if not name.startswith('_')]
+FIELDS = [(kind, name, field) for kind, name in METHODS for field in inputs_of(kind, name)]
+
+
+def in_bytes(result: Any) -> bytes:
+    parts = result if isinstance(result, tuple) else (result,)
+    return b''.join(np.asarray(part, dtype=np.float64).tobytes() for part in parts)
+
+
+def refusal(kind: type, method: str, field: str, value: Any) -> str:
+    with pytest.raises(InvalidInputError) as caught:
+        caller(kind, method)(**{**inputs_of(kind, method), field: value})
+    return str(caught.value)
+
+
+def test_the_equation_is_on_the_class_that_a_user_gets() -> None:
+    for name in ('mass_matrix', 'coriolis_matrix', 'christoffel_symbols', 'gravity',
+                 'inverse_dynamics', 'forward_dynamics'):
+        assert (ArmDynamics, name) in METHODS
+        assert len(inspect.getdoc(getattr(ArmDynamics, name)) or '') > 100
+
+
+@pytest.mark.parametrize(('kind', 'method'), METHODS)
+def test_lists_tuples_and_arrays_give_the_same_bits(kind: type, method: str) -> None:
+    call, integers = caller(kind, method), inputs_of(kind, method)
+    arrays = {field: np.array(value, dtype=np.float64) for field, value in integers.items()}
+    expected = in_bytes(call(**arrays))
+    assert np.isfinite(np.frombuffer(expected)).all()
+    assert in_bytes(call(**integers)) == expected
+    assert in_bytes(call(**{f: np.array(x) for f, x in integers.items()})) == expected
+    assert in_bytes(call(**{f: x.tolist() for f, x in arrays.items()})) == expected
+    assert in_bytes(call(**{f: x.astype(np.float32) for f, x in arrays.items()})) == expected
+
+
+@pytest.mark.parametrize(('kind', 'method'), METHODS)
+def test_the_unchecked_method_gives_the_same_bits(kind: type, method: str) -> None:
+    unchecked: Any = UncheckedRigidBody(ARM)
+    if kind is ArmDynamics:
+        unchecked = ArmDynamics(ARM).unchecked
+        unchecked = unchecked if hasattr(unchecked, method) else unchecked.rigid_body
+    arrays = {f: np.array(x, dtype=np.float64) for f, x in inputs_of(kind, method).items()}
+    wrenches = {'wrenches': WRENCHES} if (
+        'wrenches' in inspect.signature(getattr(kind, method)).parameters) else {}
+    assert in_bytes(getattr(unchecked, method)(**arrays, **wrenches)) == in_bytes(
+        caller(kind, method)(**arrays))
+
+
+@pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
+def test_a_value_that_is_not_finite_is_named(
+    kind: type, method: str, field: str, bad: float,
+) -> None:
+    value = np.array(inputs_of(kind, method)[field], dtype=np.float64)
+    value[(0, 1) if value.ndim == 2 else 1] = bad
+    place = '[0][1]' if value.ndim == 2 else '[1]'
+    for given in (value, value.tolist()):
+        assert refusal(kind, method, field, given) == (
+            f'{field}{place} (joint2) is {bad}, expected a finite number')
+
+
+@pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
+def test_another_length_is_named(kind: type, method: str, field: str) -> None:
+    value = inputs_of(kind, method)[field]
+    if isinstance(value[0], tuple):
+        assert refusal(kind, method, field, [row + (0,) for row in value]) == (
+            f"{field} has an array of shape (2, 3), expected samples × 2 joints "
+            "(['joint1', 'joint2']), row by row")
+        return
+    for length in (0, 1, 3):
+        assert refusal(kind, method, field, [0.0] * length) == (
+            f"{field} has {length} values, expected 2, one for each of ['joint1', 'joint2']")
+
+
+@pytest.mark.parametrize(
+    'bad', ['fast', ['a', 1.0], {'joint1': 1.0}, [[1.0], [2.0, 3.0]], [1j, 2]])
+@pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
+def test_what_is_no_number_is_named(kind: type, method: str, field: str, bad: Any) -> None:
+    assert refusal(kind, method, field, bad) == f'{field} is {bad!r}, expected numbers'
+
+
+@pytest.mark.parametrize(('kind', 'method', 'field'), [
+    (kind, method, field) for kind, method, field in FIELDS
+    if method in MANY and field not in ('q', 'state')])
+def test_samples_are_equally_many(kind: type, method: str, field: str) -> None:
+    assert refusal(kind, method, field, [[1.0, 2.0]]) == (
+        f'{field} has the shape (1, 2), expected (2, 2) as q has')
+
+
+def test_friction_is_of_one_state_or_of_many() -> None:
+    dynamics, v, load = ArmDynamics(ARM), ((1, -2), (0, 3)), ((4, 5), (-6, 7))
+    assert dynamics.friction_effort(v, load).tolist() == [
+        dynamics.friction_effort(*state).tolist() for state in zip(v, load)]
+    with pytest.raises(InvalidInputError, match=r'load has the shape \(2,\), expected \(2, 2\)'):
+        dynamics.friction_effort(v, load[0])
+
+
+@pytest.mark.parametrize('kind', [ArmDynamics, RigidBody])
+def test_threads_are_at_least_one(kind: type) -> None:
+    rows = [[0.1, 0.2]]
+    with pytest.raises(InvalidInputError, match='threads is 0, expected a number >= 1'):
+        kind(ARM).inverse_dynamics_batch(rows, rows, rows, threads=0)
+
+
+def test_a_wrench_is_checked_where_it_is_made() -> None:
+    body, q = RigidBody(ARM), (1, -2)
+    assert in_bytes(body.external(q, [ExternalWrench('tool0', (1, 2, 3), [4, 5, 6])])) == (
+        in_bytes(body.external(q, WRENCHES)))
+    for force, words in (
+            ((0, 0, np.nan), r'force\[2\] \(z\) is nan, expected a finite number'),
+            ((0, 0), 'force has 2 values, expected 3'), ('up', "force is 'up', expected numbers")):
+        with pytest.raises(InvalidInputError, match=words):
+            ExternalWrench('tool0', force, (0, 0, 0))
+    with pytest.raises(InvalidInputError, match=r'torque\[0\] \(x\) is inf'):
+        ExternalWrench('tool0', (0, 0, 0), (np.inf, 0, 0))
