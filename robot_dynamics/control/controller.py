@@ -282,6 +282,10 @@ class Controller:
             self._transition = PayloadTransition(
                 self._dynamics.arm.payloads, payload, transition_time, when_done)
 
+    def __repr__(self) -> str:
+        following = 'following a reference' if self.has_reference else 'no reference'
+        return f'<Controller of {self.loaded_arm!r}, {self._options.command}, {following}>'
+
     def update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
                with_terms: bool = False) -> ControlOutput:
         """

@@ -16,6 +16,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+import reprlib
 
 import numpy as np
 import pinocchio as pin
@@ -77,6 +78,11 @@ class ArmModel:
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
     gear_friction: GearFriction | None = None
+
+    def __repr__(self) -> str:
+        loads = ''.join(f', {payload!r}' for payload in self.payloads)
+        return (f'<ArmModel {self.name!r}, {self.joint_count} joints '
+                f'{reprlib.repr(self.joint_names)}{loads}>')
 
     @property
     def joint_count(self) -> int:

@@ -45,6 +45,9 @@ class Payload:
     com: FloatArray
     inertia: FloatArray
 
+    def __repr__(self) -> str:
+        return f'<Payload of {self.mass:g} kg on {self.link!r}>'
+
 
 def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = None) -> Payload:
     """

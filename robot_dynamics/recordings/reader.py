@@ -91,6 +91,11 @@ class Recording:
             self._stack.close()
             raise self._unreadable('; '.join(loss.words() for loss in self.losses) or 'no topics')
 
+    def __repr__(self) -> str:
+        messages = sum(topic.message_count for topic in self.topics)
+        return (f'<Recording {str(self.path)!r}, {len(self.topics)} topics, {messages} messages, '
+                f'{len(self.losses)} losses>')
+
     def _unreadable(self, reason: str) -> RecordingError:
         return RecordingError(f'recording {str(self.path)!r} cannot be read: {reason}')
 

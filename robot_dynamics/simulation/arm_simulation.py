@@ -20,6 +20,7 @@ delivers (`drive`); how the arm moves meanwhile is in `motion`.
 """
 
 from collections.abc import Sequence
+import reprlib
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,6 +77,11 @@ class ArmSimulation:
         self._bare_arm = arm
         self._use(arm)
         self.reset()
+
+    def __repr__(self) -> str:
+        brakes = 'brakes on' if self.braked else 'brakes off'
+        position = reprlib.repr([float(f'{x:.4g}') for x in self.q])
+        return f'<ArmSimulation of {self.arm!r}, {brakes}, position {position}>'
 
     def check_inertia(self) -> None:
         """Raise ModelError where a joint moves no mass: no effort accelerates it finitely."""

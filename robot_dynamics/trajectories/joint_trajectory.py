@@ -25,6 +25,7 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,11 @@ class JointTrajectory:
 
     joint_names: tuple[str, ...]
     points: tuple[TrajectoryPoint, ...]
+
+    def __repr__(self) -> str:
+        duration = f', {self.duration:g} s' if self.points else ''
+        return (f'<JointTrajectory of {len(self.joint_names)} joints '
+                f'{reprlib.repr(self.joint_names)}, {len(self.points)} points{duration}>')
 
     @property
     def duration(self) -> float:
