@@ -191,9 +191,9 @@ class ArmDynamics(ManipulatorEquation):
     """
     Dynamics of an arm with friction: τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f.
 
-    M, C, the Christoffel symbols and g are methods of `ManipulatorEquation`, which also says how
-    inputs are checked. `unchecked` has the same methods without checks, for control loops; both
-    share scratch memory.
+    M, C, the Christoffel symbols and g are methods of `ManipulatorEquation`; its docstring states
+    the accepted inputs and the units. `unchecked` has methods without checks, for control loops,
+    and shares the scratch memory.
     """
 
     def __init__(self, arm: ArmModel) -> None:

@@ -34,9 +34,12 @@ from rclpy.serialization import serialize_message
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_from_ros
 from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.efforts import efforts_along
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -46,6 +49,7 @@ NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
 ENGINE = (
     'rnea', 'computeGeneralizedGravity', 'nonLinearEffects', 'computeAllTerms', 'crba', 'aba',
     'computeCoriolisMatrix', 'computeKineticEnergy', 'computePotentialEnergy', 'rneaInParallel')
+CHECKS = {'check_vector', 'check_samples', 'check_states'}
 
 
 def chain(n: int) -> str:
@@ -150,6 +154,7 @@ def test_the_calls_of_a_message(
     assert calls['filled'] == published
     assert calls['publish'] == 1  # ~/commands; the others go out without the wrapper of rclpy
     assert calls['deserialize_message'] == calls['serialize_message'] == 0
+    assert not CHECKS & calls.keys()  # of numbers that were checked once, when they were read
     assert calls.total() <= most
 
 
@@ -197,6 +202,25 @@ def test_a_frictionless_arm_pays_for_no_friction(engine: Counter[str]) -> None:
     assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
     assert calls_of(lambda: dynamics.forward_dynamics(q, v, a)).total() <= 14
     assert engine == {'rnea': 1, 'aba': 1}
+
+
+def test_estimators_and_simulation_check_no_state() -> None:
+    arm = load_arm(chain(JOINTS))
+    q, v, tau = state(JOINTS)
+    dynamics, simulation = ArmDynamics(arm), ArmSimulation(arm)
+    external, residual = ExternalEffort(dynamics, 10.0), LiveResidual(dynamics, 10.0)
+    simulation.release()
+
+    def work() -> tuple[object, ...]:
+        return (external.update(0.1, q, v, tau), residual.update(0.1, q, v, tau),
+                simulation.step(tau, 0.01))
+
+    for _ in range(20):  # the filters have settled then
+        work()
+    calls = calls_of(work)
+    assert calls['_rnea_in_parallel' if HAS_PARALLEL_RNEA else '_rnea_one_by_one'] == 4
+    assert not CHECKS & calls.keys()
+    assert calls_of(lambda: dynamics.gravity(q))['check_vector'] == 1
 
 
 @pytest.mark.skipif(not HAS_PARALLEL_RNEA, reason='this Pinocchio was built without OpenMP')
