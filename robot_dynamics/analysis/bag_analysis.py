@@ -16,7 +16,7 @@
 A recording beside the model: motion, effort by term, residual, and use of the limits.
 
 The measured motion and effort pass one zero-phase filter (`motion_filter`); the model's effort is
-that of inverse dynamics at the filtered motion (`effort_residual`). Samples near gaps and ends,
+that of inverse dynamics at the filtered motion (`residual`). Samples near gaps and ends,
 where the filter has to guess, are given but do not count.
 """
 

@@ -16,7 +16,7 @@
 The moving picture of a planar chain: its motion, and the recursion that computes its efforts.
 
 While the chain moves, each joint shows the force and the moment that it passes on. At chosen
-instants the motion stops, and the two passes of the Newton-Euler recursion (`planar_chain`) are
+instants the motion stops, and the two passes of the Newton-Euler recursion (`planar.chain`) are
 gone through link by link: outward, how each link moves; inward, what each joint must bear.
 """
 

@@ -77,7 +77,7 @@ class ControlOutput(NamedTuple):
     `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
     load. `hold` is the command that holds the arm still, and what a command starts from.
     `clamped` tells which joints of `command` met their effort limit. `gain_scale` is s where
-    the command has softer gains than `computed_torque` (`soft_gains`). All numbers are finite.
+    the command has softer gains than `computed_torque` (`gain_softening`). All numbers are finite.
     """
 
     gravity_compensation: FloatArray

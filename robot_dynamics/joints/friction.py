@@ -17,7 +17,7 @@ Friction at the joints, on the joint side of the gearbox.
 
 τ_f(v) = F_v v + [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o: viscous friction, Coulomb friction
 with the Stribeck effect, and an offset that makes it differ between the two directions. At rest,
-dry friction takes whatever value up to F_s holds the joint (`sticking`). Sources: B. Armstrong-
+dry friction takes whatever value up to F_s holds the joint (`stiction`). Sources: B. Armstrong-
 Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, sections 2 and 3 (Stribeck's curve
 in the Gaussian form); B. Siciliano et al., *Robotics*, Springer 2009, section 7.3.
 """

@@ -60,7 +60,7 @@ class ArmModel:
     An arm with a fixed base and n actuated joints, in the order of `joint_names`.
 
     It does not change: `with_payload` returns another one. `engine` is Pinocchio's model of the
-    whole tree, whose joints `coordinates` maps to the actuated ones.
+    whole tree, whose joints `joint_coordinates` maps to the actuated ones.
     """
 
     name: str

@@ -129,7 +129,7 @@ class UncheckedArmDynamics:
         Return the acceleration (n,) that the effort tau produces at the state (q, v).
 
         A joint with dry friction at rest, its velocity exactly 0, stays there while at most F_s
-        holds it (`sticking`); beyond, it breaks away against F_s. Raises InvalidInputError where
+        holds it (`stiction`); beyond, it breaks away against F_s. Raises InvalidInputError where
         M(q) is singular: a joint that moves no mass.
         """
         if self._is_dry and bool((self._dry & (v == 0.0)).any()):

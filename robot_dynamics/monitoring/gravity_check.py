@@ -22,7 +22,7 @@ squares share of gravity
     k = gᵀ (τ_measured − u) / (gᵀ g)
 
 is 1 where the robot, or another controller, adds gravity by itself, 0 where the command is all
-there is, and less by 1 where gravity was taken out of the measured effort (`effort_semantics`).
+there is, and less by 1 where gravity was taken out of the measured effort (`effort_convention`).
 """
 
 from typing import NamedTuple

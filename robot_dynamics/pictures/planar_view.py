@@ -15,7 +15,7 @@
 """
 Any planar chain, out of its URDF, as one sees it who looks along the axes of its joints.
 
-Where `planar_chain` has the recursion for links whose centres of mass lie on them, this takes the
+Where `planar.chain` has the recursion for links whose centres of mass lie on them, this takes the
 passes of the general engine (the recursive Newton-Euler algorithm; R. Featherstone, *Rigid Body
 Dynamics Algorithms*, Springer 2008, section 5.3) and projects them on the plane of motion. For an
 arm of `planar_urdf` both are the same.
@@ -40,7 +40,7 @@ class Plane(NamedTuple):
     """
     Axes of the plane in the base frame, each (3,): to the side, up, and what turning is about.
 
-    Turning from `up` to `side` is positive, as in `planar_chain`; `normal` = up × side.
+    Turning from `up` to `side` is positive, as in `planar.chain`; `normal` = up × side.
     """
 
     side: FloatArray

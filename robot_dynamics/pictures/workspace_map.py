@@ -36,7 +36,7 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
     """
     Return a matplotlib figure: the worst and the best pose by place, and the worst by joint.
 
-    The worst pose of all, by the search of `gravity_capability`, is drawn where it is. Raises
+    The worst pose of all, by the search of `worst_gravity`, is drawn where it is. Raises
     MissingDependencyError without matplotlib.
     """
     worst = worst_gravity(arm)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tasks that the tests of `bag_tasks` run in other processes, where they must be importable."""
+"""Tasks that the tests of `batch` run in other processes, where they must be importable."""
 
 import os
 from pathlib import Path
