@@ -28,7 +28,6 @@ from typing import Any, NamedTuple, Protocol
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.recordings.compression import zstd_module
 from robot_dynamics.recordings.loss import Loss
-from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
 from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite
 from robot_dynamics.recordings.topics import qos_from_rosbags, rosbags_module, TopicQos
 
@@ -161,15 +160,25 @@ class _File:
 class McapFile(_File):
     """A file of MCAP."""
 
-    def _salvager(self) -> SalvagedMcap:
+    def _salvager(self) -> Any:
+        try:
+            from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
+        except ImportError:
+            raise MissingDependencyError(
+                f'{self._name} is damaged, and reading its intact part needs the library mcap '
+                '(pip install mcap)') from None
         return SalvagedMcap(self._path)
 
     def _salvaged_topics(self) -> list[StoredTopic]:
-        salvaged: SalvagedMcap = self._salvaged
-        by_name = {channel.topic: channel for channel in salvaged.channels.values()}
-        return [StoredTopic(name, channel.message_type, salvaged.counts.get(name, 0), TopicQos(),
-                            channel.definition, _LANGUAGES.get(channel.encoding, 'NONE'))
-                for name, channel in by_name.items()]
+        topics = []
+        for channel in {c.topic: c for c in self._salvaged.channels.values()}.values():
+            schema = self._salvaged.schemas.get(channel.schema_id)
+            name, encoding, definition = ('', '', b'') if schema is None else (
+                schema.name, schema.encoding, schema.data)
+            topics.append(StoredTopic(
+                channel.topic, name, self._salvaged.counts.get(channel.topic, 0), TopicQos(),
+                definition.decode(errors='replace'), _LANGUAGES.get(encoding, 'NONE')))
+        return topics
 
 
 class SqliteFile(_File):
