@@ -30,7 +30,7 @@ from robot_dynamics.model.worst_gravity import THOROUGH, worst_gravity
 from robot_dynamics.model_check.checks import check_model, LARGEST_SURVEY
 from robot_dynamics.model_check.finding import Finding
 from robot_dynamics.model_check.mass_matrix_check import survey_inertia
-from robot_dynamics.urdf.mesh_bounds import MeshReader
+from robot_dynamics.model_check.mesh_bounds import MeshReader
 
 PACKAGE = 'example-robot-data'
 PAGE = Path(__file__).parents[1] / 'model_check.md'

@@ -34,8 +34,7 @@ from robot_dynamics.model_check.body_checks import (
 )
 from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
-from robot_dynamics.urdf.inertials import LinkBody, read_bodies, read_joint_origins
-from robot_dynamics.urdf.mesh_bounds import MeshReader
+from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.validation import FloatArray
 
@@ -48,7 +47,7 @@ _LOST_SHARE = 1e-6
 
 def check_model(
     urdf: str, arm: ArmModel | None = None, *, search: Search = THOROUGH,
-    meshes: MeshReader | None = None,
+    meshes: MeshBounds | None = None,
 ) -> list[Finding]:
     """
     Return what is wrong with the model in a URDF, errors first.

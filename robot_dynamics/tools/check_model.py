@@ -26,9 +26,9 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
+from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.urdf.description_file import read_description
 from robot_dynamics.urdf.inertials import read_bodies
-from robot_dynamics.urdf.mesh_bounds import MeshReader
 
 _WIDTH = 110
 

@@ -20,14 +20,21 @@ Source: the URDF XML specification, `link` element.
 
 from dataclasses import dataclass
 import itertools
+from typing import Protocol
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_dynamics.urdf.mesh_bounds import MeshReader
 from robot_dynamics.urdf.values import number, pose, robot_element, vector
 from robot_dynamics.validation import FloatArray
 
 _UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+
+
+class MeshBounds(Protocol):
+    """The sizes of the meshes that a URDF names (`model_check.mesh_bounds`)."""
+
+    def bounds(self, name: str) -> FloatArray | None:
+        """Return the lower and upper corner (2, 3) of a mesh; None if it cannot be read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +57,7 @@ class LinkBody:
     inertials: int
 
 
-def read_bodies(xml: str, meshes: MeshReader | None = None) -> list[LinkBody]:
+def read_bodies(xml: str, meshes: MeshBounds | None = None) -> list[LinkBody]:
     """
     Return the links of a URDF; well-formed XML is expected.
 
@@ -71,7 +78,7 @@ def read_joint_origins(xml: str) -> dict[str, list[FloatArray]]:
     return origins
 
 
-def _read_body(link: ElementTree.Element, meshes: MeshReader | None) -> LinkBody:
+def _read_body(link: ElementTree.Element, meshes: MeshBounds | None) -> LinkBody:
     inertials = link.findall('inertial')
     mass: float | None = None
     com, inertia = np.zeros(3), np.zeros((3, 3))
@@ -91,7 +98,7 @@ def _read_body(link: ElementTree.Element, meshes: MeshReader | None) -> LinkBody
         len(inertials))
 
 
-def _corners(shapes: list[ElementTree.Element], meshes: MeshReader | None) -> FloatArray | None:
+def _corners(shapes: list[ElementTree.Element], meshes: MeshBounds | None) -> FloatArray | None:
     """Return the corners of boxes around all of these shapes; None where one is unknown."""
     boxes = [_shape_box(shape.find('geometry'), meshes) for shape in shapes]
     known = [box for box in boxes if box is not None]
@@ -106,7 +113,7 @@ def _corners(shapes: list[ElementTree.Element], meshes: MeshReader | None) -> Fl
 
 
 def _shape_box(
-    geometry: ElementTree.Element | None, meshes: MeshReader | None,
+    geometry: ElementTree.Element | None, meshes: MeshBounds | None,
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return center and size, each (3,), of the box around a shape, in the shape's frame."""
     shape = None if geometry is None else next(iter(geometry), None)

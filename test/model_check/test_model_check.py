@@ -32,8 +32,8 @@ from robot_dynamics.model.worst_gravity import (
 )
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
+from robot_dynamics.model_check.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.urdf.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.urdf.values import rotation
 from robots import robot_urdf
 
@@ -306,17 +306,38 @@ def binary_stl(header=b'solid, as some begin'):
 
 
 def text_stl():
-    vertices = '\n'.join(f'vertex {x} {y} {z}' for x, y, z in CORNERS)
-    return f'solid a\nfacet normal 0 0 1\nouter loop\n{vertices}\nendloop\nendfacet'.encode()
+    facets = ''.join(
+        'facet normal 0 0 1\nouter loop\n'
+        + ''.join(f'vertex {x} {y} {z}\n' for x, y, z in triangle) + 'endloop\nendfacet\n'
+        for triangle in CORNERS.reshape(2, 3, 3))
+    return f'solid a\n{facets}endsolid a\n'.encode()
 
 
 def obj():
     vertices = '\n'.join(f'v {x} {y} {z}' for x, y, z in CORNERS)
-    return f'# a\n{vertices}\nvn 9 9 9\nvt 9 9\nf 1 2 3'.encode()
+    return f'# a\n{vertices}\nvn 9 9 9\nvt 9 9\nf 1 2 3\nf 4 5 6'.encode()
+
+
+def collada():
+    """Return the mesh in millimetres, moved by 1 m along y in a node that undoes it."""
+    numbers = ' '.join(str(1000 * x) for x in (CORNERS + [0.0, 1.0, 0.0]).ravel())
+    return f"""<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="millimeter" meter="0.001"/><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="18">{numbers}</float_array><technique_common>
+<accessor source="#a" count="6" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 1 2 3 4 5</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><matrix>1 0 0 0 0 1 0 -1000 0 0 1 0 0 0 0 1
+</matrix><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>""".encode()
 
 
 @pytest.mark.parametrize(('name', 'content'), [
-    ('a.stl', binary_stl()), ('b.STL', text_stl()), ('c.obj', obj())])
+    ('a.stl', binary_stl()), ('b.STL', text_stl()), ('c.obj', obj()), ('d.dae', collada())])
 def test_bounds_of_meshes(tmp_path: Path, name, content):
     (tmp_path / name).write_bytes(content)
     np.testing.assert_array_equal(bounding_box(tmp_path / name), [[0, 0, 0], [1, 2, 3]])
