@@ -15,9 +15,12 @@
 """
 Moving pictures in files: GIF by Pillow, MP4 by ffmpeg.
 
-A frame may stand for any time, so that a pause costs one frame in a GIF. All frames of a GIF share
-one palette without dithering: what stands still stays the same to the bit, and is not stored
-again.
+A frame may last any time, so that a pause costs one frame in a GIF. All frames of a GIF share one
+palette without dithering: areas that do not change are equal to the bit, and are not stored again.
+
+Frames go to ffmpeg through a pipe of this module. `imageio_ffmpeg.write_frames` does not check
+the exit status of ffmpeg, so that a path that cannot be written would raise no error; it would
+also make the library a requirement where ffmpeg is installed already.
 """
 
 from collections.abc import Iterable, Iterator
@@ -34,11 +37,10 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 FORMATS = ('.gif', '.mp4')
 MP4_RATE = 30
 """Frames a second of an MP4."""
-_EXACT, _BLENDS = 32, 32
-"""Colours of a palette: the most frequent ones of areas, and a choice for all others."""
+_COLOURS = 255
+"""Colours of the palette of a GIF; one of 256 is left for what does not change."""
 _LOOKED_AT = 16
 """Frames from which the palette is chosen."""
-_UNKNOWN = 255
 _SHORTEST = 0.02
 """[s] for which viewers show a frame of a GIF; they slow shorter ones down."""
 
@@ -100,11 +102,16 @@ class _Counted:
 def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
     image = _pillow()
     kept = list(frames)
-    palette = _common_palette(image, [frame.pixels for frame in kept])
-    nearest = np.full(1 << 24, _UNKNOWN, dtype=np.uint8)
-    images = [_in_palette(image, frame.pixels, palette, nearest) for frame in kept]
-    images[0].save(
-        path, format='GIF', save_all=True, append_images=images[1:], loop=0, optimize=False,
+    some = np.concatenate(
+        [frame.pixels for frame in kept[::max(1, len(kept) // _LOOKED_AT)]], axis=1)
+    palette = image.fromarray(some).quantize(
+        _COLOURS, method=image.Quantize.MAXCOVERAGE, dither=image.Dither.NONE)
+    first, *others = (
+        image.fromarray(frame.pixels).quantize(palette=palette, dither=image.Dither.NONE)
+        for frame in kept)
+    first.save(
+        path, format='GIF', save_all=True, append_images=others, loop=0, optimize=False,
+        palette=bytes(palette.getpalette()),  # once for all frames
         duration=_milliseconds([frame.seconds for frame in kept]))
 
 
@@ -112,41 +119,6 @@ def _milliseconds(seconds: list[float]) -> list[int]:
     """Return times in the steps of a GIF, 10 ms, that add up to what the seconds add up to."""
     ends = np.round(100.0 * np.cumsum(np.maximum(seconds, _SHORTEST))).astype(int)
     return [10 * int(step) for step in np.diff(ends, prepend=0)]
-
-
-def _common_palette(image: Any, pixels: list[Pixels]) -> npt.NDArray[np.int64]:
-    """Return colours (k, 3) that suit all: those of areas as they are, and some for blends."""
-    some = np.concatenate(pixels[::max(1, len(pixels) // _LOOKED_AT)], axis=1)
-    blends = image.fromarray(some).quantize(
-        _BLENDS, method=image.Quantize.MEDIANCUT, dither=image.Dither.NONE)
-    codes = _codes(some)
-    areas = codes[:, 1:][codes[:, 1:] == codes[:, :-1]]
-    colours, counts = np.unique(areas, return_counts=True)
-    exact = colours[np.argsort(-counts, kind='stable')[:_EXACT]]
-    chosen = np.array(blends.getpalette()[:3 * _BLENDS], dtype=np.int64).reshape(-1, 3)
-    return np.concatenate([_colours(exact), chosen])
-
-
-def _in_palette(
-    image: Any, pixels: Pixels, palette: npt.NDArray[np.int64], nearest: npt.NDArray[np.uint8],
-) -> Any:
-    """Return pixels as a picture with this palette; `nearest` keeps what was looked up."""
-    codes = _codes(pixels)
-    unknown = np.unique(codes[nearest[codes] == _UNKNOWN])
-    for part in np.array_split(unknown, 1 + len(unknown) // 4096):
-        away = ((_colours(part)[:, None] - palette) ** 2).sum(axis=2)
-        nearest[part] = away.argmin(axis=1)
-    picture = image.fromarray(nearest[codes])
-    picture.putpalette(palette.ravel().tolist())
-    return picture
-
-
-def _codes(pixels: Pixels) -> npt.NDArray[np.int64]:
-    return np.asarray(pixels.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1]))
-
-
-def _colours(codes: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    return np.column_stack([codes >> 16, codes >> 8 & 255, codes & 255])
 
 
 def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
