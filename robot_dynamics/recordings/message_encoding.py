@@ -12,20 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Many serialized messages of one layout at once, plain CDR, little endian.
+"""Many messages of one kind, serialized by the library `rosbags`; plain CDR, little endian."""
 
-The messages are rows of a table of bytes: what is the same in all of them is written once, and
-stamps and numbers are columns. `joint_state_bytes` is the way back.
-"""
-
-from collections.abc import Sequence
-import struct
+from collections.abc import Iterator, Sequence
+import functools
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.recordings.joint_state_decoding import IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.recordings.joint_state_decoding import (
+    FIELDS,
+    IntArray,
+    NANOSECONDS_PER_SECOND,
+)
+from robot_dynamics.recordings.topics import JOINT_STATE, rosbags_module
 from robot_dynamics.validation import FloatArray
 
 DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
@@ -41,61 +41,7 @@ float64 kinetic_energy
 float64 potential_energy
 """
 """The definition of the type, for recordings that are written where it is not installed."""
-
-
-class _Table:
-    """Serialized messages, a row each, as far as they are written."""
-
-    def __init__(self, count: int) -> None:
-        self._parts: list[npt.NDArray[np.uint8]] = []
-        self._count, self._length = count, 0
-        self.same(b'\x00\x01\x00\x00')
-
-    def same(self, data: bytes) -> None:
-        """Write what all messages have."""
-        self._parts.append(np.broadcast_to(
-            np.frombuffer(data, np.uint8), (self._count, len(data))))
-        self._length += len(data)
-
-    def column(self, values: npt.NDArray[np.generic]) -> None:
-        """Write numbers of each message, (m, k), aligned to their size."""
-        self._align(values.dtype.itemsize)
-        rows = np.ascontiguousarray(values).view(np.uint8).reshape(self._count, -1)
-        self._parts.append(rows)
-        self._length += rows.shape[1]
-
-    def texts(self, texts: Sequence[str]) -> None:
-        self._length_of(len(texts))
-        for text in texts:
-            self.text(text)
-
-    def text(self, text: str) -> None:
-        data = text.encode() + b'\0'
-        self._length_of(len(data))
-        self.same(data)
-
-    def header(self, stamps_ns: IntArray) -> None:
-        """Write a std_msgs/Header without a frame."""
-        self.column((stamps_ns // NANOSECONDS_PER_SECOND).astype('<i4')[:, None])
-        self.column((stamps_ns % NANOSECONDS_PER_SECOND).astype('<u4')[:, None])
-        self.text('')
-
-    def floats(self, values: FloatArray) -> None:
-        """Write a sequence of float64 of each message, (m, n)."""
-        self._length_of(values.shape[1])
-        if values.shape[1]:
-            self.column(values.astype('<f8'))
-
-    def rows(self) -> list[bytes]:
-        table = np.concatenate(self._parts, axis=1)
-        return [row.tobytes() for row in table]
-
-    def _align(self, size: int) -> None:
-        self.same(bytes(-(self._length - 4) % size))
-
-    def _length_of(self, count: int) -> None:
-        self._align(4)
-        self.same(struct.pack('<I', count))
+_TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 
 
 def joint_state_messages(
@@ -104,12 +50,12 @@ def joint_state_messages(
 ) -> list[bytes]:
     """Return m messages of sensor_msgs/msg/JointState; arrays are (m, n), or None for no field."""
     m = len(stamps_ns)
-    table = _Table(m)
-    table.header(stamps_ns)
-    table.texts(joint_names)
-    for values in (position, velocity, effort):
-        table.floats(_checked(np.empty((m, 0)) if values is None else values, m))
-    return table.rows()
+    arrays = [_checked(np.empty((m, 0)) if values is None else values, m)
+              for values in (position, velocity, effort)]
+    return [
+        _serialized(JOINT_STATE, header=header, name=list(joint_names),
+                    **dict(zip(FIELDS, values)))
+        for header, *values in zip(_headers(stamps_ns), *arrays)]
 
 
 def dynamics_terms_messages(
@@ -122,15 +68,35 @@ def dynamics_terms_messages(
     `terms` are inertial, coriolis, gravity, friction, external and effort, each (m, n); energies
     are (m,) [J].
     """
-    m = len(stamps_ns)
-    table = _Table(m)
-    table.header(stamps_ns)
-    table.texts(joint_names)
-    for values in terms:
-        table.floats(_checked(values, m))
-    for energy in (kinetic_energy, potential_energy):
-        table.column(energy.astype('<f8')[:, None])
-    return table.rows()
+    arrays = [_checked(values, len(stamps_ns)) for values in terms]
+    return [
+        _serialized(DYNAMICS_TERMS, header=header, joint_names=list(joint_names),
+                    kinetic_energy=kinetic, potential_energy=potential,
+                    **dict(zip(_TERMS, values)))
+        for header, kinetic, potential, *values in zip(
+            _headers(stamps_ns), kinetic_energy.tolist(), potential_energy.tolist(), *arrays)]
+
+
+@functools.cache
+def _types() -> Any:
+    typesys = rosbags_module('typesys')
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    types.register(typesys.get_types_from_msg(DYNAMICS_TERMS_TEXT, DYNAMICS_TERMS))
+    return types
+
+
+def _serialized(message_type: str, **fields: Any) -> bytes:
+    message = _types().types[message_type](**fields)
+    return bytes(_types().serialize_cdr(message, message_type, little_endian=True))
+
+
+def _headers(stamps_ns: IntArray) -> Iterator[Any]:
+    """Yield a std_msgs/Header without a frame for each stamp."""
+    types = _types().types
+    for stamp_ns in stamps_ns.tolist():
+        sec, nanosec = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
+        yield types['std_msgs/msg/Header'](
+            stamp=types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec), frame_id='')
 
 
 def _checked(values: FloatArray, m: int) -> FloatArray:

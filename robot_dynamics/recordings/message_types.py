@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from robot_dynamics.recordings.storage import StoredTopic
-from robot_dynamics.recordings.topics import rosbags_module
+from robot_dynamics.recordings.topics import common_types, rosbags_module
 
 
 class MessageTypes:
@@ -27,7 +27,7 @@ class MessageTypes:
     def __init__(self) -> None:
         typesys = rosbags_module('typesys')
         self._typesys = typesys
-        self._common = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+        self._common = common_types()
         self._own = typesys.get_typestore(typesys.Stores.EMPTY)
 
     def learn(self, topics: Iterable[StoredTopic]) -> None:

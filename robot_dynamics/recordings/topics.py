@@ -14,6 +14,7 @@
 
 """The topics of a recording, and what their publishers offered."""
 
+import functools
 import importlib
 from typing import Any, NamedTuple
 
@@ -46,6 +47,13 @@ def rosbags_module(module: str) -> Any:
     except ImportError:
         raise MissingDependencyError(
             'recordings need the library rosbags (pip install rosbags)') from None
+
+
+@functools.cache
+def common_types() -> Any:
+    """Return the typestore with the common packages of ROS 2 Jazzy; nothing is added to it."""
+    typesys = rosbags_module('typesys')
+    return typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 
 
 def qos_to_rosbags(qos: TopicQos) -> Any:

@@ -15,6 +15,9 @@
 """
 Record topics as the bytes that come over the wire, without decoding them.
 
+Only the stamp at the beginning of a message is read here, because rosbags and rclpy decode whole
+messages, at many times the cost, and the recorder shares the processor with the nodes.
+
 The recorder has no thread and no executor: its owner drains it often enough, or waits on it for
 one topic. A drain takes all that has arrived, which costs far less than to be woken for each
 message.
