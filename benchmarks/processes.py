@@ -50,12 +50,6 @@ def processor_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-def resident_bytes(pid: int) -> int:
-    """Return the memory that a process has in RAM."""
-    pages = Path(f'/proc/{pid}/statm').read_text(encoding='ascii').split()[1]
-    return int(pages) * os.sysconf('SC_PAGE_SIZE')
-
-
 def module(name: str, *arguments: str) -> list[str]:
     """Return the command that runs a Python module."""
     return [sys.executable, '-m', name, *arguments]

@@ -62,14 +62,11 @@ class ReferenceMotion:
     """
     A motion from rest at `start` (n,) back to it, and what it takes.
 
-    `peak_velocity` (n,) [rad/s or m/s], `peak_effort` (n,) [N·m or N]; `effort_ratio` is the
-    largest share of an effort limit, `worst_joint` has it.
+    `effort_ratio` is the largest ratio of an effort to its limit, at `worst_joint`.
     """
 
     start: FloatArray
     trajectory: JointTrajectory
-    peak_velocity: FloatArray
-    peak_effort: FloatArray
     effort_ratio: float
     worst_joint: str
 
@@ -109,8 +106,7 @@ def make_reference_motion(
         scale *= 0.85
     peaks = np.abs(efforts).max(axis=0)
     worst = int(np.argmax(peaks / arm.limits.effort)) if ratio > 0.0 else 0
-    return ReferenceMotion(
-        q0, trajectory, np.abs(v).max(axis=0), peaks, ratio, arm.joint_names[worst])
+    return ReferenceMotion(q0, trajectory, ratio, arm.joint_names[worst])
 
 
 def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
@@ -128,8 +124,7 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
     peaks = np.abs(dynamics.inverse_dynamics_batch(q, v, a)).max(axis=0)
     worst = int(np.argmax(peaks / arm.limits.effort))
     return ReferenceMotion(
-        q0, trajectory, np.abs(v).max(axis=0), peaks, _effort_ratio(arm, peaks),
-        arm.joint_names[worst])
+        q0, trajectory, _effort_ratio(arm, peaks), arm.joint_names[worst])
 
 
 def start_pose(dynamics: ArmDynamics) -> FloatArray:
