@@ -18,6 +18,7 @@ import secrets
 import shutil
 import sqlite3
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ from recordings import (  # noqa: E402
     write_recording,
     write_split,
 )
-from robot_dynamics.exceptions import RecordingError  # noqa: E402
+from robot_dynamics.exceptions import MissingDependencyError, RecordingError  # noqa: E402
 from robot_dynamics.recordings.bag_files import find_recordings  # noqa: E402
 from robot_dynamics.recordings.reader import Recording  # noqa: E402
 
@@ -268,6 +269,16 @@ def test_without_any_message_left_it_is_said_why(copied):
     stored_file(path).write_bytes(stored_file(path).read_bytes()[:300])
     with pytest.raises(RecordingError, match=r'can.* be read.*mcap\.mcap: cut off'):
         read(path)
+
+
+def test_without_mcap_a_damaged_file_names_it(copied, monkeypatch):
+    path = copied('mcap')
+    monkeypatch.setitem(sys.modules, 'robot_dynamics.recordings.mcap_salvage', None)
+    with Recording(path) as recording:
+        assert recording.topics[0].message_count == WHOLE
+    cut(stored_file(path), 0.5)
+    with pytest.raises(MissingDependencyError, match=r'mcap\.mcap is damaged.*pip install mcap'):
+        Recording(path)
 
 
 def test_a_page_of_noise_in_a_database(copied):
