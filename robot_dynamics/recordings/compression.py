@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compressed data of recordings, as far as it can be decompressed."""
+"""
+Compressed data of recordings, as far as it can be decompressed.
+
+The library `mcap` decompresses complete chunks only; of a chunk that was cut off the first part
+is needed too.
+"""
 
 from collections.abc import Iterator
 from typing import Any
