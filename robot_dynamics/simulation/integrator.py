@@ -16,9 +16,9 @@
 The motion of an arm while the efforts of its motors stay the same.
 
 The rigid bodies are integrated with `runge_kutta`, viscous friction with them, or where it is too
-stiff for that with `exponential_step`. Between events the motion is smooth, so that the method keeps
-its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where teeth
-meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are cut into
+stiff for that with `exponential_step`. Between events the motion is smooth, so that the method
+keeps its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where
+teeth meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are cut into
 pieces for which the method's own estimate of the error is small: that part of the motion lasts
 milliseconds. The pieces are explicit steps even if viscous friction is stiff; only if it is
 extremely stiff, the whole step is exponential.
