@@ -23,7 +23,7 @@ import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_parameters import described_arm
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.recordings.reader import JointSeries, RecordedTopic, Recording
 from robot_dynamics.recordings.sample_faults import counted
 
@@ -85,7 +85,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         origin = int(series.stamps_ns[0])
         losses = tuple(loss.words(origin) for loss in recording.losses)
         remarks = [*recording.notes, *series.faults.words()]
-    arm = described_arm(urdf, joints, settings.parameters)
+    arm = arm_from_parameters(urdf, settings.parameters, joints)
     series = series.unwrapped(arm.is_continuous)
     series, wild = _plausible(series, arm, settings.parameters)
     heard, series = len(series.stamps_ns), series.driven()

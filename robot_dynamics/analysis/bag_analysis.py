@@ -38,7 +38,7 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.arm_parameters import described_convention
+from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.validation import FloatArray
 
 
@@ -118,7 +118,7 @@ def joint_effort(
     motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, Any],
 ) -> tuple[FloatArray | None, str]:
     """Return the measured effort on the joint side, with gravity, and a remark on how."""
-    semantics = described_convention(parameters, arm)
+    semantics = convention_from_parameters(parameters)
     kind = semantics.measured_effort
     if motion.effort is None or kind == 'none':
         return None, '' if motion.effort is None else (

@@ -37,7 +37,7 @@ from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import column_names, model_effort, reduce_motion
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_parameters import described_arm
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.validation import FloatArray
@@ -95,7 +95,8 @@ def read_motion(bag: Path, configuration: Configuration) -> (
 
 def arm_of(configuration: Configuration, joint_names: Sequence[str]) -> ArmModel:
     """Return the arm of these joints, with parameters and payloads."""
-    arm = described_arm(configuration['urdf'], joint_names, configuration['parameters'])
+    arm = arm_from_parameters(
+        configuration['urdf'], configuration['parameters'], joint_names)
     return arm.with_payloads([
         Payload(link, mass, np.array(com), np.array(inertia))
         for link, mass, com, inertia in configuration['payloads']])

@@ -16,16 +16,16 @@
 
 from robot_dynamics.model.arm import ArmModel, JointLimits, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
-from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.regressor import TorqueRegressor
 from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
 
 __all__ = [
+    'arm_from_parameters',
     'ArmDynamics',
     'ArmModel',
-    'described_arm',
     'EffortTerms',
     'ExternalWrench',
     'JointLimits',

@@ -13,30 +13,27 @@
 # limitations under the License.
 
 """
-The arm of a URDF with what a parameter file of `dynamics_node` says of it, read without ROS.
+The arm that a URDF and the parameters of a node describe, without ROS.
 
-The file is that of ROS 2: nodes by name (`dynamics`, or `/**` for all), under each
-`ros__parameters`, nested as the names of the parameters are.
+Nodes and tools make their arm from parameters here. A parameter file is that of ROS 2: nodes by
+name (`dynamics`, or `/**` for all), under each `ros__parameters`, nested as the names of the
+parameters are.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
-from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.joints.friction import JointFriction, make_friction
+from robot_dynamics.joints.gear_friction import GearFriction, make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
+from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
 NODE = 'dynamics'
-FRICTION_FIELDS = ('viscous', 'coulomb', 'static', 'stribeck_velocity', 'offset')
-GEAR_FRICTION_FIELDS = (
-    'sigmoid', 'sigmoid_velocity', 'load', 'effort_offset', 'presliding_distance')
-ACTUATOR_FIELDS = (
-    'torque_constant', 'gear_ratio', 'back_emf_constant', 'resistance', 'inductance',
-    'rotor_inertia', 'efficiency', 'current_limit', 'voltage_limit')
 
 
 def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
@@ -78,48 +75,80 @@ def _flat(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
     return flat
 
 
-def described_arm(
-    urdf: str, joints: Sequence[str] = (), values: Mapping[str, Any] | None = None,
+def arm_from_parameters(
+    urdf: str, values: Mapping[str, Any], joints: Sequence[str] = (),
 ) -> ArmModel:
     """
-    Return the arm of a URDF with these joints, and gravity, friction and motors by parameters.
+    Return the arm of a URDF with joints, gravity, friction and motors as the parameters say.
 
-    Parameters are in the order of their `joints`, of which `joints` may leave some out. Raises
-    ModelError, or InvalidInputError where joints or parameters do not fit the arm.
+    `values` are parameters of `dynamics_node` by their full names; one left out is as its default.
+    `joints` names the joints in use, in their order; empty means those of the parameter `joints`.
+    Raises ModelError, or InvalidInputError if the parameters do not fit the arm.
     """
-    given = dict(values or {})
-    whole = load_arm(urdf, given.get('joints') or (), given.get('gravity') or STANDARD_GRAVITY)
+    gravity = values.get('gravity', STANDARD_GRAVITY)
+    whole = load_arm(urdf, values.get('joints', ()), gravity)
     names = tuple(joints) or whole.joint_names
-    arm = whole if names == whole.joint_names else load_arm(
-        urdf, names, given.get('gravity') or STANDARD_GRAVITY)
+    arm = whole if names == whole.joint_names else load_arm(urdf, names, gravity)
 
-    def of_joints(field: str) -> Any:
-        value = given.get(field, ())
-        if not isinstance(value, list) or len(value) <= 1:
-            return value if isinstance(value, (list, tuple)) else [value]
-        if len(value) != whole.joint_count or not given.get('joints'):
-            raise InvalidInputError(
-                f'{field} has {len(value)} values, expected one, or one for each of the '
-                f'parameter joints, which is {given.get("joints") or "not given"}')
-        by_name = dict(zip(whole.joint_names, value))
-        return [by_name[name] for name in names]
+    def of_joints(name: str) -> Sequence[float]:
+        return _of_joints(values, name, whole, names)
 
-    viscous, coulomb, static, stribeck_velocity, offset = (
-        of_joints(f'friction.{field}') for field in FRICTION_FIELDS)
-    arm = arm.with_friction(make_friction(
-        names, viscous, coulomb, static, stribeck_velocity, offset, arm.friction))
-    arm = arm.with_gear_friction(make_gear_friction(
-        names, *(of_joints(f'friction.{field}') for field in GEAR_FRICTION_FIELDS)))
-    motors = [of_joints(f'actuator.{field}') for field in ACTUATOR_FIELDS]
-    if not any(motors):
+    friction, gears, motors = (
+        {field.name: of_joints(f'{group}.{field.name}') for field in fields(kind)}
+        for group, kind in (
+            ('friction', JointFriction), ('friction', GearFriction), ('actuator', Actuators)))
+    arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
+    arm = arm.with_gear_friction(make_gear_friction(names, **gears))
+    if not any(len(value) for value in motors.values()):
         return arm
-    if motors[0] and not motors[1]:
-        motors[1] = [arm.gear_ratios[name] for name in names if name in arm.gear_ratios]
-    return arm.with_actuators(make_actuators(names, *motors))
+    if len(motors['torque_constant']) and not len(motors['gear_ratio']):
+        motors['gear_ratio'] = _described_gear_ratios(arm)
+    return arm.with_actuators(make_actuators(names, **motors))
 
 
-def described_convention(values: Mapping[str, Any], arm: ArmModel) -> EffortConvention:
-    """Return what the robot measures and adds; raise InvalidInputError on what does not fit."""
+def _of_joints(
+    values: Mapping[str, Any], name: str, arm: ArmModel, joints: Sequence[str],
+) -> Sequence[float]:
+    """Return the values of an array parameter at `joints`: none, one for all, or one per joint."""
+    value = values.get(name, ())
+    if not isinstance(value, (list, tuple)):
+        raise InvalidInputError(f'{name} is {value!r}, expected an array of numbers')
+    check_order_is_given(values, name, arm)
+    if len(value) <= 1:
+        return value
+    given = check_vector(name, value, arm.joint_count, arm.joint_names, LARGEST_VALUE)
+    by_name = dict(zip(arm.joint_names, given.tolist()))
+    without = [joint for joint in joints if joint not in by_name]
+    if without:
+        raise InvalidInputError(
+            f'{name} has no value for {without}, expected them in the parameter joints, which is '
+            f'{list(arm.joint_names)}')
+    return [by_name[joint] for joint in joints]
+
+
+def check_order_is_given(values: Mapping[str, Any], name: str, arm: ArmModel) -> None:
+    """Raise InvalidInputError if an array has one value per joint, but `joints` is not set."""
+    count = len(values.get(name, ()))
+    if count > 1 and not values.get('joints') and arm.joint_count > 1:
+        raise InvalidInputError(
+            f'{name} has {count} values, one a joint, but the parameter joints, '
+            'which gives them their order, is not set: expected one value, or joints')
+
+
+def _described_gear_ratios(arm: ArmModel) -> list[float]:
+    ratios = arm.gear_ratios
+    without = [name for name in arm.joint_names if name not in ratios]
+    if without:
+        raise InvalidInputError(
+            f'actuator.gear_ratio is empty, and no <transmission> of the URDF states a '
+            f'mechanicalReduction for {without}, expected one for each of '
+            f'{list(arm.joint_names)}, or gear ratios here')
+    return [ratios[name] for name in arm.joint_names]
+
+
+def convention_from_parameters(values: Mapping[str, Any]) -> EffortConvention:
+    """Return what the robot measures and adds; raise InvalidInputError if that does not fit."""
+    has_actuators = any(values.get(f'actuator.{field.name}') for field in fields(Actuators))
     return make_effort_convention(
         str(values.get('measured_effort', 'joint_torque')),
-        values.get('robot_compensates') or (), arm.actuators is not None)
+        values.get('robot_compensates', ()), has_actuators)

@@ -12,16 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where a node's URDF comes from: a parameter, a file, a package, or the embedded arm."""
+"""
+The parameters that describe the robot, and where a node's URDF comes from.
+
+The URDF is in a parameter, in a file, in a package, or it is that of the embedded arm.
+"""
 
 from pathlib import Path
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import LARGEST_LOAD_SHARE, make_gear_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.joints.gear_friction import LARGEST_LOAD_SHARE
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.description_file import read_description
@@ -126,62 +127,12 @@ ACTUATOR_SPECS = (
 )
 
 
-def arm_from_parameters(xml: str, values: Values) -> ArmModel:
-    """
-    Return the arm of a URDF with joints, gravity, friction and motors as the parameters say.
-
-    Raises ModelError, or InvalidInputError where the parameters do not fit the arm.
-    """
-    arm = load_arm(xml, values['joints'], values['gravity'])
+def check_joint_count(arm: ArmModel) -> None:
+    """Raise ModelError if an arm has too many joints for a node."""
     if arm.joint_count > MOST_JOINTS:
         raise ModelError(
             f'robot_description: robot {arm.name!r} has {arm.joint_count} joints that move, '
             f'expected at most {MOST_JOINTS}, or those to use named in the parameter joints')
-    for spec in FRICTION_SPECS:
-        check_order_is_given(values, spec.name, arm)
-    arm = arm.with_friction(make_friction(
-        arm.joint_names, values['friction.viscous'], values['friction.coulomb'],
-        values['friction.static'], values['friction.stribeck_velocity'],
-        values['friction.offset'], arm.friction))
-    if all(spec.name in values for spec in GEAR_FRICTION_SPECS):
-        for spec in GEAR_FRICTION_SPECS:
-            check_order_is_given(values, spec.name, arm)
-        gears = [values[spec.name] for spec in GEAR_FRICTION_SPECS]
-        arm = arm.with_gear_friction(make_gear_friction(arm.joint_names, *gears))
-    if not any(values[spec.name] for spec in ACTUATOR_SPECS):
-        return arm
-    for spec in ACTUATOR_SPECS:
-        check_order_is_given(values, spec.name, arm)
-    if values['actuator.torque_constant'] and not values['actuator.gear_ratio']:
-        values = {**values, 'actuator.gear_ratio': _described_gear_ratios(arm)}
-    motors = [values[spec.name] for spec in ACTUATOR_SPECS]
-    return arm.with_actuators(make_actuators(arm.joint_names, *motors))
-
-
-def _described_gear_ratios(arm: ArmModel) -> list[float]:
-    ratios = arm.gear_ratios
-    without = [name for name in arm.joint_names if name not in ratios]
-    if without:
-        raise InvalidInputError(
-            f'actuator.gear_ratio is empty, and no <transmission> of the URDF states a '
-            f'mechanicalReduction for {without}, expected one for each of '
-            f'{list(arm.joint_names)}, or gear ratios here')
-    return [ratios[name] for name in arm.joint_names]
-
-
-def semantics_from_parameters(values: Values) -> EffortConvention:
-    """Return what the robot measures and adds; raise InvalidInputError on what does not fit."""
-    has_actuators = any(values[spec.name] for spec in ACTUATOR_SPECS)
-    return make_effort_convention(
-        values['measured_effort'], values['robot_compensates'], has_actuators)
-
-
-def check_order_is_given(values: Values, name: str, arm: ArmModel) -> None:
-    """Raise InvalidInputError where an array has one value a joint, but `joints` is not set."""
-    if len(values[name]) > 1 and not values['joints'] and arm.joint_count > 1:
-        raise InvalidInputError(
-            f'{name} has {len(values[name])} values, one a joint, but the parameter joints, '
-            'which gives them their order, is not set: expected one value, or joints')
 
 
 def description_from_parameters(values: Values) -> str | None:

@@ -139,12 +139,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _arm(arguments: argparse.Namespace) -> 'ArmModel':
-    from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
+    from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
     from robot_dynamics.planar.urdf import default_arm_urdf
     from robot_dynamics.tools.arguments import read_robot
     urdf = default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf)
     parameters = {} if arguments.parameters is None else read_parameter_file(arguments.parameters)
-    return described_arm(urdf, arguments.joints, parameters)
+    return arm_from_parameters(urdf, parameters, arguments.joints)
 
 
 def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajectory') -> None:

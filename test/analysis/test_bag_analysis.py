@@ -26,7 +26,7 @@ from robot_dynamics.analysis.arm_recording import AnalysisSettings  # noqa: E402
 from robot_dynamics.analysis.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
 from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
-from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file  # noqa: E402
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recordings.message_encoding import joint_state_messages  # noqa: E402
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
@@ -223,12 +223,12 @@ def _gravity(arm, positions):
 def test_parameters_go_with_their_joints():
     values = {'joints': ['joint2', 'joint1'], 'friction.viscous': [2.0, 1.0],
               'friction.coulomb': [3.0], 'gravity': [0.0, 0.0, 0.0]}
-    whole = described_arm(URDF, ('joint1', 'joint2'), values)
+    whole = arm_from_parameters(URDF, values, ('joint1', 'joint2'))
     np.testing.assert_array_equal(whole.friction.viscous, [1.0, 2.0])
     np.testing.assert_array_equal(whole.friction.coulomb, [3.0, 3.0])
     assert not _gravity(whole, np.ones((1, 2))).any()
     with pytest.raises(InvalidInputError, match=r'friction\.viscous has 2 values'):
-        described_arm(URDF, (), {'friction.viscous': [2.0, 1.0]})
+        arm_from_parameters(URDF, {'friction.viscous': [2.0, 1.0]})
 
 
 @pytest.mark.parametrize(('text', 'words'), [

@@ -28,7 +28,7 @@ import pytest
 from recordings import KnownMotion, START_NS, write_recording
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
@@ -76,8 +76,8 @@ def output(tmp_path_factory, urdf):
 
 def test_the_files_fit_each_other(output):
     figures = json.loads((output / 'report.json').read_text())
-    arm = described_arm(
-        (output / 'identified.urdf').read_text(), (),
+    arm = arm_from_parameters(
+        (output / 'identified.urdf').read_text(),
         read_parameter_file(output / 'identified.yaml'))
     assert inertial_parameters(arm).reshape(-1, 10) == pytest.approx(
         np.array(figures['inertial_parameters']), rel=1e-8, abs=1e-12)
@@ -100,8 +100,8 @@ def test_the_report_needs_no_other_file(output):
 
 
 def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(output):
-    arm = described_arm(
-        (output / 'identified.urdf').read_text(), (),
+    arm = arm_from_parameters(
+        (output / 'identified.urdf').read_text(),
         read_parameter_file(output / 'identified.yaml'))
     expected = ArmDynamics(arm)
     q, v, a = random_states(arm, 4, seed=3)

@@ -29,7 +29,7 @@ import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_parameters import described_arm
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording, RecordingWriter
@@ -105,7 +105,7 @@ class Relay:
 
 @pytest.fixture(scope='module')
 def arm() -> ArmModel:
-    return described_arm(default_arm_urdf(), (), TRUTH)
+    return arm_from_parameters(default_arm_urdf(), TRUTH)
 
 
 @pytest.fixture(scope='module')
@@ -158,7 +158,7 @@ def test_every_base_parameter_is_within_three_deviations(
     arm: ArmModel, recording: Path,
 ) -> None:
     """The model that is identified starts from the URDF: no friction, no rotors."""
-    model = described_arm(default_arm_urdf())
+    model = arm_from_parameters(default_arm_urdf(), {})
     with Recording(recording) as bag:
         series = bag.joint_series(STATES, model.joint_names)
     assert (np.diff(np.unique(series.stamps_ns)) == round(1e9 / RATE)).all()

@@ -27,6 +27,10 @@ from robot_dynamics.control.loop_warnings import loop_warnings
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_parameters import (
+    arm_from_parameters,
+    convention_from_parameters,
+)
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
@@ -54,10 +58,9 @@ from robot_dynamics.ros.guarded_callbacks import (
 from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
 from robot_dynamics.ros.robot_description import (
-    arm_from_parameters,
+    check_joint_count,
     description_from_parameters,
     embedded_description,
-    semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.urgent_service import UrgentService
@@ -247,6 +250,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         """Return the arm of a description; raise RobotDynamicsError where it is unfit."""
         values = self._settings.values
         arm = arm_from_parameters(xml, values)
+        check_joint_count(arm)
         check_or_refuse(xml, arm, values, self.get_logger())
         options_from(values, arm)
         return arm
@@ -288,7 +292,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if len(values['gravity']) != 3:
             raise InvalidInputError(
                 f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
-        semantics_from_parameters(values)
+        convention_from_parameters(values)
         if self._arm is not None:
             options_from(values, self._arm)
 

@@ -25,17 +25,19 @@ from robot_dynamics.control.controller import command_modes
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_parameters import (
+    check_order_is_given,
+    convention_from_parameters,
+)
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.dynamics.safety_parameters import effort_rates, SAFETY_SPECS
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
-    check_order_is_given,
     DESCRIPTION_SPECS,
     FRICTION_SPECS,
     GEAR_FRICTION_SPECS,
-    semantics_from_parameters,
 )
 from robot_dynamics.validation import FloatArray
 
@@ -111,7 +113,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
-        effort_rates(values, arm), semantics_from_parameters(values), values['soften_gains'],
+        effort_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
         values['condition_references'], values['infeasible_trajectory'] == 'slow_down',
         values['reference_loss'] == 'hold',
         optional_limits('following_error_limit', values, arm), values['reference_timeout'])

@@ -22,6 +22,10 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.model.arm_parameters import (
+    arm_from_parameters,
+    convention_from_parameters,
+)
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.guarded_callbacks import (
@@ -31,12 +35,11 @@ from robot_dynamics.ros.guarded_callbacks import (
 )
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
-    arm_from_parameters,
+    check_joint_count,
     description_from_parameters,
     DESCRIPTION_SPECS,
     embedded_description,
     FRICTION_SPECS,
-    semantics_from_parameters,
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
@@ -133,6 +136,7 @@ class SimulatedArmNode(GuardedCallbacks):
         values = parameters.values
         xml = description_from_parameters(values) or embedded_description()
         self._arm = arm_from_parameters(xml, values)
+        check_joint_count(self._arm)
         simulation = ArmSimulation(
             self._arm,
             values['initial_position'] or None, values['initial_velocity'] or None,
@@ -141,7 +145,7 @@ class SimulatedArmNode(GuardedCallbacks):
         self._lock = threading.Lock()
         self._loop: WallTimeLoop | LockStepLoop | None = None
         self._plant = Plant(
-            simulation, InnerController(self._arm, semantics_from_parameters(values)),
+            simulation, InnerController(self._arm, convention_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
         self._plant.encoders_at_motor = values['encoders'] == 'motor'
         topics = ArmTopics(self, self._arm.joint_names, _has_own_time(values))
@@ -217,7 +221,7 @@ def _check(values: Values) -> None:
     if len(values['gravity']) != 3:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
-    semantics_from_parameters(values)
+    convention_from_parameters(values)
     if values['paused'] and not _has_own_time(values):
         raise InvalidInputError(
             'paused is true, expected false, or lock_step or publish_clock as well: the time of '

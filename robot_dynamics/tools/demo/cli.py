@@ -180,8 +180,9 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
 
 
 def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
-    from robot_dynamics.model.arm_parameters import described_arm, read_parameter_file
-    return described_arm(urdf, (), {} if parameters is None else read_parameter_file(parameters))
+    from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+    return arm_from_parameters(
+        urdf, {} if parameters is None else read_parameter_file(parameters))
 
 
 def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion':

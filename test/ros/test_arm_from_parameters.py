@@ -1,0 +1,146 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A parameter file describes the same arm to the offline tools and to the nodes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.context import Context
+from rclpy.node import Node
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.ros.declared_parameters import DeclaredParameters
+from robot_dynamics.ros.dynamics.parameters import SPECS
+import yaml
+
+GEARED = default_arm_urdf().replace(
+    '</robot>', '<transmission name="t"><joint name="joint1"/><actuator name="m">'
+    '<mechanicalReduction>100</mechanicalReduction></actuator></transmission></robot>')
+"""The default arm, whose URDF states the gear ratio of one of two joints."""
+FRICTION = {
+    'viscous': [0.2, 0.1], 'coulomb': [2.0, 1.0], 'static': [3.0, 1.5],
+    'stribeck_velocity': [0.04, 0.05], 'offset': [0.5, -0.25], 'sigmoid': [0.5, 0.2],
+    'sigmoid_velocity': [0.02, 0.03], 'load': [0.05, 0.02], 'effort_offset': [0.1, -0.2],
+    'presliding_distance': [0.01, 0.02]}
+MOTORS = {
+    'torque_constant': [0.1, 0.2], 'gear_ratio': [100.0, -50.0], 'back_emf_constant': [0.11, 0.21],
+    'resistance': [0.5, 0.8], 'inductance': [5e-4, 6e-4], 'rotor_inertia': [1e-5, 2e-5],
+    'efficiency': [0.8, 0.85], 'current_limit': [20.0, 15.0], 'voltage_limit': [48.0, 24.0],
+    'current_time_constant': [3e-4, 4e-4], 'backlash': [1e-3, 2e-3], 'restitution': [0.1, 0.2]}
+EVERYTHING = {
+    'joints': ['joint2', 'joint1'], 'gravity': [0.0, 1.0, -9.0],
+    'friction': FRICTION, 'actuator': MOTORS}
+
+
+def values_of_node(path: Path) -> dict[str, Any]:
+    """Return the values that a node `dynamics` declares, started with a parameter file."""
+    context = Context()
+    context.init(['--ros-args', '--params-file', str(path)])
+    try:
+        node = Node('dynamics', context=context, start_parameter_services=False,
+                    enable_rosout=False)
+        try:
+            return dict(
+                DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values)
+        finally:
+            node.destroy_node()
+    finally:
+        context.shutdown()
+
+
+def both_values(tmp_path: Path, parameters: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what the reader of the tools and a node make of one parameter file."""
+    path = tmp_path / 'dynamics.yaml'
+    path.write_text(yaml.safe_dump({'dynamics': {'ros__parameters': parameters}}))
+    return [read_parameter_file(path), values_of_node(path)]
+
+
+def numbers_of(arm: ArmModel) -> dict[str, Any]:
+    """Return all numbers of an arm that parameters decide."""
+    parts = {'friction': arm.friction, 'gears': arm.gear_friction, 'motors': arm.actuators,
+             'limits': arm.limits}
+    numbers = {f'{part}.{name}': value.tolist() for part, record in parts.items()
+               if record is not None for name, value in vars(record).items()
+               if isinstance(value, np.ndarray)}
+    return {**numbers, 'joints': arm.joint_names, 'armature': arm.engine.armature.tolist(),
+            'gravity': arm.engine.gravity.linear.tolist()}
+
+
+def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
+    offline, of_node = (
+        numbers_of(arm_from_parameters(GEARED, values))
+        for values in both_values(tmp_path, EVERYTHING))
+    assert offline == of_node
+    assert offline['joints'] == ('joint2', 'joint1')
+    for part, given in (('friction', FRICTION), ('motors', MOTORS)):
+        for name, value in given.items():
+            record = part if f'{part}.{name}' in offline else 'gears'
+            assert offline[f'{record}.{name}'] == value
+    assert sorted(offline['armature']) == pytest.approx([0.05, 0.1])
+
+
+def test_defaults_are_the_same(tmp_path: Path) -> None:
+    offline, of_node = (
+        numbers_of(arm_from_parameters(GEARED, values))
+        for values in both_values(tmp_path, {'friction': {'sigmoid': [0.5]}}))
+    assert offline == of_node
+    assert offline['gears.sigmoid'] == [0.5, 0.5]
+    assert 'motors.gear_ratio' not in offline
+
+
+REFUSED = {
+    'a gear ratio that one joint alone has': (
+        {'actuator': {'torque_constant': [0.1]}},
+        r"actuator\.gear_ratio is empty, and no <transmission> .* for \['joint2'\]"),
+    'backlash without a motor': (
+        {'actuator': {'backlash': [0.001]}}, r'actuator\.torque_constant is empty'),
+    'no order': ({'friction': {'load': [0.1, 0.2]}}, r'friction\.load has 2 values, .* joints'),
+    'another number of values': (
+        {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
+        r'friction\.sigmoid has 3 values, expected 2'),
+}
+
+
+@pytest.mark.parametrize('case', REFUSED)
+def test_both_refuse_with_the_same_message(tmp_path: Path, case: str) -> None:
+    parameters, words = REFUSED[case]
+    messages = set()
+    for values in both_values(tmp_path, parameters):
+        with pytest.raises(InvalidInputError, match=words) as refusal:
+            arm_from_parameters(GEARED, values)
+        messages.add(str(refusal.value))
+    assert len(messages) == 1
+
+
+def test_a_tool_may_use_some_joints_of_the_parameters() -> None:
+    values = {'joints': ['joint2', 'joint1'], 'friction.viscous': [2.0, 1.0],
+              'actuator.torque_constant': [0.2, 0.1]}
+    arm = arm_from_parameters(GEARED, values, ['joint1'])
+    assert arm.friction.viscous.tolist() == [1.0]
+    assert arm.actuators is not None
+    assert arm.actuators.torque_constant.tolist() == [0.1]
+    assert arm.actuators.gear_ratio.tolist() == [100.0]
+    three = planar_arm_urdf([1.0] * 3, [0.5] * 3, [0.2] * 3, [0.01] * 3)
+    with pytest.raises(InvalidInputError, match=r"viscous has no value for \['joint3'\]"):
+        arm_from_parameters(three, values, ['joint3', 'joint1'])
+
+
+def test_a_number_in_place_of_an_array_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match=r'friction\.load is 0\.1, expected an array'):
+        arm_from_parameters(GEARED, {'friction.load': 0.1})
