@@ -108,8 +108,8 @@ def _order(name: str) -> tuple[bool, str, bool]:
 
 
 def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
-    """Return a parameter file of ROS 2 for the node `dynamics`, with comments at its head."""
-    lines = [*(f'# {comment}'.rstrip() for comment in comments), '/dynamics:',
+    """Return a parameter file of ROS 2 for `dynamics` and `simulated_arm`, comments first."""
+    lines = [*(f'# {comment}'.rstrip() for comment in comments), '/**:',
              '  ros__parameters:']
     group = ''
     for name, value in values.items():

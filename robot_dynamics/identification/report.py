@@ -84,6 +84,7 @@ def _head(found: BagIdentification) -> list[str]:
         f'Residual on samples that were not trained with, % of the effort, RMS: {shares}.',
         '',
         '  ros2 run robot_dynamics dynamics_node --ros-args --params-file identified.yaml',
+        '  ros2 run robot_dynamics simulated_arm --ros-args --params-file identified.yaml',
     ]
 
 

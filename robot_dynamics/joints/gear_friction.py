@@ -79,6 +79,18 @@ class GearFriction:
         return np.asarray(
             (self.sigmoid + self.load * np.abs(load)) * direction + self.effort_offset)
 
+    def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
+        """
+        Return the viscous friction (..., n) that is as large at the velocity v, but for F_b.
+
+        It is (F_a + μ |load|) tanh(v / v_a) / v; at rest it is largest, the slope there.
+        """
+        ratio = v / self.sigmoid_velocity
+        with np.errstate(invalid='ignore', divide='ignore'):
+            mean_slope = np.where(np.abs(ratio) < 1e-4, 1.0, np.tanh(ratio) / ratio)
+        return np.asarray(
+            (self.sigmoid + self.load * np.abs(load)) * mean_slope / self.sigmoid_velocity)
+
     def load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
         """Return the load (..., n) that a joint effort leaves after friction: the way back."""
         direction = np.tanh(v / self.sigmoid_velocity)

@@ -155,8 +155,11 @@ class UncheckedArmDynamics:
     ) -> FloatArray:
         body, friction = self.rigid_body, self.friction
         M, sliding = body.mass_matrix(q), friction.dry(v)
-        effort = self._load_of(
-            v, tau - friction.viscous * v - friction.offset) - body.nonlinear(q, v)
+        effort = tau - friction.viscous * v - friction.offset
+        if self._gears is not None:  # they take a share of what the dry friction of moving joints
+            passed = effort - sliding * np.sign(v)  # leaves
+            effort = effort - passed + self._gears.load_of(v, passed)
+        effort = effort - body.nonlinear(q, v)
         if wrenches:
             effort = effort - body.external(q, wrenches)
         try:

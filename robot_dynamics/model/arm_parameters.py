@@ -147,7 +147,7 @@ def _described_gear_ratios(arm: ArmModel) -> list[float]:
 
 
 def convention_from_parameters(values: Mapping[str, Any]) -> EffortConvention:
-    """Return what the robot measures and adds; raise InvalidInputError if that does not fit."""
+    """Return the effort convention of the parameters; raise InvalidInputError on a wrong one."""
     has_actuators = any(values.get(f'actuator.{field.name}') for field in fields(Actuators))
     return make_effort_convention(
         str(values.get('measured_effort', 'joint_torque')),

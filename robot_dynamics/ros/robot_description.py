@@ -69,9 +69,6 @@ FRICTION_SPECS = (
         'friction.offset', Type.DOUBLE_ARRAY, [],
         'Offset F_o [N m] or [N] by which friction differs between the directions; at most F_c '
         'in size. Empty: 0.', read_only=True, minimum=-1e6, maximum=1e6),
-)
-
-GEAR_FRICTION_SPECS = (
     ParameterSpec(
         'friction.sigmoid', Type.DOUBLE_ARRAY, [],
         'Friction F_a [N m] or [N] with a smooth sign, F_a tanh(v / v_a), likewise. Empty: 0.',
@@ -91,7 +88,7 @@ GEAR_FRICTION_SPECS = (
     ParameterSpec(
         'friction.presliding_distance', Type.DOUBLE_ARRAY, [],
         'Distance [rad] or [m] after a turn of the motion over which Coulomb friction changes its '
-        'sign, where a whole motion is known. Empty: 0.',
+        'sign, if a whole motion is known; not in simulated_arm. Empty: 0.',
         read_only=True, minimum=0.0, maximum=10.0),
 )
 

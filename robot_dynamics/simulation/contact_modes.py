@@ -32,6 +32,8 @@ _SLOW = 1e-3
 """[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
 _STRIBECK_RANGE = 4.0
 """Multiple of v_s beyond which friction no longer falls: exp(−4²) is 1e-7."""
+_SIGMOID_RANGE = 9.0
+"""Multiple of v_a beyond which friction of gears no longer rises: 1 − tanh 9 is 3e-8."""
 _TRIES_PER_JOINT = 4
 
 
@@ -54,6 +56,12 @@ class ContactModeSolver:
         self._rubs = friction.static > 0.0
         self._falls_below = np.where(
             friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
+        gears = forces.gears
+        self._rises_below = self._nowhere if gears is None else np.where(
+            (gears.sigmoid > 0.0) | (gears.load > 0.0),
+            _SIGMOID_RANGE * gears.sigmoid_velocity, 0.0)
+        self.can_be_steep = friction.has_stribeck_effect or bool(self._rises_below.any())
+        """Whether friction of some joint changes fast with speed, at some speed."""
         self.free = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none, False)
         """Without dry friction and backlash."""
 
@@ -61,8 +69,8 @@ class ContactModeSolver:
         """Return how the joints move on from a state, and their acceleration (n,)."""
         if self._forces.play is None:
             joints = self._joint_modes(state, self._none)
-            is_stribeck_active = self.is_stribeck_active(joints, state.v, state.v)
-            modes = GearModes(joints, self._nowhere, self._none, is_stribeck_active)
+            is_steep = self.is_steep(joints, state.v, state.v)
+            modes = GearModes(joints, self._nowhere, self._none, is_steep)
             return modes, self._forces.acceleration(modes)(state.q, state.v)
         touching = self._forces.play.touching(state.q, state.theta)
         parted = self._forces.play.exists & (touching == 0.0)
@@ -72,7 +80,7 @@ class ContactModeSolver:
             joints = self._joint_modes(state, opened)
             modes = GearModes(
                 joints, np.where(opened, 0.0, touching), opened,
-                self.is_stribeck_active(joints, state.v, state.v))
+                self.is_steep(joints, state.v, state.v))
             a = self._forces.acceleration(modes)(state.q, state.v)
             push = touching * (tau - J * a)
             wrong = np.where(opened, push, -push)
@@ -121,9 +129,12 @@ class ContactModeSolver:
         theta = np.where(side != 0.0, q + side * play.half_gap, theta)
         return Met(MotionState(q, v, theta, omega), heat, True)
 
-    def is_stribeck_active(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
-        """Tell whether dry friction changes noticeably with speed on the way."""
-        if not self._forces.friction.has_stribeck_effect:
+    def is_steep(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
+        """Tell whether friction changes fast with speed on the way from velocity v to `after`."""
+        if not self.can_be_steep:
             return False
+        nearest = np.where(v * after > 0.0, np.minimum(np.abs(v), np.abs(after)), 0.0)
+        if (~joints.stuck & (nearest < self._rises_below)).any():
+            return True
         slowest = np.minimum(v * joints.direction, after * joints.direction)
         return bool(((joints.direction != 0.0) & (slowest < self._falls_below)).any())

@@ -21,6 +21,8 @@ evenly with time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J
 176, 2002, section 2.2), of order 2, extended to the position.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.simulation.runge_kutta import Acceleration
@@ -36,12 +38,24 @@ def damping_rate(M: FloatArray, viscous: FloatArray, free: npt.NDArray[np.bool_]
     return float(np.diag(np.linalg.inv(M[np.ix_(free, free)])) @ viscous[free])
 
 
+class DampedStep(NamedTuple):
+    """
+    Position and velocity (n,) after a step.
+
+    `correction` (n,) is by how much the velocity differs from that of the method of order 1.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    correction: FloatArray
+
+
 def damped_step(
     q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,
     M: FloatArray, viscous: FloatArray, free: npt.NDArray[np.bool_],
-) -> tuple[FloatArray, FloatArray]:
+) -> DampedStep:
     """
-    Return position and velocity (n,) after h [s].
+    Return the motion after h [s].
 
     `acceleration(q, v)` includes the viscous friction; `free` (n,) tells which joints move, all
     others have and keep velocity 0.
@@ -55,7 +69,8 @@ def damped_step(
     v_a = phi.exp @ v + h * (phi.one @ g0)
     q_a = q + h * (phi.one @ v) + h**2 * (phi.two @ g0)
     change = rest(q_a, v_a) - g0
-    return q_a + h**2 * (phi.three @ change), v_a + h * (phi.two @ change)
+    correction = h * (phi.two @ change)
+    return DampedStep(q_a + h**2 * (phi.three @ change), v_a + correction, correction)
 
 
 class _Phi:

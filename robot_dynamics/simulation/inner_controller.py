@@ -40,7 +40,7 @@ class InnerController:
             effort = effort + self._dynamics.rigid_body.gravity(q)
         if self.semantics.compensates_friction:
             # smooth around rest, as the sign of a measured velocity would chatter there
-            effort = effort + self._dynamics.friction.smooth_effort(v)
+            effort = effort + self._dynamics.friction_effort(v, effort, smooth=True)
         return effort
 
     def measured(

@@ -16,12 +16,13 @@
 The motion of an arm while the efforts of its motors stay the same.
 
 The rigid bodies are integrated with `runge_kutta`, viscous friction with them, or where it is too
-stiff for that with `exponential_step`. Between events the motion is smooth, so that the method
-keeps its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where
-teeth meet or part (`backlash`). Where dry friction falls with speed (Stribeck), steps are cut into
-pieces for which the method's own estimate of the error is small: that part of the motion lasts
-milliseconds. The pieces are explicit steps even if viscous friction is stiff; only if it is
-extremely stiff, the whole step is exponential.
+stiff for that with `exponential_step`. Between events the motion is smooth, so that the method keeps
+its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where teeth
+meet or part (`backlash`). If friction changes fast with speed (Stribeck's effect, friction of
+gears around rest), steps are cut into pieces for which the method's own estimate of the error is
+small. The pieces are explicit steps even if friction is stiff; only if it is extremely stiff, the
+whole step is exponential. A joint that creeps in the friction of its gears takes exponential steps
+as well, while their estimated error is small.
 """
 
 from collections.abc import Sequence
@@ -50,8 +51,10 @@ _STIFFEST_IN_PIECES = 100.0
 _MAX_EVENTS = 60
 _MAX_BOUNCES = 40
 """Events in a step after which teeth stay together where they meet."""
-_STRIBECK_TOLERANCE = 1e-7
-"""Error of √M q̇ [J^½] that a piece of a step may have where friction falls with speed."""
+_STEEP_TOLERANCE = 1e-7
+"""Error of √M q̇ [J^½] that a piece of a step may have if friction changes fast with speed."""
+_CREEP_TOLERANCE = 1e-5
+"""The same of an exponential step in the friction of gears, by what its second stage corrects."""
 _FINEST = 2.0**-10
 """Share of a step that such a piece is at least."""
 _MAX_PIECES = 10_000
@@ -67,7 +70,7 @@ class Leg(NamedTuple):
 
 
 class Motion:
-    """The motion of one arm, under the efforts and wrenches given last to `drive`."""
+    """The motion of one arm, under the efforts and wrenches given last to `current_loop`."""
 
     def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self._forces = forces = JointForces(dynamics)
@@ -89,13 +92,15 @@ class Motion:
     def step(self, state: MotionState, h: float) -> Leg:
         """Return the state after h [s]; the very same one where the arm sticks."""
         forces = self._forces
-        if forces.friction.has_stribeck_effect:
+        if self._modes.can_be_steep:
             self._root_inertia = np.sqrt(np.diag(forces.body.mass_matrix(state.q)))
+        self._pieces = 0
         if forces.play is None and not forces.is_dry:
-            end = self._advance(state, h, self._modes.free, None)
+            free = self._modes.free
+            end = self._advance(state, h, free._replace(
+                is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
             return Leg(end.state, end.heat)
         heat, jolted, a = 0.0, False, None
-        self._pieces = 0
         for event_count in range(_MAX_EVENTS):
             if forces.play is not None:
                 met = self._modes.impact(state, a, plastic=event_count >= _MAX_BOUNCES)
@@ -117,13 +122,17 @@ class Motion:
 
     def _stiffness(self, q: FloatArray, h: float, modes: GearModes) -> float:
         """Return a bound of (relaxation rate of the moving joints) × h; stuck joints have none."""
-        if not self._forces.is_damped:
+        forces = self._forces
+        in_gears = modes.is_steep and forces.gears is not None
+        if not (forces.is_damped or in_gears):
             return 0.0
         bound = self._damping_bound * h
-        if bound <= STIFF and not modes.open.any():
+        if bound <= STIFF and not modes.open.any() and not in_gears:
             return bound
-        M = self._forces.body_with(modes.open).mass_matrix(q)
-        return h * damping_rate(M, self._forces.friction.viscous, ~modes.joints.stuck)
+        M = forces.body_with(modes.open).mass_matrix(q)
+        # The friction of gears is stiffest at rest.
+        viscous = forces.damping(np.zeros_like(q), modes) if in_gears else forces.friction.viscous
+        return h * damping_rate(M, viscous, ~modes.joints.stuck)
 
     def _advance(
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
@@ -143,17 +152,20 @@ class Motion:
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
         stiffness = self._stiffness(state.q, h, modes)
-        if modes.is_stribeck_active and (
+        if modes.is_steep and self._forces.gears is not None and stiffness > STIFF:
+            end, correction = self._damped(state, q, v, h, acceleration, modes)
+            if correction <= _CREEP_TOLERANCE:
+                return end
+        if modes.is_steep and (
                 stiffness <= _STIFFEST_IN_PIECES and self._pieces < _MAX_PIECES):
             return self._in_pieces(state, q, v, a, h, acceleration, modes)
         if stiffness > STIFF:
-            end = self._damped(state, q, v, h, acceleration, modes)
+            end, _ = self._damped(state, q, v, h, acceleration, modes)
         else:
             end = self._end(state, runge_kutta_step(q, v, h, acceleration, a), h, modes)
-        if modes.is_stribeck_active or not self._modes.is_stribeck_active(
-                modes.joints, state.v, end.state.v):
+        if modes.is_steep or not self._modes.is_steep(modes.joints, state.v, end.state.v):
             return end
-        return self._advance(state, h, modes._replace(is_stribeck_active=True), None)
+        return self._advance(state, h, modes._replace(is_steep=True), None)
 
     def _gather(
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,
@@ -170,17 +182,19 @@ class Motion:
     def _damped(
         self, state: MotionState, q: FloatArray, v: FloatArray, h: float,
         acceleration: Acceleration, modes: GearModes,
-    ) -> End:
+    ) -> tuple[End, float]:
+        """Return the end of an exponential step, and its estimated error of √M q̇ [J^½]."""
         n, alone = len(state.q), modes.open
         M, viscous, free = np.zeros((len(q), len(q))), np.zeros(len(q)), np.ones(len(q), bool)
         M[:n, :n] = self._forces.body_with(alone).mass_matrix(state.q)
-        viscous[:n], free[:n] = self._forces.friction.viscous, ~modes.joints.stuck
+        viscous[:n], free[:n] = self._forces.damping(v[:n], modes), ~modes.joints.stuck
         if len(q) > n:
             assert self._forces.play is not None
             np.fill_diagonal(M[n:, n:], self._forces.play.inertia[alone])
-        q, v = damped_step(q, v, h, acceleration, M, viscous, free)
+        q, v, correction = damped_step(q, v, h, acceleration, M, viscous, free)
         after = self._gather(state, q, v, modes)
-        return End(after, self._lost(state, after), acceleration(q, v)[:n])
+        error = float(np.max(np.sqrt(np.diag(M)) * np.abs(correction)))
+        return End(after, self._lost(state, after), acceleration(q, v)[:n]), error
 
     def _in_pieces(
         self, state: MotionState, q: FloatArray, v: FloatArray, a: FloatArray | None, h: float,
@@ -197,7 +211,7 @@ class Motion:
                 return end._replace(heat=heat + end.heat)
             step = runge_kutta_step(q, v, piece, acceleration, a)
             error = step.error(piece, acceleration, weights)
-            ratio = 0.9 * (_STRIBECK_TOLERANCE / (error + 1e-30))**0.2
+            ratio = 0.9 * (_STEEP_TOLERANCE / (error + 1e-30))**0.2
             if ratio < 0.9 and piece > _FINEST * h:
                 piece = max(piece * max(ratio, 0.1), _FINEST * h)
                 continue
@@ -216,7 +230,7 @@ class Motion:
         after = self._gather(state, step.position, step.velocity, modes)
         # The last stage is at the end of the step, but for an error of order h⁵.
         a_end = step.accelerations[-1, :n]
-        if not (self._forces.is_dry or self._forces.is_damped):
+        if self._forces.is_frictionless:
             return End(after, 0.0, a_end)
         v = step.velocities[:, :n]
         friction = self._forces.rubbing(v, modes)

@@ -49,13 +49,13 @@ class GearModes(NamedTuple):
     How an arm moves between two events.
 
     The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own;
-    `is_stribeck_active`, whether dry friction changes with speed.
+    `is_steep`, whether friction changes fast with speed.
     """
 
     joints: Modes
     side: FloatArray
     open: BoolArray
-    is_stribeck_active: bool
+    is_steep: bool
 
 
 class JointForces:
@@ -66,6 +66,8 @@ class JointForces:
         self.play = Backlash.of(dynamics.arm.actuators)
         self.is_damped = bool(self.friction.viscous.any())
         self.is_dry = bool(self.friction.static.any())
+        self.gears = dynamics.arm.gear_friction
+        self.is_frictionless = not (self.is_dry or self.is_damped) and self.gears is None
         self._arm = dynamics.arm
         self._bodies: dict[bytes, UncheckedRigidBody] = {}
 
@@ -100,15 +102,23 @@ class JointForces:
         return self._bodies[key]
 
     def effort(self, q: FloatArray, v: FloatArray, opened: BoolArray) -> FloatArray:
-        """Return what is left to accelerate the joints, but for dry friction."""
+        """Return what is left to accelerate the joints, but for dry friction (`choose_modes`)."""
         body = self.body
         effort = self.joint_tau - body.nonlinear(q, v) - self.friction.viscous * v
         if opened.any():
             effort = effort - self.tau * opened
+        if self.gears is not None:
+            passed = self.joint_tau - self.tau * opened - self.friction.viscous * v - (
+                self.friction.dry(v) * np.sign(v))
+            effort = effort - passed + self.gears.load_of(v, passed)
         return effort - body.external(q, self.wrenches) if self.wrenches else effort
 
     def after_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
         """Return what sliding friction leaves of the efforts at the joints, (..., n), by v."""
+        passed, gears = self._after_joint_friction(modes), self.gears
+        return passed if gears is None else lambda v: gears.load_of(v, passed(v))
+
+    def _after_joint_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
         friction, direction = self.friction, modes.joints.direction
         tau = self.joint_tau
         if self.play is not None:
@@ -116,7 +126,7 @@ class JointForces:
         if not (self.is_dry or self.is_damped):
             return lambda v: tau
         F_v, base = friction.viscous, tau - direction * friction.coulomb
-        if not modes.is_stribeck_active:
+        if not modes.is_steep:
             return lambda v: base - F_v * v
         rise, rate = direction * (friction.static - friction.coulomb), (
             1.0 / friction.stribeck_velocity)
@@ -126,6 +136,13 @@ class JointForces:
             return np.asarray(base - F_v * v - rise * np.exp(-ratio * ratio))
 
         return remaining
+
+    def damping(self, v: FloatArray, modes: GearModes) -> FloatArray:
+        """Return the viscous friction (n,) that is as large as all smooth friction at v."""
+        if self.gears is None:
+            return self.friction.viscous
+        return np.asarray(
+            self.friction.viscous + self.gears.damping(v, self.after_friction(modes)(v)))
 
     def rubbing(self, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return sliding friction (..., n) at the velocities v."""

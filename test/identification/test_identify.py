@@ -20,6 +20,7 @@ import shutil
 import sys
 
 from blas import blas_environments
+from builtin_interfaces.msg import Duration
 import children
 from children import LONG
 from identification_bench import changed_arm, fourier_motion, rigid_effort
@@ -36,7 +37,10 @@ from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.identify import DONE, FAILED, main, MISTAKE
 from robot_dynamics_interfaces.srv import InverseDynamics
 from robots import robot_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient
+from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 PUBLISHED = np.array([21.6, 5.9, 4.6, 9.6, 20.2, 25.7]) / 100.0
@@ -117,6 +121,32 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
             # and that is not the URDF's model
             before = ArmDynamics(ARM).inverse_dynamics(*state)
             assert np.abs(np.array(response.effort) - before).max() > 0.5
+
+
+def test_both_nodes_start_with_what_was_written_and_the_simulated_arm_follows(output):
+    """A rehearsal: the identified arm, friction of gears included, under its own controller."""
+    path = output / 'identified.yaml'
+    assert max(read_parameter_file(path)['friction.sigmoid']) > 0.5
+    arguments = ['--ros-args', '--params-file', str(path), '--']
+    target = [0.4, -0.3]
+    with RosClient() as client, NodeProcess(
+            SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},
+            namespace='/rehearsal', arguments=arguments), \
+            NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments), \
+            client.collect(JointState, '/rehearsal/dynamics/reference') as references:
+        assert list(client.get_parameter('/rehearsal/simulated_arm', 'friction.sigmoid')) == (
+            read_parameter_file(path)['friction.sigmoid'])
+        publisher = client.publisher(
+            JointTrajectoryMsg, '/rehearsal/dynamics/joint_trajectory')
+        client.wait_for(JointState, '/rehearsal/effort_command')  # a state has been received
+        publisher.publish(JointTrajectoryMsg(
+            joint_names=list(ARM.joint_names), points=[JointTrajectoryPoint(
+                positions=target, time_from_start=Duration(sec=2))]))
+        references.wait_for()
+        end = client.wait_for(
+            JointState, '/rehearsal/joint_states',
+            lambda state: bool(np.allclose(state.position, target, atol=1e-3)))
+    assert list(end.name) == list(ARM.joint_names)
 
 
 def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf):

@@ -28,7 +28,6 @@ from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.interpolation import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
@@ -106,11 +105,6 @@ def test_what_cannot_be_is_refused_by_name(field, value, words):
 
 def test_nothing_is_nothing():
     assert ARM.with_gear_friction(make_gear_friction(NAMES)).gear_friction is None
-
-
-def test_the_simulation_refuses_what_it_does_not_have():
-    with pytest.raises(InvalidInputError, match='has gear friction, expected'):
-        ArmSimulation(arm_with_gears())
 
 
 @pytest.mark.parametrize('mode', ['reference', 'measured'])

@@ -37,14 +37,12 @@ from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     DESCRIPTION_SPECS,
     FRICTION_SPECS,
-    GEAR_FRICTION_SPECS,
 )
 from robot_dynamics.validation import FloatArray
 
 SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
-    *GEAR_FRICTION_SPECS,
     *ACTUATOR_SPECS,
     IGNORE_CHECKS_SPEC,
     ParameterSpec(

@@ -1,0 +1,193 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The simulated arm with friction of gears: energy, an exact solution, creep, and stiff gears."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.effort_convention import EffortConvention
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.inner_controller import InnerController
+
+MASS, GRAVITY = 2.0, 9.81
+LIFT = f"""<robot name="lift"><link name="base"/><link name="slide"><inertial>
+<mass value="{MASS}"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><joint name="slide" type="prismatic"><parent link="base"/><child link="slide"/>
+<axis xyz="0 0 1"/><limit lower="-9" upper="9" velocity="9" effort="99"/></joint></robot>"""
+"""A mass on a vertical rail: its gears bear the same load everywhere."""
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+
+
+def lift(sigmoid: float, width: float, share: float, offset: float = 0.0,
+         viscous: float = 0.0) -> ArmModel:
+    arm = load_arm(LIFT)
+    return arm.with_friction(make_friction(['slide'], [viscous])).with_gear_friction(
+        make_gear_friction(['slide'], [sigmoid], [width], [share], [offset]))
+
+
+def geared(**changes: Any) -> ArmModel:
+    """Return the arm of two links with every kind of friction."""
+    return ARM.with_friction(make_friction(
+        NAMES, [0.5, 0.2], [1.0, 0.5], [1.5, 0.5], [0.05], [0.3, -0.1],
+    )).with_gear_friction(make_gear_friction(NAMES, **{
+        'sigmoid': [2.0, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load': [0.1, 0.2],
+        'effort_offset': [0.4, -0.2], 'presliding_distance': [0.01, 0.0], **changes}))
+
+
+def released(arm: ArmModel, q: Any, v: Any = None, max_step: float = 2e-3) -> ArmSimulation:
+    simulation = ArmSimulation(arm, q, v, max_step)
+    simulation.release()
+    return simulation
+
+
+def acceleration_of_lift(v: float, effort: float, arm: ArmModel) -> float:
+    """Solve m a + m g + (F_a + μ |m a + m g|) tanh(v / v_a) + F_b + F_v v = effort for a."""
+    gears = arm.gear_friction
+    assert gears is not None
+    F_a, v_a, mu, F_b, F_v = (float(x[0]) for x in (
+        gears.sigmoid, gears.sigmoid_velocity, gears.load, gears.effort_offset,
+        arm.friction.viscous))
+    direction = np.tanh(v / v_a)
+    for sign in (1.0, -1.0):
+        load = (effort - F_v * v - F_b - F_a * direction) / (1.0 + sign * mu * direction)
+        if sign * load >= 0.0:
+            return float(load / MASS - GRAVITY)
+    raise AssertionError('no load fits')
+
+
+@pytest.mark.parametrize(('effort', 'v0'), [(35.0, 0.0), (12.0, 0.3), (0.0, -0.02)])
+def test_one_joint_under_a_constant_load_moves_as_the_integral_says(
+    effort: float, v0: float,
+) -> None:
+    """The time to a velocity is ∫ dv / a(v), and the way ∫ v dv / a(v): no integration of time."""
+    arm = lift(3.0, 0.1, 0.15, 0.5, viscous=0.4)
+    simulation = released(arm, [0.0], [v0])
+    state = simulation.step(np.array([effort]), 0.15)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    pieces = np.linspace(v0, float(state.velocity[0]), 60)
+    time = way = 0.0
+    for low, high in pairwise(pieces):
+        half = 0.5 * (high - low)
+        for v, weight in zip(0.5 * (low + high) + half * nodes, half * weights):
+            a = acceleration_of_lift(v, effort, arm)
+            time, way = time + weight / a, way + weight * v / a
+    assert abs(state.velocity[0] - v0) > 0.1
+    assert time == pytest.approx(0.15, rel=1e-6)
+    assert state.position[0] == pytest.approx(way, rel=1e-6)
+
+
+@pytest.mark.parametrize('width', [0.1, 0.001, 1e-5])
+def test_under_a_load_below_its_friction_a_joint_creeps(width: float) -> None:
+    """At up to 500 relaxations per step: v_a artanh of the share of the load."""
+    arm = lift(5.0, width, 0.1, 0.5)
+    simulation = released(arm, [0.0])
+    for _ in range(500):
+        state = simulation.step(np.array([MASS * GRAVITY + 0.5 + 2.0]), 0.002)
+    expected = width * np.arctanh(2.0 / (5.0 + 0.1 * MASS * GRAVITY))
+    assert state.velocity[0] == pytest.approx(expected, rel=1e-6)
+    assert simulation.work - simulation.heat == pytest.approx(
+        sum(simulation.energy()) - sum(released(arm, [0.0]).energy()), abs=1e-7)
+
+
+@pytest.mark.parametrize(('width', 'bound'), [(0.05, 1e-8), (0.002, 1e-6)])
+def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width: float, bound: float) -> None:
+    arm = lift(5.0, width, 0.1)
+    ends = []
+    for max_step in (2e-3, 2e-5):
+        simulation = released(arm, [0.0], max_step=max_step)
+        for k in range(100):
+            effort = np.array([MASS * GRAVITY + 15.0 * np.sin(0.1 * k)])
+            state = simulation.step(effort, 0.002)
+        ends.append(np.concatenate(state))
+    assert np.abs(ends[0]).max() > 1e-3
+    assert ends[0] == pytest.approx(ends[1], abs=bound)
+
+
+@pytest.mark.parametrize('play', [None, 0.0, 2e-3])
+@pytest.mark.parametrize('width', [[0.05, 0.1], [0.002, 0.001]])
+def test_the_energy_balance_closes(width: list[float], play: float | None) -> None:
+    arm = geared(sigmoid_velocity=width, **({'load': [0.0]} if play else {}))
+    if play is not None:
+        arm = arm.with_actuators(make_actuators(
+            NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[play]))
+    simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
+    at_start, largest, turns, before = sum(simulation.energy()), 1.0, 0, simulation.v.copy()
+    for k in range(500):
+        effort = np.array([60.0, 20.0]) * np.sin(0.03 * k + np.array([0.0, 1.0]))
+        v = simulation.step(effort, 0.002).velocity
+        turns, before = turns + int((v * before < 0.0).sum()), v
+        change = sum(simulation.energy()) - at_start
+        largest = max(largest, simulation.work, simulation.heat)
+        assert simulation.work - simulation.heat == pytest.approx(change, abs=1e-6 * largest)
+    assert turns >= 4
+    assert simulation.heat > 5.0
+
+
+def test_friction_of_gears_without_an_offset_takes_energy_only() -> None:
+    arm = geared(effort_offset=[0.0])
+    simulation = released(arm, [2.5, 0.5], [1.0, -1.0])
+    heat = 0.0
+    for _ in range(1000):
+        simulation.step(np.zeros(2), 0.002)
+        assert simulation.heat >= heat - 1e-12
+        heat = simulation.heat
+    assert heat > 1.0
+
+
+@pytest.mark.parametrize('v', [[0.3, -0.2], [0.0, 0.4], [-0.02, 0.0], [0.0, 0.0]])
+def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> None:
+    arm, effort = geared(), np.array([90.0, 5.0])
+    q, h = [0.4, -0.3], 1e-6
+    simulation = released(arm, q, v, h)
+    a = (simulation.step(effort, h).velocity - v) / h
+    expected = ArmDynamics(arm).forward_dynamics(np.array(q), np.array(v), effort)
+    assert a == pytest.approx(expected, rel=1e-3, abs=1e-3)
+    assert np.abs(expected).max() > 1.0
+
+
+def test_forward_dynamics_undoes_inverse_dynamics_beside_a_joint_at_rest() -> None:
+    """Joint 2 sticks, joint 1 slides: the share of its load is of what its dry friction leaves."""
+    arm = geared(load=[0.5, 0.5])
+    q, v, a = np.array([0.4, -0.3]), np.array([0.2, 0.0]), np.array([3.0, 0.0])
+    dynamics = ArmDynamics(arm)
+    tau = dynamics.inverse_dynamics(q, v, a)
+    assert dynamics.forward_dynamics(q, v, tau) == pytest.approx(a, abs=1e-9)
+
+
+def test_a_robot_that_compensates_friction_compensates_that_of_its_gears() -> None:
+    arm = geared()
+    robot = InnerController(arm, EffortConvention(robot_compensates=('friction',)))
+    q, v, effort = np.array([0.4, -0.3]), np.array([0.2, -0.1]), np.array([30.0, 4.0])
+    added = robot.with_own_compensation(effort, q, v) - effort
+    assert added == pytest.approx(
+        ArmDynamics(arm).friction_effort(v, effort, smooth=True), rel=1e-12)
+
+
+def test_load_dependent_friction_of_gears_with_play_is_refused() -> None:
+    motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.0, 2e-3])
+    arm = geared(load=[0.1, 0.0]).with_actuators(motors)
+    ArmSimulation(arm)
+    with pytest.raises(InvalidInputError, match="backlash of 'joint2' is 0.002 and friction.load"):
+        ArmSimulation(geared().with_actuators(motors))
