@@ -137,6 +137,13 @@ class JointEstimate(NamedTuple):
     coulomb: float
     presliding_distance: float
 
+    @property
+    def friction(self) -> dict[str, float]:
+        """The parameters of friction, by their names after `friction.`."""
+        found = {name: value for name, value in self._asdict().items()
+                 if name not in ('reflected_inertia', 'offset')}
+        return {**found, 'effort_offset': self.offset}
+
 
 def joint_estimate(
     structure: FrictionStructure, kind: str, values: Sequence[float],

@@ -26,8 +26,8 @@ import numpy as np
 from robot_dynamics.identification.friction_regressor import joint_estimate, JointEstimate
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
+from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS, make_gear_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import with_inertial_parameters
 
@@ -44,17 +44,18 @@ def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
 def make_identified_arm(arm: ArmModel, fit: Fit) -> ArmModel:
     """Return the arm with the bodies, rotors and friction of a fit, and no payload."""
     names = arm.joint_names
-    found = {field: np.array([getattr(joint, field) for joint in joint_estimates(arm, fit)])
-             for field in JointEstimate._fields}
+    joints = joint_estimates(arm, fit)
+    friction, gears = (  # their fields that are identified
+        {field.name: np.array([joint.friction[field.name] for joint in joints])
+         for field in table if field.name in joints[0].friction}
+        for table in (FRICTION_FIELDS, GEAR_FRICTION_FIELDS))
+    rotors = np.array([joint.reflected_inertia for joint in joints])
     model = with_inertial_parameters(arm, fit.parameters)
-    model = model.with_friction(make_friction(names, found['viscous'], found['coulomb']))
-    model = model.with_gear_friction(make_gear_friction(
-        names, found['sigmoid'], found['sigmoid_velocity'], found['load'], found['offset'],
-        found['presliding_distance']))
-    if not found['reflected_inertia'].any():
+    model = model.with_friction(make_friction(names, **friction, default=None))
+    model = model.with_gear_friction(make_gear_friction(names, **gears))
+    if not rotors.any():
         return model
-    return model.with_actuators(make_actuators(
-        names, [1.0], [1.0], rotor_inertia=found['reflected_inertia']))
+    return model.with_actuators(make_actuators(names, [1.0], [1.0], rotor_inertia=rotors))
 
 
 def parameter_values(
@@ -69,23 +70,19 @@ def parameter_values(
     """
     joints = joint_estimates(arm, fit)
 
-    def column(field: str) -> list[float]:
-        return [float(f'{getattr(joint, field):.{_DIGITS}g}') for joint in joints]
+    def rounded(found: Sequence[float]) -> list[float]:
+        return [float(f'{value:.{_DIGITS}g}') for value in found]
 
     kept = {name: value for name, value in (given or {}).items()
             if not name.startswith('friction.') and not name.startswith('robot_description')}
     values: dict[str, Any] = {
         'joints': list(arm.joint_names),
         'gravity': [float(x) for x in arm.engine.gravity.linear],
-        'friction.viscous': column('viscous'),
-        'friction.coulomb': column('coulomb'),
-        'friction.sigmoid': column('sigmoid'),
-        'friction.sigmoid_velocity': column('sigmoid_velocity'),
-        'friction.load': column('load'),
-        'friction.effort_offset': column('offset'),
-        'friction.presliding_distance': column('presliding_distance'),
+        **{f'friction.{field.name}': rounded([joint.friction[field.name] for joint in joints])
+           for field in (*FRICTION_FIELDS, *GEAR_FRICTION_FIELDS)
+           if field.name in joints[0].friction},
     }
-    rotors = column('reflected_inertia')
+    rotors = rounded([joint.reflected_inertia for joint in joints])
     if arm.actuators is not None and drive_gain is None:
         values['actuator.rotor_inertia'] = [
             float(f'{inertia / ratio**2:.{_DIGITS}g}')

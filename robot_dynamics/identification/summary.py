@@ -14,7 +14,7 @@
 
 """What an identification says, in rows of words: for the console and for the report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,9 @@ from robot_dynamics.identification.drive_gains import DriveGains
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.model_selection import PULLS
 from robot_dynamics.identification.pipeline import Identification
+from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
+from robot_dynamics.joints.parameter_field import ParameterField
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
@@ -75,16 +78,21 @@ def residual_rows(identification: Identification) -> Rows:
 def friction_rows(identification: Identification) -> Rows:
     """Return friction and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
-    rows: Rows = [(
-        'joint', 'viscous', 'Coulomb', 'presliding', 'sigmoid', 'its velocity', 'load', 'offset',
-        'reflected inertia')]
-    for name, joint in zip(arm.joint_names, joint_estimates(arm, fit)):
-        rows.append((
-            name, f'{joint.viscous:.4g}', f'{joint.coulomb:.4g}',
-            f'{joint.presliding_distance:.4g}' if joint.coulomb else '-', f'{joint.sigmoid:.4g}',
-            f'{joint.sigmoid_velocity:.4g}' if joint.sigmoid or joint.load else '-',
-            percent(joint.load), f'{joint.offset:.4g}', f'{joint.reflected_inertia:.4g}'))
+    joints = joint_estimates(arm, fit)
+    shown = [field for field in (*FRICTION_FIELDS, *GEAR_FRICTION_FIELDS)
+             if field.name in joints[0].friction]
+    rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
+    for name, joint in zip(arm.joint_names, joints):
+        rows.append((name, *(_friction_cell(field, joint.friction) for field in shown),
+                     f'{joint.reflected_inertia:.4g}'))
     return rows
+
+
+def _friction_cell(field: ParameterField, friction: Mapping[str, float]) -> str:
+    if field.needs and not any(friction[name] for name in field.needs):
+        return '-'
+    value = friction[field.name]
+    return f'{value:.4g}' if field.unit else percent(value)
 
 
 def parameter_rows(identification: Identification) -> Rows:

@@ -33,12 +33,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import (
-    check_vector,
-    FloatArray,
-    LARGEST_VALUE,
-    SMALLEST_DIVISOR,
-)
+from robot_dynamics.joints.parameter_field import per_joint_values
+from robot_dynamics.validation import FloatArray, SMALLEST_DIVISOR
 
 DEFAULT_CURRENT_TIME_CONSTANT = 2e-4
 """[s]"""
@@ -181,12 +177,7 @@ def make_actuators(
     n = len(joint_names)
 
     def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
-        if len(value) == 0:
-            return otherwise
-        label = f'actuator.{field}'
-        given = check_vector(label, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
-            check_vector(label, value, n, joint_names, LARGEST_VALUE))
-        return np.array(np.broadcast_to(given, (n,)))
+        return per_joint_values(f'actuator.{field}', value, joint_names, otherwise)
 
     for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
         if len(value) == 0:

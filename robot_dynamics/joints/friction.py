@@ -29,17 +29,35 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import (
-    check_vector,
-    FloatArray,
-    LARGEST_VALUE,
-    SMALLEST_DIVISOR,
-)
+from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
+from robot_dynamics.validation import FloatArray, SMALLEST_DIVISOR
 
 SMOOTHING_VELOCITY = 0.01
 """[rad/s] or [m/s] over which `smooth_effort` changes its sign."""
 DEFAULT_STRIBECK_VELOCITY = 0.05
 """[rad/s] or [m/s]"""
+
+FRICTION_FIELDS = (
+    ParameterField(
+        'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6,
+        'Viscous friction F_v {unit}, one a joint or one for all. Empty: the '
+        'damping of the URDF.', 'viscous'),
+    ParameterField(
+        'coulomb', '[N m] or [N]', None, 0.0, 1e6,
+        'Coulomb friction F_c {unit}, likewise. Empty: the friction of the URDF.',
+        'Coulomb'),
+    ParameterField(
+        'static', '[N m] or [N]', None, 0.0, 1e6,
+        'Static friction F_s {unit}, up to which a joint sticks; at least F_c. Empty: F_c.'),
+    ParameterField(
+        'stribeck_velocity', '[rad/s] or [m/s]', DEFAULT_STRIBECK_VELOCITY, 1e-6, 1e3,
+        'Velocity v_s {unit} over which friction falls from F_s to F_c. Empty: {default:g}.'),
+    ParameterField(
+        'offset', '[N m] or [N]', 0.0, -1e6, 1e6,
+        'Offset F_o {unit} by which friction differs between the directions; at most F_c '
+        'in size. Empty: {default:g}.'),
+)
+"""The parameters of `JointFriction`, in its order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +97,16 @@ class JointFriction:
         ratio = v / self.stribeck_velocity
         return np.asarray(self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio))
 
-    def effort(self, v: FloatArray) -> FloatArray:
+    def effort(self, v: FloatArray, sign: FloatArray | None = None) -> FloatArray:
         """
         Return what actuators must add to overcome friction at the velocity v, shape (..., n).
 
-        Dry friction has the sign of v; at rest it is taken as 0.
+        Dry friction has the sign of v, 0 at rest, or `sign` (..., n) if it is given.
         """
         if self.is_viscous:
             return np.asarray(self.viscous * v)
-        return np.asarray(self.viscous * v + self.dry(v) * np.sign(v) + self.offset)
+        direction = np.sign(v) if sign is None else sign
+        return np.asarray(self.viscous * v + self.dry(v) * direction + self.offset)
 
     def smooth_effort(
         self, v: FloatArray, smoothing_velocity: float = SMOOTHING_VELOCITY,
@@ -98,10 +117,7 @@ class JointFriction:
         For a control law, whose effort must not chatter between two signs around rest, and for
         identification, where the sign of a noisy velocity says nothing.
         """
-        if self.is_viscous:
-            return np.asarray(self.viscous * v)
-        return np.asarray(
-            self.viscous * v + self.dry(v) * sigmoid(v, smoothing_velocity) + self.offset)
+        return self.effort(v, sigmoid(v, smoothing_velocity))
 
 
 def sigmoid(v: FloatArray, smoothing_velocity: float) -> FloatArray:
@@ -127,12 +143,8 @@ def make_friction(
     """
     n = len(joint_names)
 
-    def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
-        if len(value) == 0:
-            return otherwise
-        given = check_vector(field, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
-            check_vector(field, value, n, joint_names, LARGEST_VALUE))
-        return np.array(np.broadcast_to(given, (n,)))
+    def values(label: str, value: Any, otherwise: FloatArray) -> FloatArray:
+        return per_joint_values(label, value, joint_names, otherwise)
 
     nothing = np.zeros(n)
     F_v = values('friction.viscous', viscous, nothing if default is None else default.viscous)

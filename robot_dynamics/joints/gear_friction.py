@@ -36,16 +36,37 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import (
-    check_vector,
-    FloatArray,
-    LARGEST_VALUE,
-    SMALLEST_DIVISOR,
-)
+from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
+from robot_dynamics.validation import FloatArray, SMALLEST_DIVISOR
 
 DEFAULT_SIGMOID_VELOCITY = 0.03
 """[rad/s] or [m/s]"""
 LARGEST_LOAD_SHARE = 0.95
+
+GEAR_FRICTION_FIELDS = (
+    ParameterField(
+        'sigmoid', '[N m] or [N]', 0.0, 0.0, 1e6,
+        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a), likewise. Empty: {default:g}.',
+        'sigmoid'),
+    ParameterField(
+        'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
+        'Velocity v_a {unit} over which that changes its sign. Empty: {default:g}.',
+        'its velocity', ('sigmoid', 'load')),
+    ParameterField(
+        'load', '', 0.0, 0.0, LARGEST_LOAD_SHARE,
+        'Share of the load that friction takes, with the same smooth sign. Empty: {default:g}.',
+        'load'),
+    ParameterField(
+        'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
+        'What measured effort has at any velocity {unit}, of any size: an offset of sensor '
+        'or drive. Empty: {default:g}.', 'offset'),
+    ParameterField(
+        'presliding_distance', '[rad] or [m]', 0.0, 0.0, 10.0,
+        'Distance {unit} after a turn of the motion over which Coulomb friction changes its '
+        'sign, if a whole motion is known; not in simulated_arm. Empty: {default:g}.',
+        'presliding', ('coulomb',)),
+)
+"""The parameters of `GearFriction`, in its order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,21 +134,11 @@ def make_gear_friction(
     joint and value, on another number of values, a negative one where there can be none, or μ
     beyond 0.95.
     """
-    n = len(joint_names)
-
-    def values(field: str, value: Any, otherwise: float) -> FloatArray:
-        if len(value) == 0:
-            return np.full(n, otherwise)
-        label = f'friction.{field}'
-        given = check_vector(label, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
-            check_vector(label, value, n, joint_names, LARGEST_VALUE))
-        return np.array(np.broadcast_to(given, (n,)))
-
-    friction = GearFriction(
-        values('sigmoid', sigmoid, 0.0),
-        values('sigmoid_velocity', sigmoid_velocity, DEFAULT_SIGMOID_VELOCITY),
-        values('load', load, 0.0), values('effort_offset', effort_offset, 0.0),
-        values('presliding_distance', presliding_distance, 0.0))
+    given = sigmoid, sigmoid_velocity, load, effort_offset, presliding_distance
+    friction = GearFriction(*(
+        per_joint_values(
+            f'friction.{field.name}', value, joint_names, np.full(len(joint_names), field.default))
+        for field, value in zip(GEAR_FRICTION_FIELDS, given, strict=True)))
     bad = {
         'sigmoid': (friction.sigmoid < 0.0, 'a number >= 0'),
         'sigmoid_velocity': (

@@ -100,10 +100,8 @@ class UncheckedArmDynamics:
         there (`JointFriction.smooth_effort`).
         """
         friction = self.friction
-        if sign is not None:
-            effort = friction.viscous * v + friction.dry(v) * sign + friction.offset
-        else:
-            effort = friction.smooth_effort(v) if smooth else friction.effort(v)
+        smooth = smooth and sign is None
+        effort = friction.smooth_effort(v) if smooth else friction.effort(v, sign)
         return effort if self._gears is None else effort + self._gears.effort(v, load)
 
     def friction_along(

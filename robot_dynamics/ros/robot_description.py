@@ -21,7 +21,8 @@ The URDF is in a parameter, in a file, in a package, or it is that of the embedd
 from pathlib import Path
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joints.gear_friction import LARGEST_LOAD_SHARE
+from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
@@ -48,49 +49,11 @@ DESCRIPTION_SPECS = (
         minimum=-1000.0, maximum=1000.0),
 )
 
-FRICTION_SPECS = (
+FRICTION_SPECS = tuple(
     ParameterSpec(
-        'friction.viscous', Type.DOUBLE_ARRAY, [],
-        'Viscous friction F_v [N m s/rad] or [N s/m], one a joint or one for all. Empty: the '
-        'damping of the URDF.', read_only=True, minimum=0.0, maximum=1e6),
-    ParameterSpec(
-        'friction.coulomb', Type.DOUBLE_ARRAY, [],
-        'Coulomb friction F_c [N m] or [N], likewise. Empty: the friction of the URDF.',
-        read_only=True, minimum=0.0, maximum=1e6),
-    ParameterSpec(
-        'friction.static', Type.DOUBLE_ARRAY, [],
-        'Static friction F_s [N m] or [N], up to which a joint sticks; at least F_c. Empty: F_c.',
-        read_only=True, minimum=0.0, maximum=1e6),
-    ParameterSpec(
-        'friction.stribeck_velocity', Type.DOUBLE_ARRAY, [],
-        'Velocity v_s [rad/s] or [m/s] over which friction falls from F_s to F_c. Empty: 0.05.',
-        read_only=True, minimum=1e-6, maximum=1e3),
-    ParameterSpec(
-        'friction.offset', Type.DOUBLE_ARRAY, [],
-        'Offset F_o [N m] or [N] by which friction differs between the directions; at most F_c '
-        'in size. Empty: 0.', read_only=True, minimum=-1e6, maximum=1e6),
-    ParameterSpec(
-        'friction.sigmoid', Type.DOUBLE_ARRAY, [],
-        'Friction F_a [N m] or [N] with a smooth sign, F_a tanh(v / v_a), likewise. Empty: 0.',
-        read_only=True, minimum=0.0, maximum=1e6),
-    ParameterSpec(
-        'friction.sigmoid_velocity', Type.DOUBLE_ARRAY, [],
-        'Velocity v_a [rad/s] or [m/s] over which that changes its sign. Empty: 0.03.',
-        read_only=True, minimum=1e-6, maximum=1e3),
-    ParameterSpec(
-        'friction.load', Type.DOUBLE_ARRAY, [],
-        'Share of the load that friction takes, with the same smooth sign. Empty: 0.',
-        read_only=True, minimum=0.0, maximum=LARGEST_LOAD_SHARE),
-    ParameterSpec(
-        'friction.effort_offset', Type.DOUBLE_ARRAY, [],
-        'What measured effort has at any velocity [N m] or [N], of any size: an offset of sensor '
-        'or drive. Empty: 0.', read_only=True, minimum=-1e6, maximum=1e6),
-    ParameterSpec(
-        'friction.presliding_distance', Type.DOUBLE_ARRAY, [],
-        'Distance [rad] or [m] after a turn of the motion over which Coulomb friction changes its '
-        'sign, if a whole motion is known; not in simulated_arm. Empty: 0.',
-        read_only=True, minimum=0.0, maximum=10.0),
-)
+        f'friction.{field.name}', Type.DOUBLE_ARRAY, [], field.description, read_only=True,
+        minimum=field.minimum, maximum=field.maximum)
+    for field in (*FRICTION_FIELDS, *GEAR_FRICTION_FIELDS))
 
 
 def _actuator_spec(field: str, description: str, low: float, high: float) -> ParameterSpec:

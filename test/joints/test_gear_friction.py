@@ -14,6 +14,8 @@
 
 """Friction of gears and drives: its laws, in inverse and forward dynamics, and presliding."""
 
+from dataclasses import fields
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -22,8 +24,12 @@ from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import make_gear_friction
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
+from robot_dynamics.joints.gear_friction import (
+    GEAR_FRICTION_FIELDS,
+    GearFriction,
+    make_gear_friction,
+)
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -101,6 +107,19 @@ def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
 def test_what_cannot_be_is_refused_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
         gears(**{field: value})
+
+
+@pytest.mark.parametrize(('kind', 'table'), [
+    (JointFriction, FRICTION_FIELDS), (GearFriction, GEAR_FRICTION_FIELDS)])
+def test_the_table_of_fields_is_that_of_the_class(kind, table):
+    assert [field.name for field in table] == [field.name for field in fields(kind)]
+
+
+def test_an_empty_parameter_has_the_default_of_its_field():
+    friction = make_gear_friction(NAMES)
+    for field in GEAR_FRICTION_FIELDS:
+        assert getattr(friction, field.name).tolist() == [field.default] * len(NAMES)
+        assert f'Empty: {field.default:g}.' in field.description
 
 
 def test_nothing_is_nothing():
