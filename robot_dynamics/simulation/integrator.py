@@ -16,13 +16,13 @@
 The motion of an arm while the efforts of its motors stay the same.
 
 The rigid bodies are integrated with `runge_kutta`, viscous friction with them, or where it is too
-stiff for that with `exponential_step`. Between events the motion is smooth, so that the method keeps
-its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where teeth
-meet or part (`backlash`). If friction changes fast with speed (Stribeck's effect, friction of
-gears around rest), steps are cut into pieces for which the method's own estimate of the error is
-small. The pieces are explicit steps even if friction is stiff; only if it is extremely stiff, the
-whole step is exponential. A joint that creeps in the friction of its gears takes exponential steps
-as well, while their estimated error is small.
+stiff for that with `exponential_step`. Between events the motion is smooth, so that the method
+keeps its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where
+teeth meet or part (`backlash`). If friction changes fast with speed (Stribeck's effect, friction
+of gears around rest), steps are cut into pieces for which the method's own estimate of the error
+is small. The pieces are explicit steps even if friction is stiff; only if it is extremely stiff,
+the whole step is exponential. A joint that creeps in the friction of its gears takes exponential
+steps as well, while their estimated error is small.
 """
 
 from collections.abc import Sequence
