@@ -32,7 +32,7 @@ import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.analysis.bag_analysis import analyze_recording
 from robot_dynamics.analysis.batch import run_tasks
-from robot_dynamics.analysis.tasks import analyze_task, task_configuration
+from robot_dynamics.analysis.tasks import AnalysisTask, analyze_task
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.recordings.message_encoding import joint_state_messages
@@ -79,11 +79,11 @@ def _print_steps(name: str, bag: Path, settings: AnalysisSettings) -> None:
 
 def _print_many(bag: Path, settings: AnalysisSettings) -> None:
     """Print what the task takes on many recordings, by one process and by one a core."""
-    configuration = task_configuration(settings)
+    task = AnalysisTask(settings)
     print(f'{BAGS} of the MCAP recordings, each a task, by processes:')
     for processes in sorted({1, os.cpu_count() or 1}):
         start, used = time.perf_counter(), _processor_seconds()
-        outcomes = run_tasks(analyze_task, [bag] * BAGS, configuration, processes)
+        outcomes = run_tasks(analyze_task, [bag] * BAGS, task, processes)
         seconds, used = time.perf_counter() - start, _processor_seconds() - used
         assert not any(outcome.error for outcome in outcomes)
         print(f'  {processes} process{"es" if processes > 1 else ""}: {seconds:.1f} s with their '

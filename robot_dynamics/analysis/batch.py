@@ -16,7 +16,7 @@
 One function on many recordings: a process for each core, or a Dask cluster; resumable.
 
 A result is kept under a key of what it depends on: the recording's bytes, the function with its
-configuration, and the code of this package. So a run that was broken off goes on where it was,
+settings, and the code of this package. So a run that was broken off goes on where it was,
 and what changed is done again. What fails is listed, and the rest is done.
 """
 
@@ -33,41 +33,53 @@ import os
 from pathlib import Path
 import signal
 import threading
-from typing import Any
+from typing import Any, Generic, get_type_hints, TypeVar
 
-from robot_dynamics.analysis.result_store import load_result, Result, save_result
+from robot_dynamics.analysis.result_store import (
+    from_plain,
+    load_result,
+    plain_value,
+    save_result,
+)
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
 from robot_dynamics.recordings.bag_files import METADATA, storage_groups
 
-Configuration = Mapping[str, Any]
-"""What the results depend on beside the recording: whatever JSON can write."""
-Task = Callable[[Path, Configuration], Result]
-"""A function of a module, so that another process can import it."""
+Settings = TypeVar('Settings')
+"""What results depend on besides the recording: dataclasses, arrays, and what JSON can write."""
+Outcome = TypeVar('Outcome')
+"""What a task returns, as `result_store` stores it."""
+Task = Callable[[Path, Settings], Outcome]
+"""
+A function of a module, so that another process can import it.
+
+The annotation of its return value says which dataclass a stored result becomes; without one, it
+stays plain names and values.
+"""
 
 _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
 
 
 @dataclass(frozen=True, eq=False)
-class TaskOutcome:
+class TaskOutcome(Generic[Outcome]):
     """What became of a recording: a result, or the error in words; `resumed` from before."""
 
     bag: Path
-    result: Result | None = None
+    result: Outcome | None = None
     error: str = ''
     resumed: bool = False
 
 
 def run_tasks(
-    function: Task, bags: Sequence[Path], configuration: Configuration,
+    function: Task[Settings, Outcome], bags: Sequence[Path], settings: Settings,
     workers: int | None = None, cache: Path | None = None, dask: str | None = None,
-    on_done: Callable[[TaskOutcome], None] | None = None,
-    is_valid: Callable[[Path, Result], bool] | None = None,
-    each: Sequence[Configuration] | None = None,
-) -> list[TaskOutcome]:
+    on_done: Callable[[TaskOutcome[Outcome]], None] | None = None,
+    is_valid: Callable[[Path, Outcome], bool] | None = None,
+    each: Sequence[Settings] | None = None,
+) -> list[TaskOutcome[Outcome]]:
     """
-    Return what `function(bag, configuration)` gives for each recording, in their order.
+    Return what `function(bag, settings)` gives for each recording, in their order.
 
-    `each` has more of the configuration for every single recording, in the same order.
+    `each` has the settings of every single recording, in the same order, in place of `settings`.
     `workers` processes share the work, one a core by default; with 1, this one does it. With
     `dask`, the address of a scheduler, its workers do, which must see the same files and have
     this package. `cache` is a directory for results, None to keep none; `is_valid` says of a kept
@@ -79,7 +91,7 @@ def run_tasks(
     """
     one = partial(
         _execute, function, cache=cache, is_valid=is_valid, code=_code_digest())
-    jobs = [(bag, {**configuration, **(each[i] if each else {})}) for i, bag in enumerate(bags)]
+    jobs = list(zip(bags, each or [settings] * len(bags)))
     processes = min(workers or os.cpu_count() or 1, len(bags))
     if dask is not None:
         done = _on_dask(one, jobs, dask)
@@ -87,7 +99,7 @@ def run_tasks(
         done = ((i, one(job)) for i, job in enumerate(jobs))
     else:
         done = _in_processes(one, jobs, processes)
-    outcomes: dict[int, TaskOutcome] = {}
+    outcomes: dict[int, TaskOutcome[Outcome]] = {}
     for i, outcome in done:
         outcomes[i] = outcome
         if on_done is not None:
@@ -95,25 +107,27 @@ def run_tasks(
     return [outcomes[i] for i in range(len(bags))]
 
 
-Job = tuple[Path, dict[str, Any]]
-"""A recording, and its configuration."""
-Numbered = tuple[int, TaskOutcome]
+Job = tuple[Path, Any]
+"""A recording, and its settings."""
+Numbered = tuple[int, TaskOutcome[Any]]
 
 
 def _execute(
-    function: Task, job: Job, *, cache: Path | None,
-    is_valid: Callable[[Path, Result], bool] | None, code: str,
-) -> TaskOutcome:
+    function: Task[Any, Any], job: Job, *, cache: Path | None,
+    is_valid: Callable[[Path, Any], bool] | None, code: str,
+) -> TaskOutcome[Any]:
     """Return the outcome of one recording, from before where it is kept."""
-    bag, configuration = job
+    bag, settings = job
     try:
         if cache is None:
-            return TaskOutcome(bag, function(bag, configuration))
-        key = task_key(function, bag, configuration, code)
-        kept = load_result(cache, key)
-        if kept is not None and (is_valid is None or is_valid(bag, kept)):
-            return TaskOutcome(bag, kept, resumed=True)
-        result = function(bag, configuration)
+            return TaskOutcome(bag, function(bag, settings))
+        key = task_key(function, bag, settings, code)
+        plain = load_result(cache, key)
+        if plain is not None:
+            kept = from_plain(get_type_hints(_plain_function(function)).get('return'), plain)
+            if is_valid is None or is_valid(bag, kept):
+                return TaskOutcome(bag, kept, resumed=True)
+        result = function(bag, settings)
         save_result(cache, key, result)
         return TaskOutcome(bag, result)
     except RobotDynamicsError as error:
@@ -122,13 +136,19 @@ def _execute(
         return TaskOutcome(bag, error=f'{type(error).__name__}: {error}')
 
 
-def task_key(function: Task, bag: Path, configuration: Configuration, code: str = '') -> str:
+def _plain_function(function: Task[Any, Any]) -> Any:
+    return function.func if isinstance(function, partial) else function
+
+
+def task_key(
+    function: Task[Settings, Any], bag: Path, settings: Settings, code: str = '',
+) -> str:
     """Return the key of a result: a digest of all that it depends on; raise OSError."""
     digest = hashlib.blake2b(digest_size=20)
     # The path, too: it stands in what is written.
-    name = function.func if isinstance(function, partial) else function
-    about = (name.__module__, name.__qualname__, str(bag.resolve()), code, configuration)
-    digest.update(json.dumps(about, sort_keys=True).encode())
+    name = _plain_function(function)
+    about = (name.__module__, name.__qualname__, str(bag.resolve()), code, settings)
+    digest.update(json.dumps(about, sort_keys=True, default=plain_value).encode())
     for file in _files_of(bag):
         digest.update(f'\0{file.name}\0{file.stat().st_size}\0'.encode())
         with file.open('rb') as opened:
@@ -159,7 +179,7 @@ def _code_digest() -> str:
 # ---------------------------------------------------------------------- processes
 
 def _in_processes(
-    one: Callable[[Job], TaskOutcome], jobs: Sequence[Job], workers: int,
+    one: Callable[[Job], TaskOutcome[Any]], jobs: Sequence[Job], workers: int,
 ) -> Iterator[Numbered]:
     left = dict(enumerate(jobs))
     try:
@@ -178,14 +198,14 @@ def _in_processes(
 
 
 def _in_pool(
-    one: Callable[[Job], TaskOutcome], jobs: Mapping[int, Job], workers: int,
+    one: Callable[[Job], TaskOutcome[Any]], jobs: Mapping[int, Job], workers: int,
 ) -> Iterator[Numbered]:
     with _one_thread_each():
         # Not forked: the engines' threads would not survive that.
         pool = ProcessPoolExecutor(
             workers, multiprocessing.get_context('spawn'), initializer=_begin_process)
         try:
-            futures: dict[Future[TaskOutcome], int] = {
+            futures: dict[Future[TaskOutcome[Any]], int] = {
                 pool.submit(one, job): i for i, job in jobs.items()}
             for future in as_completed(futures):
                 yield futures[future], future.result()
@@ -224,7 +244,7 @@ def _one_thread_each() -> Iterator[None]:
 # ---------------------------------------------------------------------- Dask
 
 def _on_dask(
-    one: Callable[[Job], TaskOutcome], jobs: Sequence[Job], scheduler: str,
+    one: Callable[[Job], TaskOutcome[Any]], jobs: Sequence[Job], scheduler: str,
 ) -> Iterator[Numbered]:
     distributed = require_dask()
     try:
@@ -234,8 +254,8 @@ def _on_dask(
             f'no Dask scheduler answers at {scheduler!r}: {error}') from None
     with client:
         futures = {
-            client.submit(one, (bag.resolve(), configuration), pure=False): i
-            for i, (bag, configuration) in enumerate(jobs)}
+            client.submit(one, (bag.resolve(), settings), pure=False): i
+            for i, (bag, settings) in enumerate(jobs)}
         for future in distributed.as_completed(futures):
             i = futures[future]
             failure = future.exception()

@@ -13,32 +13,41 @@
 # limitations under the License.
 
 """
-Results on disk: arrays and what JSON can write, each under a key.
+Results on disk: dataclasses, or names with values, each under a key.
 
-A result is written beside its place and then moved there, so that one that is there is whole.
+Arrays are stored as arrays, all else as JSON. A result is written beside its place and then moved
+there, so that a result that exists is complete.
 """
 
-from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 import json
 import os
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
 import zipfile
 
 import numpy as np
 
-Result = dict[str, Any]
-"""Names with arrays, or with whatever JSON can write."""
 _REST = 'json'
 """The entry for all that is no array."""
+_ARRAY = '__array__'
+"""The only name of an object of JSON that stands for an array, with the array's entry."""
 
 
-def save_result(directory: Path, key: str, result: Mapping[str, Any]) -> None:
-    """Keep a result; raise OSError, or TypeError for what JSON cannot write."""
-    rest = {name: value for name, value in result.items() if not isinstance(value, np.ndarray)}
-    arrays: dict[str, Any] = {
-        f'array_{name}': value for name, value in result.items() if name not in rest}
-    arrays[_REST] = np.frombuffer(json.dumps(rest).encode(), np.uint8)
+def save_result(directory: Path, key: str, result: Any) -> None:
+    """Store a result; raise OSError, or TypeError for what JSON cannot write."""
+    arrays: dict[str, Any] = {}
+
+    def stored(value: Any) -> Any:
+        if not isinstance(value, np.ndarray):
+            return plain_value(value)
+        name = f'array_{len(arrays)}'
+        arrays[name] = value
+        return {_ARRAY: name}
+
+    rest = json.dumps(result, default=stored)
+    arrays[_REST] = np.frombuffer(rest.encode(), np.uint8)
     directory.mkdir(parents=True, exist_ok=True)
     unfinished = directory / f'{key}.{os.getpid()}.part'
     with unfinished.open('wb') as file:
@@ -46,17 +55,50 @@ def save_result(directory: Path, key: str, result: Mapping[str, Any]) -> None:
     unfinished.replace(_place(directory, key))
 
 
-def load_result(directory: Path, key: str) -> Result | None:
-    """Return what was kept under a key; None where there is nothing, or nothing whole."""
+def load_result(directory: Path, key: str) -> Any | None:
+    """
+    Return the plain value of a stored result: a dataclass as the names and values of its fields.
+
+    None if nothing, or nothing complete, is stored under the key.
+    """
     try:
         with np.load(_place(directory, key), allow_pickle=False) as kept:
-            result: Result = json.loads(kept[_REST].tobytes())
-            for name in kept.files:
-                if name != _REST:
-                    result[name.removeprefix('array_')] = kept[name]
-            return result
+            return json.loads(kept[_REST].tobytes(), object_hook=lambda names: (
+                kept[names[_ARRAY]] if set(names) == {_ARRAY} else names))
     except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile):
         return None
+
+
+def plain_value(value: Any) -> Any:
+    """Return a dataclass or an array for `json.dumps`; raise TypeError for anything else."""
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f'{type(value).__name__} cannot be stored, expected a dataclass or an array')
+
+
+def from_plain(kind: Any, plain: Any) -> Any:
+    """
+    Return the value of a type from its plain value.
+
+    `kind` is a type of JSON or an array; a dataclass, tuple or dict of such; or one of these or
+    None. Raises KeyError if a field of a dataclass is missing.
+    """
+    arguments = [argument for argument in get_args(kind) if argument is not NoneType]
+    if plain is None:
+        return None
+    if isinstance(kind, type) and is_dataclass(kind):
+        return kind(**{name: from_plain(type_, plain[name])
+                       for name, type_ in get_type_hints(kind).items()})
+    if get_origin(kind) is tuple:
+        kinds = arguments[:1] * len(plain) if arguments[-1] is Ellipsis else arguments
+        return tuple(map(from_plain, kinds, plain))
+    if get_origin(kind) is dict:
+        return {name: from_plain(arguments[1], value) for name, value in plain.items()}
+    if NoneType in get_args(kind):
+        return from_plain(arguments[0], plain)
+    return plain
 
 
 def _place(directory: Path, key: str) -> Path:

@@ -15,21 +15,19 @@
 """
 The analysis of one recording as a task: files are written, and figures come back.
 
-What comes back are arrays and words alone, so that it can be kept (`result_store`), sent from
+The result holds arrays and plain values only, so that it can be stored (`result_store`), sent from
 another process, and merged with that of other recordings.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
-from robot_dynamics.analysis.bag_analysis import analyze_recording, BagAnalysis, LimitUse
-from robot_dynamics.analysis.batch import Configuration
+from robot_dynamics.analysis.bag_analysis import analyze_recording, LimitUse
 from robot_dynamics.analysis.report import write_report
 from robot_dynamics.analysis.residual import ResidualStatistics
-from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.analysis.sample_files import write_csv, write_parquet, write_terms
 from robot_dynamics.analysis.summary import facts
 
@@ -38,75 +36,71 @@ REPORT, PICTURE, TABLE, PARQUET, TERMS = (
 OUTPUTS = {
     REPORT: write_report, TABLE: write_csv, PARQUET: write_parquet, TERMS: write_terms}
 """What can be written, by the name that it gets; PICTURE comes with the report."""
-_STATISTICS = ('rms_measured', 'mean_measured', 'rms', 'mean', 'largest')
-_LIMITS = ('effort', 'velocity', 'position')
 
 
-def task_configuration(settings: AnalysisSettings, outputs: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what `analyze_task` needs to know, for all recordings; `outputs` as in OUTPUTS."""
-    return {
-        'urdf': settings.urdf, 'topic': settings.topic,
-        'joint_map': [list(pair) for pair in settings.joint_map], 'cutoff_hz': settings.cutoff_hz,
-        'parameters': dict(settings.parameters), 'outputs': list(outputs)}
+@dataclass(frozen=True)
+class AnalysisTask:
+    """How to analyse a recording, and which `outputs`, as in OUTPUTS, go to `directory`."""
+
+    settings: AnalysisSettings
+    outputs: tuple[str, ...] = ()
+    directory: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class AnalysisResult:
+    """
+    The figures of the analysis of one recording.
+
+    `facts` are rows of names and values, `counted` is the number of samples in the figures,
+    `written` lists the paths of the outputs. `statistics` is None if no effort was measured.
+    """
+
+    facts: tuple[tuple[str, ...], ...]
+    losses: tuple[str, ...]
+    remarks: tuple[str, ...]
+    written: tuple[str, ...]
+    arm: str
+    joint_names: tuple[str, ...]
+    joint_kinds: tuple[str, ...]
+    counted: int
+    limit_use: LimitUse
+    statistics: ResidualStatistics | None
 
 
 def analyze_task(
-    bag: Path, configuration: Configuration, on_step: Callable[[str], None] = lambda _: None,
-) -> Result:
+    bag: Path, task: AnalysisTask, on_step: Callable[[str], None] = lambda _: None,
+) -> AnalysisResult:
     """
-    Analyse a recording, and write what is asked for into `configuration['directory']`.
+    Analyse a recording, and write the outputs of the task.
 
     `on_step` hears of the STEPS of `bag_analysis` and of each output when it is done.
     Raises RobotDynamicsError as `analyze_recording`, and OSError.
     """
-    analysis = analyze_recording(bag, AnalysisSettings(
-        configuration['urdf'], configuration['topic'],
-        tuple((a, b) for a, b in configuration['joint_map']), configuration['cutoff_hz'],
-        configuration['parameters']), on_step)
-    written = []
-    if configuration['outputs']:
-        directory = Path(configuration['directory'])
+    analysis = analyze_recording(bag, task.settings, on_step)
+    directory = Path(task.directory)
+    written: list[str] = []
+    for name in task.outputs:
         directory.mkdir(parents=True, exist_ok=True)
-        for name in configuration['outputs']:
-            OUTPUTS[name](analysis, directory / name)
-            written += [str(directory / each) for each in (
-                (REPORT, PICTURE) if name == REPORT else (name,))]
-            on_step(name)
-    return _as_result(analysis, written)
+        OUTPUTS[name](analysis, directory / name)
+        written += [str(directory / each) for each in (
+            (REPORT, PICTURE) if name == REPORT else (name,))]
+        on_step(name)
+    arm, recording = analysis.arm, analysis.recording
+    return AnalysisResult(
+        tuple(facts(analysis)), recording.losses, recording.remarks, tuple(written), arm.name,
+        arm.joint_names, arm.joint_kinds, int(analysis.motion.usable.sum()), analysis.limit_use,
+        analysis.statistics)
 
 
-def outputs_exist(bag: Path, result: Result) -> bool:
+def outputs_exist(bag: Path, result: AnalysisResult) -> bool:
     """Tell whether all files that a kept result wrote are still there."""
-    return all(Path(path).exists() for path in result['written'])
+    return all(Path(path).exists() for path in result.written)
 
 
-def _as_result(analysis: BagAnalysis, written: list[str]) -> Result:
-    arm, statistics = analysis.arm, analysis.statistics
-    result: Result = {
-        'facts': [list(row) for row in facts(analysis)],
-        'losses': list(analysis.recording.losses), 'remarks': list(analysis.recording.remarks),
-        'written': written, 'arm': arm.name, 'joint_names': list(arm.joint_names),
-        'joint_kinds': list(arm.joint_kinds), 'samples': len(analysis.motion.stamps_ns),
-        'counted': int(analysis.motion.usable.sum()), 'is_measured': statistics is not None}
-    result |= {f'limit_{name}': getattr(analysis.limit_use, name) for name in _LIMITS}
-    if statistics is not None:
-        result |= {name: getattr(statistics, name) for name in _STATISTICS}
-    return result
-
-
-def statistics_of(result: Result) -> ResidualStatistics | None:
-    """Return the residual of a task's result; None where nothing was measured."""
-    if not result['is_measured']:
-        return None
-    return ResidualStatistics(
-        tuple(result['joint_names']), int(result['counted']),
-        *(np.asarray(result[name]) for name in _STATISTICS))
-
-
-def limit_use_of(results: Sequence[Result]) -> LimitUse:
-    """Return the use of the limits in all of some results, of the same joints."""
-    effort, velocity, position = (
-        np.array([result[f'limit_{name}'] for result in results]) for name in _LIMITS)
+def merged_limit_use(parts: Sequence[LimitUse]) -> LimitUse:
+    """Return the use of the limits in all of some recordings, of the same joints."""
     return LimitUse(
-        np.asarray(effort.max(axis=0)), np.asarray(velocity.max(axis=0)),
-        np.asarray(position.min(axis=0)))
+        np.max([part.effort for part in parts], axis=0),
+        np.max([part.velocity for part in parts], axis=0),
+        np.min([part.position for part in parts], axis=0))

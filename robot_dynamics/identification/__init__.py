@@ -17,10 +17,12 @@
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
 from robot_dynamics.identification.identified_arm import make_identified_arm
 from robot_dynamics.identification.pipeline import Identification, identify
+from robot_dynamics.identification.tasks import IdentificationSettings
 
 __all__ = [
     'BagIdentification',
     'Identification',
+    'IdentificationSettings',
     'identify',
     'identify_bags',
     'make_identified_arm',

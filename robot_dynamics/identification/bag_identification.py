@@ -13,128 +13,100 @@
 # limitations under the License.
 
 """
-Identification from recordings on disk: the steps of `identification`, as tasks.
+Identification from recordings on disk: the steps of `pipeline` run as tasks.
 
-Every recording is read three times: for what it says by the URDF's load, for what it says by that
-of the first model, and for the test. What is between takes seconds. Whoever runs the tasks, one by
-one, in processes or on a cluster, is given as a function.
+Each recording is read three times: for its information with the load of the URDF, for that with
+the load of the first model, and for the test. A function that is passed in runs the tasks: in this
+process, in several processes or on a cluster.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
-import numpy as np
-from robot_dynamics.analysis.batch import Task, TaskOutcome
-from robot_dynamics.analysis.result_store import Result
-from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
-from robot_dynamics.identification.holdout import merge_tests
-from robot_dynamics.identification.pipeline import describe, fit_model, Identification
-from robot_dynamics.identification.qr_information import merge, QrInformation
+from robot_dynamics.analysis.batch import Outcome, Settings, Task, TaskOutcome
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.identification.pipeline import Identification, identify_recordings
+from robot_dynamics.identification.qr_information import QrInformation
+from robot_dynamics.identification.steps import EvaluatedRecording, Evaluation, Reduction
 from robot_dynamics.identification.tasks import (
-    arm_of,
     evaluate_task,
-    fit_as_data,
-    information_of,
+    IdentificationSettings,
+    IdentificationTask,
     reduce_task,
-    tests_of,
 )
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.regressor import inertial_parameters
 
-Runner = Callable[[Task, Sequence[Path], Mapping[str, Any]], list[TaskOutcome]]
-"""Runs a task on recordings, with a configuration."""
-STAGES = ('what the recordings say', 'model', 'what they say beside it', 'better model', 'test')
+
+class TaskRunner(Protocol):
+    """Runs a task on recordings, as `batch.run_tasks`."""
+
+    def __call__(
+        self, function: Task[Settings, Outcome], bags: Sequence[Path], settings: Settings, /,
+    ) -> list[TaskOutcome[Outcome]]:
+        """Return an outcome for each recording, in their order."""
 
 
 @dataclass(frozen=True, eq=False)
 class BagIdentification:
     """
-    An identification, and what it was made of.
+    An identification, and the files that it was made of.
 
-    `used` are the recordings with what was said of each, `failed` the others with their errors.
-    `gains` are those of the drives where the effort was taken for a current, and `seeming_gains`
-    those that effort would have as one.
+    `bags` are the recordings of `identification.recordings`, `failed` the others with their
+    errors.
     """
 
     identification: Identification
-    used: tuple[Result, ...]
     bags: tuple[Path, ...]
     failed: tuple[tuple[Path, str], ...]
-    gains: DriveGains | None
-    seeming_gains: DriveGains
+
+
+class BagRecordings:
+    """Recordings on disk; one that fails in a step is left out of those after it."""
+
+    def __init__(
+        self, bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
+    ) -> None:
+        self.left = list(bags)
+        self.failed: dict[Path, str] = {}
+        self._settings, self._run = settings, run
+
+    def arm(self, joint_names: Sequence[str]) -> ArmModel:
+        """Return the arm of these joints."""
+        return self._settings.arm(joint_names)
+
+    def reduce(self, step: Reduction) -> list[QrInformation]:
+        """Return the information in each recording; raise RecordingError if all fail."""
+        return self._results(self._run(
+            reduce_task, self.left, IdentificationTask(self._settings, step)))
+
+    def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
+        """Return how well models predict each recording; raise RecordingError if all fail."""
+        return self._results(self._run(
+            evaluate_task, self.left, IdentificationTask(self._settings, step)))
+
+    def _results(self, outcomes: Sequence[TaskOutcome[Outcome]]) -> list[Outcome]:
+        self.failed.update({
+            outcome.bag: outcome.error for outcome in outcomes if outcome.result is None})
+        self.left = [outcome.bag for outcome in outcomes if outcome.result is not None]
+        if not self.left:
+            raise RecordingError('no recording can be used: ' + '; '.join(
+                f'{bag.name}: {error}' for bag, error in self.failed.items()))
+        return [outcome.result for outcome in outcomes if outcome.result is not None]
 
 
 def identify_bags(
-    bags: Sequence[Path], configuration: Mapping[str, Any], run: Runner,
+    bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
 ) -> BagIdentification:
     """
-    Return the identification of an arm from recordings; `configuration` as for the tasks.
+    Return the identification of an arm from recordings on disk, as `identify_recordings`.
 
-    `effort_is_current` None takes effort for currents where the gains of joints differ. `on_stage`
-    hears of each of STAGES before it begins. Recordings that fail are left out. Raises
-    RecordingError where all fail, InvalidInputError where their joints differ, or no drive's gain
-    can be told.
+    Recordings that fail are left out. Raises RecordingError if all fail, and as
+    `identify_recordings`.
     """
-    on_stage(STAGES[0])
-    failed: dict[Path, str] = {}
-    left = list(bags)
-
-    def results(task: Task, **more: Any) -> list[Result]:
-        outcomes = run(task, left, {**configuration, **more})
-        failed.update({outcome.bag: outcome.error for outcome in outcomes
-                       if outcome.result is None})
-        left[:] = [outcome.bag for outcome in outcomes if outcome.result is not None]
-        if not left:
-            raise RecordingError('no recording can be used: ' + '; '.join(
-                f'{bag.name}: {error}' for bag, error in failed.items()))
-        return [outcome.result for outcome in outcomes if outcome.result is not None]
-
-    gains: DriveGains | None = None
-    more: dict[str, Any] = {}
-    first: list[Result] = []
-    if effort_is_current is None:
-        first = results(reduce_task)
-        arm = arm_of(configuration, first[0]['joint_names'])
-        bare = inertial_parameters(arm.with_payloads(()))
-        effort_is_current = drive_gains(_merged(first), bare).differ
-    if effort_is_current:
-        raw = results(reduce_task, keeps_payload=True)
-        arm = arm_of(configuration, raw[0]['joint_names'])
-        gains = drive_gains(_merged(raw), inertial_parameters(arm))
-        _check_gains(gains, arm)
-        more['drive_gain'] = np.where(gains.is_known, gains.gain, 1.0).tolist()
-    if not first or more:
-        first = results(reduce_task, **more)
-    arm = arm_of(configuration, first[0]['joint_names'])
-    on_stage(STAGES[1])
-    information = _merged(first)
-    seeming = drive_gains(information, inertial_parameters(arm.with_payloads(())))
-    begun = fit_model(arm, information)
-    on_stage(STAGES[2])
-    second = results(reduce_task, reference=fit_as_data(begun.base), **more)
-    on_stage(STAGES[3])
-    information = _merged(second)
-    models = fit_model(arm, information, begun.choice.structures)
-    base, estimate = describe(arm, models, information)
-    on_stage(STAGES[4])
-    fits = {name: fit_as_data(fit) for name, fit in models.by_name.items()}
-    used = results(evaluate_task, models=fits, shown='consistent', **more)
-    tests = merge_tests([tests_of(result, list(fits)) for result in used])
+    recordings = BagRecordings(bags, settings, run)
+    identification = identify_recordings(recordings, effort_is_current, on_stage)
     return BagIdentification(
-        Identification(arm, models, base, estimate, information, tests), tuple(used),
-        tuple(left), tuple(failed.items()), gains, seeming)
-
-
-def _merged(results: Sequence[Result]) -> QrInformation:
-    return merge([information_of(result) for result in results])
-
-
-def _check_gains(gains: DriveGains, arm: ArmModel) -> None:
-    if not gains.is_known.any():
-        raise InvalidInputError(
-            f'the gain of no drive of {list(arm.joint_names)} can be told from effort as '
-            'current, expected a motion in which the joints bear loads well above friction')
+        identification, tuple(recordings.left), tuple(recordings.failed.items()))

@@ -50,6 +50,11 @@ class DriveGains(NamedTuple):
     is_known: BoolArray
 
     @property
+    def scale(self) -> FloatArray:
+        """The gains (n,), 1 for a joint whose gain is not known."""
+        return np.where(self.is_known, self.gain, 1.0)
+
+    @property
     def differ(self) -> bool:
         """
         Tell whether the gains of most joints differ, so that effort can have no common unit.
@@ -70,7 +75,7 @@ def drive_gains(information: QrInformation, parameters: FloatArray) -> DriveGain
     rows = max(float(information.rows.sum()), 1.0)
     samples = information.samples_per_independent_sample
     gain, deviation = np.full(n, np.nan), np.full(n, np.inf)
-    for j in range(n):
+    for j in np.flatnonzero(information.is_measured).tolist():
         R = factors[j]
         X = np.column_stack([R[:, :p] @ parameters, R[:, p + np.array(_FRICTION)]])
         scale = np.linalg.norm(X, axis=0)

@@ -15,29 +15,40 @@
 """
 Identification of an arm from recordings: the whole way, step by step.
 
-Each step that touches samples is a function of one recording alone (`reduce_motion`,
-`evaluate_motion`), whose results are small and merge exactly, so that recordings may be worked on
-one by one, or side by side in many processes; what lies between (`fit_model`, `describe`) takes a
-second or two, whatever their number.
+`identify_recordings` is the course of the steps. Those that touch samples (`steps`) run on each
+recording by itself, in memory (`identify`) or on files (`bag_identification`); those between
+(`fit_model`, `describe`) take a second or two, whatever the number of recordings.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.consistent_fit import consistent_fit
+from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.holdout import evaluate_motion, merge_tests, ModelTest
+from robot_dynamics.identification.holdout import merge_tests, ModelTest
 from robot_dynamics.identification.model_selection import choose_model, ModelChoice
 from robot_dynamics.identification.qr_information import merge, QrInformation
-from robot_dynamics.identification.regression import bare_arm, reduce_motion
+from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import (
     Fit,
     make_prior,
     Prior,
     PULL_OF_URDF,
     solve_bounded,
+)
+from robot_dynamics.identification.steps import (
+    ArmMotion,
+    evaluate_recording,
+    EvaluatedRecording,
+    Evaluation,
+    recording_facts,
+    reduce_recording,
+    Reduction,
 )
 from robot_dynamics.identification.uncertainty import estimate_parameters, ParameterEstimate
 from robot_dynamics.model.arm import ArmModel
@@ -51,6 +62,7 @@ from robot_dynamics.model.regressor import (
 from robot_dynamics.model.rigid_body import RigidBody
 
 TRAIN_FRACTION = 0.6
+STAGES = ('what the recordings say', 'model', 'what they say beside it', 'better model', 'test')
 _STATES = 60
 
 
@@ -78,7 +90,12 @@ class FittedModels:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What recordings tell of an arm: the models, the base parameters, and how good they are."""
+    """
+    What recordings tell of an arm: the models, the base parameters, and how good they are.
+
+    `gains` are those of the drives if the effort was taken for a current, and `seeming_gains`
+    those that the effort would have as one. `recordings` are those that were tested.
+    """
 
     arm: ArmModel
     models: FittedModels
@@ -86,6 +103,45 @@ class Identification:
     estimate: ParameterEstimate
     information: QrInformation
     tests: dict[str, ModelTest]
+    gains: DriveGains | None
+    seeming_gains: DriveGains
+    recordings: tuple[EvaluatedRecording, ...]
+
+
+class Recordings(Protocol):
+    """Recordings of one arm on which steps run, each recording by itself."""
+
+    def arm(self, joint_names: Sequence[str]) -> ArmModel:
+        """Return the arm of these joints, with its payloads."""
+
+    def reduce(self, step: Reduction) -> list[QrInformation]:
+        """Return the information in each recording."""
+
+    def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
+        """Return how well models predict each recording."""
+
+
+class MotionRecordings:
+    """Recordings in memory, of all joints of the arm in its order."""
+
+    def __init__(
+        self, arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float,
+    ) -> None:
+        self._arm, self._train_fraction = arm, train_fraction
+        self._motions = [ArmMotion(arm, motion, recording_facts(motion)) for motion in motions]
+
+    def arm(self, joint_names: Sequence[str]) -> ArmModel:
+        """Return the arm."""
+        return self._arm
+
+    def reduce(self, step: Reduction) -> list[QrInformation]:
+        """Return the information in each motion; raise as `reduce_recording`."""
+        return [reduce_recording(motion, self._train_fraction, step) for motion in self._motions]
+
+    def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
+        """Return how well models predict each motion."""
+        return [
+            evaluate_recording(motion, self._train_fraction, step) for motion in self._motions]
 
 
 def prior_of(arm: ArmModel) -> Prior:
@@ -136,21 +192,63 @@ def describe(arm: ArmModel, models: FittedModels, information: QrInformation) ->
 
 def identify(
     arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
+    effort_is_current: bool | None = False,
 ) -> Identification:
     """
-    Return the identification of an arm from recordings of its joints, in its order.
+    Return the identification of an arm from motions of its joints, in its order.
 
-    The first share of each recording's samples is trained with, the rest tested with. Raises
-    RecordingError where one has no effort, InvalidInputError where it has too few samples. Needs
-    scipy.
+    The first fraction of the samples of each motion is trained with, the rest tested with.
+    Raises RecordingError if a motion has no effort, InvalidInputError if it has too few samples,
+    and as `identify_recordings`. Needs scipy.
     """
-    first = merge([reduce_motion(arm, motion, train_fraction) for motion in motions])
+    return identify_recordings(
+        MotionRecordings(arm, motions, train_fraction), effort_is_current)
+
+
+def identify_recordings(
+    recordings: Recordings, effort_is_current: bool | None,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """
+    Return the identification of an arm from recordings.
+
+    `effort_is_current` None takes effort for currents if the gains of most joints differ.
+    `on_stage` is called with each of STAGES before it begins. Raises InvalidInputError if the
+    joints of recordings differ, or no drive's gain can be told.
+    """
+    on_stage(STAGES[0])
+    first, gains = _first_pass(recordings, effort_is_current)
+    arm = recordings.arm(first.joint_names)
+    scale = None if gains is None else gains.scale
+    on_stage(STAGES[1])
+    seeming = drive_gains(first, inertial_parameters(bare_arm(arm)))
     begun = fit_model(arm, first)
-    information = merge([
-        reduce_motion(arm, motion, train_fraction, begun.base) for motion in motions])
+    on_stage(STAGES[2])
+    information = merge(recordings.reduce(Reduction(begun.base, scale)))
+    on_stage(STAGES[3])
     models = fit_model(arm, information, begun.choice.structures)
     base, estimate = describe(arm, models, information)
-    tests = merge_tests([
-        evaluate_motion(arm, motion, train_fraction, models.by_name) for motion in motions])
-    return Identification(arm, models, base, estimate, information, tests)
+    on_stage(STAGES[4])
+    evaluated = recordings.evaluate(Evaluation(models.by_name, 'consistent', scale))
+    tests = merge_tests([recording.tests for recording in evaluated])
+    return Identification(
+        arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated))
 
+
+def _first_pass(
+    recordings: Recordings, effort_is_current: bool | None,
+) -> tuple[QrInformation, DriveGains | None]:
+    """Return the information with the load of the URDF, and gains if the effort is a current."""
+    if not effort_is_current:
+        first = merge(recordings.reduce(Reduction()))
+        bare = bare_arm(recordings.arm(first.joint_names))
+        if effort_is_current is False or not drive_gains(first, inertial_parameters(bare)).differ:
+            return first, None
+    raw = merge(recordings.reduce(Reduction(keeps_payload=True)))
+    arm = recordings.arm(raw.joint_names)
+    gains = drive_gains(raw, inertial_parameters(arm))
+    if not gains.is_known.any():
+        raise InvalidInputError(
+            f'the gain of no drive of {list(arm.joint_names)} can be told from effort as '
+            'current, expected a motion in which the joints bear loads well above friction')
+    return merge(recordings.reduce(Reduction(drive_gain=gains.scale))), gains

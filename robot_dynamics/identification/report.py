@@ -66,8 +66,8 @@ def write_identification(
     paths[0].write_text(identified_urdf(
         urdf, arm, fit.parameters, np.array([joint.viscous for joint in joints]),
         np.array([joint.coulomb + joint.sigmoid for joint in joints])), encoding='utf-8')
-    gain = None if found.gains is None else np.where(
-        found.gains.is_known, found.gains.gain, 1.0).tolist()
+    gains = found.identification.gains
+    gain = None if gains is None else gains.scale.tolist()
     values = {'robot_description_file': str(paths[0].resolve()),
               **parameter_values(arm, fit, gain, given)}
     paths[1].write_text(parameter_file(values, _head(found)), encoding='utf-8')
@@ -93,13 +93,14 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     identification = found.identification
     arm, estimate = identification.arm, identification.estimate
     models, choice = identification.models, identification.models.choice
+    gains = identification.gains
     joints = joint_estimates(arm, models.consistent)
     return {
         'arm': arm.name,
         'joints': list(arm.joint_names),
         'recordings': [str(bag) for bag in found.bags],
         'failed': {str(bag): error for bag, error in found.failed},
-        'cutoff_hz': [result['cutoff_hz'] for result in found.used],
+        'cutoff_hz': [each.facts.cutoff_hz for each in identification.recordings],
         'samples': {'train': identification.tests['base'].samples[0],
                     'test': identification.tests['base'].samples[1]},
         'residual': {
@@ -127,10 +128,10 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             {'joint': name, 'structure': str(structure), **joint._asdict()}
             for name, structure, joint in zip(arm.joint_names, choice.structures, joints)],
         'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
-        'drive_gain': None if found.gains is None else {
-            'gain': _numbers(found.gains.gain), 'deviation': _numbers(found.gains.deviation),
-            'is_known': found.gains.is_known.tolist()},
-        'warnings': warnings(found),
+        'drive_gain': None if gains is None else {
+            'gain': _numbers(gains.gain), 'deviation': _numbers(gains.deviation),
+            'is_known': gains.is_known.tolist()},
+        'warnings': warnings(identification),
     }
 
 
@@ -144,12 +145,12 @@ def _number(value: Any) -> float | None:
 
 
 def _page(found: BagIdentification) -> str:
-    identification, shown = found.identification, found.used[0]
+    identification = found.identification
+    shown = identification.recordings[0].shown
     arm = identification.arm
     title = f'{arm.name}: identified model'
-    said = [line for bag, result in zip(found.bags, found.used)
-            for line in recording_lines(bag, result)]
-    caution = warnings(found)
+    said = recording_lines(found)
+    caution = warnings(identification)
     body = [f'<h1>{escape(title)}</h1>', table(fact_rows(found), has_head=False)]
     if caution:
         body += ['<h2>Warnings</h2>', items(caution, 'loss')]
@@ -165,20 +166,19 @@ def _page(found: BagIdentification) -> str:
         'consistent set without the memory of presliding, as an answer at a single state.</p>',
         '<h2>Friction and rotors</h2>', table(friction_rows(identification)),
         '<p>N·m and rad, or N and m; docs/friction.md has the equations.</p>']
-    if found.gains is not None:
-        body += ['<h2>Drive gains</h2>', table(gain_rows(identification, found.gains))]
+    if identification.gains is not None:
+        body += ['<h2>Drive gains</h2>', table(gain_rows(identification, identification.gains))]
     body += ['<h2>Base parameters</h2>', table(parameter_rows(identification)),
              '<p>By least squares without a pull to the URDF; * marks regrouped parameters.</p>']
-    if 'times' in shown:
-        name = found.bags[0].name
-        efforts = joint_figure(
-            f'{name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds, [
-                effort_panel('Measured and model', shown['times'], {
-                    'measured': shown['measured'], 'model': shown['model']}),
-                residual_panel(shown['times'], shown['measured'] - shown['model'])])
-        scatter = scatter_figure(
-            f'{name}: residual over velocity', arm.joint_names, arm.joint_kinds,
-            shown['velocity'], shown['measured'] - shown['model'])
-        body += ['<h2>Effort over time</h2>', image(png(efforts), 'Measured and model effort'),
-                 '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity')]
+    name = found.bags[0].name
+    efforts = joint_figure(
+        f'{name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds, [
+            effort_panel('Measured and model', shown.times, {
+                'measured': shown.measured, 'model': shown.model}),
+            residual_panel(shown.times, shown.measured - shown.model)])
+    scatter = scatter_figure(
+        f'{name}: residual over velocity', arm.joint_names, arm.joint_kinds, shown.velocity,
+        shown.measured - shown.model)
+    body += ['<h2>Effort over time</h2>', image(png(efforts), 'Measured and model effort'),
+             '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity')]
     return page(title, body)

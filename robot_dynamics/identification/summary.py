@@ -15,10 +15,8 @@
 """What an identification says, in rows of words: for the console and for the report."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 import numpy as np
-from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.analysis.summary import percent, Rows
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains
@@ -44,19 +42,20 @@ _MOST_NAMES = 12
 
 def fact_rows(found: BagIdentification) -> Rows:
     """Return what was identified from what, a name and a value in each row."""
-    identification, first = found.identification, found.used[0]
+    identification = found.identification
+    facts = [recording.facts for recording in identification.recordings]
     test = identification.tests['consistent']
     choice = identification.models.choice
-    cutoffs = sorted({f'{result["cutoff_hz"]:.3g}' for result in found.used}, key=float)
+    cutoffs = sorted({f'{each.cutoff_hz:.3g}' for each in facts}, key=float)
     return [
         ('arm', f'{identification.arm.name}, {identification.arm.joint_count} joints'),
         ('recordings', ', '.join(bag.name for bag in found.bags[:_MOST_NAMES]) + (
             f' and {len(found.bags) - _MOST_NAMES} more' if len(found.bags) > _MOST_NAMES
             else '')),
         ('samples', f'{test.samples[0]} to train with, the {test.samples[1]} after them to test '
-                    f'with, at {first["rate_hz"]:.4g} Hz'),
+                    f'with, at {facts[0].rate_hz:.4g} Hz'),
         ('filter', f'Butterworth, order 4, forward and backward, {" … ".join(cutoffs)} Hz'
-                   + (f': {first["cutoff_reason"]}' if len(cutoffs) == 1 else '')),
+                   + (f': {facts[0].cutoff_reason}' if len(cutoffs) == 1 else '')),
         ('base parameters', f'{identification.base.rank} of '
                             f'{identification.base.matrix.shape[1]} parameters (rank)'),
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
@@ -120,10 +119,10 @@ def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
     return rows
 
 
-def warnings(found: BagIdentification) -> list[str]:
+def warnings(identification: Identification) -> list[str]:
     """Return what is to be known before the model is trusted."""
-    return [*_of_excitation(found.identification), *_of_models(found.identification),
-            *_of_effort(found)]
+    return [*_of_excitation(identification), *_of_models(identification),
+            *_of_effort(identification)]
 
 
 def _of_excitation(identification: Identification) -> Iterator[str]:
@@ -163,18 +162,18 @@ def _of_models(identification: Identification) -> Iterator[str]:
             yield f'{name}: half of its effort or more is not explained'
 
 
-def _of_effort(found: BagIdentification) -> Iterator[str]:
-    names = found.identification.arm.joint_names
-    if found.gains is not None:
-        if found.gains.differ:
+def _of_effort(identification: Identification) -> Iterator[str]:
+    names, gains = identification.arm.joint_names, identification.gains
+    if gains is not None:
+        if gains.differ:
             yield ('the gains of most joints differ, so that effort is taken for currents, with '
                    'the masses of the URDF as reference; --effort torque does not')
-        unknown = [name for name, known in zip(names, found.gains.is_known) if not known]
+        unknown = [name for name, known in zip(names, gains.is_known) if not known]
         if unknown:
             yield (f'the drive gain cannot be told at {", ".join(unknown)}, which bear little '
                    'beside friction: their effort stays in the unit of the recording')
         return
-    gains = found.seeming_gains
+    gains = identification.seeming_gains
     off = gains.is_known & ((gains.gain > SEEMS_OFF) | (gains.gain < 1.0 / SEEMS_OFF))
     # One joint alone is more likely a wrong mass.
     if off.sum() > max(1.0, 0.5 * gains.is_known.sum()):
@@ -185,6 +184,8 @@ def _of_effort(found: BagIdentification) -> Iterator[str]:
                'another unit? Then give --effort current')
 
 
-def recording_lines(bag: Path, result: Result) -> list[str]:
-    """Return what is to be said of a recording."""
-    return [f'{bag.name}: {line}' for line in (*result['losses'], *result['remarks'])]
+def recording_lines(found: BagIdentification) -> list[str]:
+    """Return losses and remarks of the recordings, with their names."""
+    return [f'{bag.name}: {line}'
+            for bag, recording in zip(found.bags, found.identification.recordings)
+            for line in (*recording.facts.losses, *recording.facts.remarks)]

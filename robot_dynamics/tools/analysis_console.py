@@ -20,7 +20,6 @@ import sys
 import numpy as np
 from robot_dynamics.analysis.batch import TaskOutcome
 from robot_dynamics.analysis.residual import merged_statistics
-from robot_dynamics.analysis.result_store import Result
 from robot_dynamics.analysis.summary import (
     fact_lines,
     limit_use_rows,
@@ -28,50 +27,48 @@ from robot_dynamics.analysis.summary import (
     residual_rows,
     table,
 )
-from robot_dynamics.analysis.tasks import limit_use_of, statistics_of
+from robot_dynamics.analysis.tasks import AnalysisResult, merged_limit_use
 
 LONGEST_LIST = 20
 """Failures that are printed; of more it is said how many."""
 
 
-def print_one(outcome: TaskOutcome) -> None:
+def print_one(result: AnalysisResult, is_resumed: bool) -> None:
     """Print the analysis of one recording."""
-    result = _result(outcome)
-    print(fact_lines(result['facts']))
-    for title, lines in (('Lost:', result['losses']), ('Remarks:', result['remarks'])):
+    print(fact_lines(result.facts))
+    for title, lines in (('Lost:', result.losses), ('Remarks:', result.remarks)):
         if lines:
             more = len(lines) - LONGEST_LIST
             print('\n' + '\n'.join([
                 title, *(f'  {line}' for line in lines[:LONGEST_LIST]),
                 *([f'  and {more} more'] if more > 0 else [])]))
     _print_figures([result])
-    if result['written']:
-        print('\nWritten:\n' + '\n'.join(f'  {path}' for path in result['written']))
-    if outcome.resumed:
+    if result.written:
+        print('\nWritten:\n' + '\n'.join(f'  {path}' for path in result.written))
+    if is_resumed:
         print('(from an earlier run: nothing of it has changed)')
 
 
-def print_many(outcomes: Sequence[TaskOutcome], names: Sequence[str]) -> None:
+def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[str]) -> None:
     """Print a line for each recording that was analysed, and all of an arm together."""
     rows = [('recording', 'samples', 'lost', 'remarks', 'relative residual of each joint')]
-    arms: dict[tuple[str, ...], list[Result]] = {}
+    arms: dict[tuple[str, ...], list[AnalysisResult]] = {}
     for name, outcome in zip(names, outcomes):
         if outcome.result is None:
             continue
         result = outcome.result
-        statistics = statistics_of(result)
-        relative = 'no effort' if statistics is None else ' '.join(
-            f'{percent(share):>8}' for share in statistics.relative)
-        rows.append((name, str(result['counted']), str(len(result['losses']) or '-'),
-                     str(len(result['remarks']) or '-'), relative))
-        arms.setdefault((result['arm'], *result['joint_names']), []).append(result)
+        relative = 'no effort' if result.statistics is None else ' '.join(
+            f'{percent(share):>8}' for share in result.statistics.relative)
+        rows.append((name, str(result.counted), str(len(result.losses) or '-'),
+                     str(len(result.remarks) or '-'), relative))
+        arms.setdefault((result.arm, *result.joint_names), []).append(result)
     print(table(rows))
     resumed = sum(outcome.resumed for outcome in outcomes)
     if resumed:
         print(f'{resumed} of them from an earlier run')
     for name, results in ((key[0], value) for key, value in arms.items()):
         print(f'\nTogether: {len(results)} recordings of {name}, '
-              f'{sum(result["counted"] for result in results)} samples')
+              f'{sum(result.counted for result in results)} samples')
         _print_figures(results)
 
 
@@ -86,21 +83,14 @@ def print_failures(failed: Sequence[tuple[str, str]]) -> None:
         print(f'  and {len(failed) - LONGEST_LIST} more', file=sys.stderr)
 
 
-def _print_figures(results: Sequence[Result]) -> None:
+def _print_figures(results: Sequence[AnalysisResult]) -> None:
     first = results[0]
-    known = [statistics for result in results
-             if (statistics := statistics_of(result)) is not None]
+    known = [result.statistics for result in results if result.statistics is not None]
     if known:
         print('\nResidual, measured − model:')
-        print(table(residual_rows(merged_statistics(known), first['joint_kinds'])))
+        print(table(residual_rows(merged_statistics(known), first.joint_kinds)))
     whose = 'measured' if len(known) == len(results) else 'model' if not known else 'known'
-    use = limit_use_of(results)
+    use = merged_limit_use([result.limit_use for result in results])
     if not all(np.isnan(values).all() for values in (use.effort, use.velocity, use.position)):
         print('\nUse of limits:')
-        print(table(limit_use_rows(use, first['joint_names'], first['joint_kinds'], whose)))
-
-
-def _result(outcome: TaskOutcome) -> Result:
-    if outcome.result is None:
-        raise ValueError('an outcome without a result')
-    return outcome.result
+        print(table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))

@@ -21,16 +21,19 @@ none could be analysed; 130 interrupted.
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 import sys
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.analysis.bag_analysis import STEPS
 from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.analysis.sample_files import require_parquet
 from robot_dynamics.analysis.tasks import (
+    AnalysisResult,
+    AnalysisTask,
     analyze_task,
     OUTPUTS,
     outputs_exist,
@@ -38,7 +41,6 @@ from robot_dynamics.analysis.tasks import (
     PICTURE,
     REPORT,
     TABLE,
-    task_configuration,
     TERMS,
 )
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
@@ -151,21 +153,21 @@ def _run(arguments: argparse.Namespace) -> int:
     settings = AnalysisSettings(
         '' if arguments.urdf is None else read_robot(arguments.urdf), arguments.topic,
         tuple(arguments.joint_map), arguments.cutoff, parameters)
-    outputs = _outputs(arguments)
+    task = AnalysisTask(settings, _outputs(arguments))
     kept, each = None, None
-    if outputs:
+    if task.outputs:
         kept = arguments.output / KEPT
         kept.mkdir(parents=True, exist_ok=True)
-        each = [{'directory': str(arguments.output.resolve() / (name if len(bags) > 1 else ''))}
-                for name in names]
-    outcomes = _run_with_progress(
-        bags, task_configuration(settings, outputs), arguments, kept, each)
-    results = [outcome for outcome in outcomes if outcome.result is not None]
+        each = [
+            replace(task, directory=str(
+                arguments.output.resolve() / (name if len(bags) > 1 else ''))) for name in names]
+    outcomes = _run_with_progress(bags, task, arguments, kept, each)
+    results = [outcome.result for outcome in outcomes if outcome.result is not None]
     if len(bags) == 1 and results:
-        print_one(results[0])
+        print_one(results[0], outcomes[0].resumed)
     elif results:
         print_many(outcomes, names)
-        if outputs:
+        if task.outputs:
             print(f'\nWritten to {arguments.output}, a directory for each recording')
     failed = [(name, outcome.error) for name, outcome in zip(names, outcomes) if outcome.error]
     print_failures(failed)
@@ -173,12 +175,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _run_with_progress(
-    bags: Sequence[Path], configuration: dict[str, Any], arguments: argparse.Namespace,
-    kept: Path | None, each: Sequence[dict[str, str]] | None,
-) -> list[TaskOutcome]:
+    bags: Sequence[Path], task: AnalysisTask, arguments: argparse.Namespace,
+    kept: Path | None, each: Sequence[AnalysisTask] | None,
+) -> list[TaskOutcome[AnalysisResult]]:
     """Analyse all, and show how far that is: by recordings, or by the steps of a single one."""
     single = len(bags) == 1 and arguments.dask is None
-    steps = len(STEPS) + len(configuration['outputs']) if single else len(bags)
+    steps = len(STEPS) + len(task.outputs) if single else len(bags)
     done = 0
     with Progress(steps, 'steps' if single else 'recordings') as progress:
         def advance(_: object) -> None:
@@ -189,17 +191,17 @@ def _run_with_progress(
 
         return run_tasks(
             partial(analyze_task, on_step=advance) if single else analyze_task, bags,
-            configuration, arguments.jobs, kept, arguments.dask, None if single else advance,
+            task, arguments.jobs, kept, arguments.dask, None if single else advance,
             outputs_exist, each)
 
 
-def _outputs(arguments: argparse.Namespace) -> list[str]:
+def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     if arguments.output is None:
-        return []
+        return ()
     left_out = set() if arguments.parquet else {PARQUET}
     if arguments.no_report:
         left_out |= {REPORT}
-    return [name for name in OUTPUTS if name not in left_out]
+    return tuple(name for name in OUTPUTS if name not in left_out)
 
 
 if __name__ == '__main__':

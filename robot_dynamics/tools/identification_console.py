@@ -38,17 +38,15 @@ def print_identification(found: BagIdentification, paths: Sequence[Path]) -> Non
     """Print what was found, and where it was written."""
     identification = found.identification
     print(fact_lines(fact_rows(found)))
-    _print_list('Recordings:', [
-        line for bag, result in zip(found.bags, found.used)
-        for line in recording_lines(bag, result)])
+    _print_list('Recordings:', recording_lines(found))
     print('\nResidual on samples that were not trained with, RMS relative to the effort:')
     print(table(residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
     print(table(friction_rows(identification)))
-    if found.gains is not None:
+    if identification.gains is not None:
         print('\nDrive gains:')
-        print(table(gain_rows(identification, found.gains)))
-    _print_list('Warnings:', warnings(found))
+        print(table(gain_rows(identification, identification.gains)))
+    _print_list('Warnings:', warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
     if found.failed:
         print(f'identify: {len(found.failed)} recordings could not be used:', file=sys.stderr)

@@ -20,11 +20,11 @@ nothing could be identified; 130 interrupted.
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import os
 from pathlib import Path
 import sys
-from typing import Any, NoReturn
+from typing import NoReturn
 
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 KEPT = 'results'
@@ -150,10 +150,18 @@ def _count(text: str) -> int:
 
 def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
-    from robot_dynamics.analysis.batch import require_dask, run_tasks, Task, TaskOutcome
-    from robot_dynamics.identification.bag_identification import identify_bags, STAGES
+    from robot_dynamics.analysis.batch import (
+        Outcome,
+        require_dask,
+        run_tasks,
+        Settings,
+        Task,
+        TaskOutcome,
+    )
+    from robot_dynamics.identification.bag_identification import identify_bags
+    from robot_dynamics.identification.pipeline import STAGES
     from robot_dynamics.identification.report import write_identification
-    from robot_dynamics.identification.tasks import arm_of, identify_configuration
+    from robot_dynamics.identification.tasks import IdentificationSettings
     from robot_dynamics.model.arm_parameters import read_parameter_file
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
@@ -165,13 +173,13 @@ def _run(arguments: argparse.Namespace) -> int:
     urdf = read_robot(arguments.urdf)
     if arguments.dask is not None:
         require_dask()
-    configuration = identify_configuration(
+    settings = IdentificationSettings(
         AnalysisSettings(
             urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters),
         arguments.train_fraction,
-        [make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0))
-         for link, values in arguments.payload])
-    arm_of(configuration, ())  # a mistake is told before anything is read
+        tuple(make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0))
+              for link, values in arguments.payload))
+    settings.arm(())  # a mistake is told before anything is read
     kept = arguments.output / KEPT if len(bags) > 1 else None
     if kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
@@ -183,13 +191,13 @@ def _run(arguments: argparse.Namespace) -> int:
             progress.update(done)
 
         def run(
-            task: Task, left: Sequence[Path], more: Mapping[str, Any],
-        ) -> list[TaskOutcome]:
+            function: Task[Settings, Outcome], left: Sequence[Path], task: Settings,
+        ) -> list[TaskOutcome[Outcome]]:
             return run_tasks(
-                task, left, more, arguments.jobs, kept, arguments.dask, advance)
+                function, left, task, arguments.jobs, kept, arguments.dask, advance)
 
         found = identify_bags(
-            bags, configuration, run,
+            bags, settings, run,
             None if arguments.effort == 'auto' else arguments.effort == 'current',
             lambda stage: advance(stage) if stage in (STAGES[1], STAGES[3]) else None)
     paths = write_identification(found, urdf, arguments.output, parameters)

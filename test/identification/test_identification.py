@@ -263,6 +263,7 @@ def test_without_effort_there_is_nothing_to_identify():
         identify(ARM, [motion])
 
 
+@pytest.mark.filterwarnings('error')
 def test_a_joint_without_effort_says_nothing():
     states = fourier_motion(ARM, 100.0, 20.0)
     effort = rigid_effort(changed_arm(ARM, 0.2), states) + smooth_friction(states.v)
@@ -274,3 +275,4 @@ def test_a_joint_without_effort_says_nothing():
     assert not found.models.consistent.joint_values[1].any()
     own = [name for name in found.estimate.names if name.endswith('(joint2)')]
     assert set(own) <= set(found.estimate.unexcited) | {'Ia(joint2)'}
+    assert found.seeming_gains.is_known.tolist() == [True, False]

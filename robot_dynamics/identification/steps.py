@@ -1,0 +1,141 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The steps of an identification that touch samples: functions of one motion, with small results.
+
+Results of several recordings merge exactly (`qr_information`, `holdout`), so that the steps may
+run on recordings in any order and process.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
+from robot_dynamics.identification.qr_information import QrInformation
+from robot_dynamics.identification.regression import bare_arm, model_effort, reduce_motion
+from robot_dynamics.identification.regularized_fit import Fit
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.validation import FloatArray
+
+SHOWN = 3000
+"""Samples of a recording that are drawn, at most."""
+
+
+@dataclass(frozen=True)
+class RecordingFacts:
+    """What is reported of a recording, beside its figures."""
+
+    rate_hz: float
+    cutoff_hz: float
+    cutoff_reason: str
+    losses: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotion:
+    """A filtered motion of an arm with its payloads, joints in the order of the arm."""
+
+    arm: ArmModel
+    motion: FilteredMotion
+    facts: RecordingFacts
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """
+    How to reduce the training samples of a recording.
+
+    `reference` is the model of a first pass, `drive_gain` (n,) the joint effort per unit of
+    recorded effort. With `keeps_payload` the effort of the payloads is not subtracted.
+    """
+
+    reference: Fit | None = None
+    drive_gain: FloatArray | None = None
+    keeps_payload: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Models by name to test on a recording; the effort of the one `shown` is for drawing."""
+
+    models: Mapping[str, Fit]
+    shown: str
+    drive_gain: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class EffortSeries:
+    """Measured and modelled effort over time, thinned out for a picture: (m,) [s] and (m, n)."""
+
+    times: FloatArray
+    velocity: FloatArray
+    measured: FloatArray
+    model: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedRecording:
+    """How well the models predict a recording, by name, and what is reported of it."""
+
+    facts: RecordingFacts
+    tests: dict[str, ModelTest]
+    shown: EffortSeries
+
+
+def recording_facts(
+    motion: FilteredMotion, losses: tuple[str, ...] = (), remarks: tuple[str, ...] = (),
+) -> RecordingFacts:
+    """Return what is reported of a filtered motion, with losses and remarks of its reading."""
+    if motion.differentiated:
+        remarks = (*remarks, 'recorded velocity is no derivative of the position, and is not '
+                             f'used, of {", ".join(motion.differentiated)}')
+    return RecordingFacts(
+        motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks)
+
+
+def reduce_recording(
+    recording: ArmMotion, train_fraction: float, step: Reduction,
+) -> QrInformation:
+    """
+    Return the information in the training samples of a recording.
+
+    Raises RecordingError without effort, InvalidInputError with too few samples.
+    """
+    arm = bare_arm(recording.arm) if step.keeps_payload else recording.arm
+    motion = _with_gain(recording.motion, step.drive_gain)
+    return reduce_motion(arm, motion, train_fraction, step.reference)
+
+
+def evaluate_recording(
+    recording: ArmMotion, train_fraction: float, step: Evaluation,
+) -> EvaluatedRecording:
+    """Return how well models predict a recording."""
+    motion = _with_gain(recording.motion, step.drive_gain)
+    assert motion.effort is not None
+    every = max(1, int(np.ceil(len(motion.effort) / SHOWN)))
+    model, _ = model_effort(recording.arm, motion, step.models[step.shown])
+    return EvaluatedRecording(
+        recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
+        EffortSeries(motion.times[::every], motion.velocity[::every], motion.effort[::every],
+                     model[::every]))
+
+
+def _with_gain(motion: FilteredMotion, drive_gain: FloatArray | None) -> FilteredMotion:
+    if motion.effort is None or drive_gain is None:
+        return motion
+    return replace(motion, effort=motion.effort * drive_gain)
