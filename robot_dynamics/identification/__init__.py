@@ -15,7 +15,6 @@
 """From recordings to an identified arm."""
 
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
-from robot_dynamics.identification.identified_arm import make_identified_arm
 from robot_dynamics.identification.pipeline import Identification, identify
 from robot_dynamics.identification.tasks import IdentificationSettings
 
@@ -25,5 +24,4 @@ __all__ = [
     'IdentificationSettings',
     'identify',
     'identify_bags',
-    'make_identified_arm',
 ]

@@ -13,23 +13,20 @@
 # limitations under the License.
 
 """
-The identified model as the rest of this package has it: an arm, and parameters of the node.
+The identified model as parameters of the node.
 
-`dynamics_node` with the URDF of `identified_urdf` and the parameters of `parameter_values`
+`dynamics_node` with the URDF of `fitted_urdf` and the parameters of `parameter_values`
 computes what the fit predicts: rigid bodies, reflected inertia, friction of joints and gears.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from robot_dynamics.identification.friction_regressor import joint_estimate, JointEstimate
 from robot_dynamics.identification.regularized_fit import Fit
-from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
-from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS, make_gear_friction
+from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.regressor import with_inertial_parameters
 
 _DIGITS = 9
 
@@ -39,23 +36,6 @@ def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
     return tuple(
         joint_estimate(structure, kind, values[structure.columns])
         for structure, kind, values in zip(fit.structures, arm.joint_kinds, fit.joint_values))
-
-
-def make_identified_arm(arm: ArmModel, fit: Fit) -> ArmModel:
-    """Return the arm with the bodies, rotors and friction of a fit, and no payload."""
-    names = arm.joint_names
-    joints = joint_estimates(arm, fit)
-    friction, gears = (  # their fields that are identified
-        {field.name: np.array([joint.friction[field.name] for joint in joints])
-         for field in table if field.name in joints[0].friction}
-        for table in (FRICTION_FIELDS, GEAR_FRICTION_FIELDS))
-    rotors = np.array([joint.reflected_inertia for joint in joints])
-    model = with_inertial_parameters(arm, fit.parameters)
-    model = model.with_friction(make_friction(names, **friction, default=None))
-    model = model.with_gear_friction(make_gear_friction(names, **gears))
-    if not rotors.any():
-        return model
-    return model.with_actuators(make_actuators(names, [1.0], [1.0], rotor_inertia=rotors))
 
 
 def parameter_values(

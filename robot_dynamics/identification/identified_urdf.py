@@ -25,6 +25,8 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.identification.identified_arm import joint_estimates
+from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
@@ -35,6 +37,14 @@ from robot_dynamics.validation import FloatArray
 _LEAST = 1e-15
 _TENSOR = {'ixx': (0, 0), 'ixy': (0, 1), 'ixz': (0, 2), 'iyy': (1, 1), 'iyz': (1, 2),
            'izz': (2, 2)}
+
+
+def fitted_urdf(urdf: str, arm: ArmModel, fit: Fit) -> str:
+    """Return the URDF with bodies and friction of a fit; raise as `identified_urdf`."""
+    joints = joint_estimates(arm, fit)
+    return identified_urdf(
+        urdf, arm, fit.parameters, np.array([joint.viscous for joint in joints]),
+        np.array([joint.coulomb + joint.sigmoid for joint in joints]))
 
 
 def identified_urdf(

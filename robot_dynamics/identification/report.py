@@ -27,7 +27,7 @@ from robot_dynamics.identification.identified_arm import (
     parameter_file,
     parameter_values,
 )
-from robot_dynamics.identification.identified_urdf import identified_urdf
+from robot_dynamics.identification.identified_urdf import fitted_urdf
 from robot_dynamics.identification.summary import (
     fact_rows,
     friction_rows,
@@ -62,10 +62,7 @@ def write_identification(
     directory.mkdir(parents=True, exist_ok=True)
     paths = [directory / name for name in (URDF, PARAMETERS, REPORT, FIGURES)]
     arm, fit = found.identification.arm, found.identification.models.consistent
-    joints = joint_estimates(arm, fit)
-    paths[0].write_text(identified_urdf(
-        urdf, arm, fit.parameters, np.array([joint.viscous for joint in joints]),
-        np.array([joint.coulomb + joint.sigmoid for joint in joints])), encoding='utf-8')
+    paths[0].write_text(fitted_urdf(urdf, arm, fit), encoding='utf-8')
     gains = found.identification.gains
     gain = None if gains is None else gains.scale.tolist()
     values = {'robot_description_file': str(paths[0].resolve()),

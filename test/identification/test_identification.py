@@ -28,7 +28,8 @@ from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
 from robot_dynamics.identification.friction_regressor import FrictionStructure, OFFSET
-from robot_dynamics.identification.identified_arm import make_identified_arm
+from robot_dynamics.identification.identified_arm import parameter_values
+from robot_dynamics.identification.identified_urdf import fitted_urdf
 from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
 from robot_dynamics.identification.qr_information import merge
 from robot_dynamics.identification.regression import (
@@ -41,6 +42,7 @@ from robot_dynamics.identification.regularized_fit import without_memory
 from robot_dynamics.identification.uncertainty import estimate_parameters
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.pseudo_inertia import is_consistent
 from robot_dynamics.model.regressor import inertial_parameters
@@ -125,7 +127,8 @@ def test_the_library_computes_what_was_reported(planar, found):
     motion = recorded(ARM, *planar[:2], noise=0.2)
     fit = found.models.consistent
     rows = regression_rows(ARM, motion, fit)
-    dynamics = ArmDynamics(make_identified_arm(ARM, fit))
+    dynamics = ArmDynamics(arm_from_parameters(
+        fitted_urdf(default_arm_urdf(), ARM, fit), parameter_values(ARM, fit)))
     q, v, a = motion.position, motion.velocity, motion.acceleration
     load = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
     along = load + dynamics.friction_along(q, v, load)
