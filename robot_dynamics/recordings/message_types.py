@@ -20,6 +20,13 @@ from typing import Any
 from robot_dynamics.recordings.storage import StoredTopic
 from robot_dynamics.recordings.topics import common_types, rosbags_module
 
+_DAMAGED = (AssertionError, NameError, RecursionError, SyntaxError, ValueError)
+"""
+What rosbags raises for damaged definitions, besides its own errors.
+
+It makes Python classes of definitions: a damaged name or number may be no Python.
+"""
+
 
 class MessageTypes:
     """Decodes messages by the definitions in the recording, else by those of ROS 2 Jazzy."""
@@ -40,7 +47,7 @@ class MessageTypes:
                 self._own.register({
                     name: fields for name, fields in types.items()
                     if name not in self._own.fielddefs})
-            except Exception:  # noqa: S112 (of a damaged recording)
+            except (self._typesys.TypesysError, *_DAMAGED):
                 continue
 
     def _parse(self, topic: StoredTopic) -> dict[str, Any]:
@@ -51,7 +58,7 @@ class MessageTypes:
             return dict(self._typesys.get_types_from_idl(topic.definition))
         types: dict[str, Any] = {}
         for part in topic.definition.split(separator)[1:]:
-            types |= self._typesys.get_types_from_idl(part.split('\n', 1)[1])
+            types |= self._typesys.get_types_from_idl(part.partition('\n')[2])
         return types
 
     def deserialize(self, data: bytes, message_type: str) -> Any:

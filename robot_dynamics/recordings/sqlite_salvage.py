@@ -95,7 +95,8 @@ class SalvagedSqlite:
     def _read_topics(self) -> None:
         with closing(self._connect()) as connection:
             for number, name, kind in connection.execute('SELECT id, name, type FROM topics'):
-                self.types[int(number)] = str(name), str(kind)
+                if isinstance(number, int):
+                    self.types[number] = str(name), str(kind)
             try:
                 rows = connection.execute(
                     'SELECT topic_type, encoding, encoded_message_definition '
@@ -116,16 +117,17 @@ class SalvagedSqlite:
                     for number, topic, time_ns, data in connection.execute(
                             'SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? '
                             'ORDER BY id', (begin,)):
-                        if number <= after:
+                        if not isinstance(number, int) or number <= after:
                             raise sqlite3.DatabaseError('pages that lead back to earlier ones')
-                        after = int(number)
-                        if not isinstance(data, bytes) or not isinstance(time_ns, int):
+                        after = number
+                        if not (isinstance(data, bytes) and isinstance(time_ns, int)
+                                and isinstance(topic, int)):
                             self._lost_rows += 1
                             continue
                         if self._lost_rows and self._missing_to is None:
                             self._missing_to = time_ns
                         newest = time_ns
-                        yield int(topic), time_ns, data
+                        yield topic, time_ns, data
                     return
                 except sqlite3.Error:
                     self._missing_from = newest if self._missing_from is None else (

@@ -20,12 +20,13 @@ that goes. A sqlite3 file that its recorder left with a journal is completed the
 """
 
 from contextlib import closing, suppress
+import importlib
 from pathlib import Path
 import shutil
 import sqlite3
+import struct
 from typing import Any, NamedTuple, Protocol
 
-from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.recordings.compression import zstd_module
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite
@@ -92,9 +93,7 @@ class _File:
         reader = rosbags_module('rosbag2').Reader(path)
         try:
             reader.open()
-        except MissingDependencyError:
-            raise
-        except Exception:  # whatever a damaged file makes the library raise
+        except _errors_of_damage():
             self._salvage()
             return
         self._reader = reader
@@ -111,12 +110,13 @@ class _File:
             try:
                 messages = [(time_ns, data) for _, time_ns, data in self._reader.messages(wanted)
                             ] if wanted else []
-            except Exception:  # as above
+            except _errors_of_damage():
                 messages = []
+            messages = [message for message in messages if _is_valid(*message)]
             if len(messages) >= sum(connection.msgcount for connection in wanted):
                 return self._plain(messages)
             self._salvage()  # noise may look like the end to the library
-        found = self._salvaged.messages(topic)
+        found = [message for message in self._salvaged.messages(topic) if _is_valid(*message)]
         found.sort(key=lambda message: message[0])
         return self._plain(found)
 
@@ -153,8 +153,34 @@ class _File:
         """Let go of the file."""
         reader, self._reader = self._reader, None
         if reader is not None:
-            with suppress(Exception):  # of a damaged file, once more
+            with suppress(*_errors_of_damage()):
                 reader.close()
+
+
+def _errors_of_damage() -> tuple[type[Exception], ...]:
+    """
+    Return what rosbags, and the libraries below it, raise for a damaged file.
+
+    rosbags checks little of what it reads: noise reaches Python's own functions.
+    """
+    return (
+        rosbags_module('rosbag2').ReaderError, _error_of_sqlite(), zstd_module().ZstdError,
+        struct.error, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
+        OverflowError, RuntimeError, TypeError, ValueError)
+
+
+def _error_of_sqlite() -> type[Exception]:
+    """Return the error of the library by which rosbags reads sqlite3, which is not Python's."""
+    try:
+        error: type[Exception] = importlib.import_module('apsw').Error
+    except ImportError:  # earlier versions of rosbags
+        return sqlite3.Error
+    return error
+
+
+def _is_valid(time_ns: Any, data: Any) -> bool:
+    """Tell whether a time is one of ROS (int64) and a message is bytes: noise may be anything."""
+    return isinstance(time_ns, int) and abs(time_ns) < 1 << 63 and isinstance(data, bytes)
 
 
 class McapFile(_File):

@@ -299,6 +299,28 @@ def test_a_page_of_noise_in_a_database(copied):
     assert series.faults.dropped == lost
 
 
+def test_rows_with_values_of_other_types_are_lost(copied):
+    path = copied('sqlite3')
+    connection = sqlite3.connect(stored_file(path))
+    connection.execute("UPDATE messages SET data = 'text' WHERE id = 700")
+    connection.execute("UPDATE messages SET timestamp = 'noon' WHERE id = 900")
+    connection.execute("UPDATE messages SET topic_id = '' WHERE id = 1100")
+    connection.commit()
+    connection.close()
+    series, losses, _ = read(path)
+    assert_part_of_it(series)
+    assert len(series.stamps_ns) == WHOLE - 3
+    assert [loss.lost_messages for loss in losses] == [3, 3]
+
+
+def test_a_time_beyond_int64_is_lost(tmp_path):
+    path = write_recording(tmp_path / 'bag', [*MESSAGES, (2**64 - 1, MESSAGES[-1][1])])
+    series, losses, _ = read(path)
+    assert_part_of_it(series)
+    assert len(series.stamps_ns) == WHOLE
+    assert [(loss.file, loss.lost_messages) for loss in losses] == [('metadata.yaml', 1)]
+
+
 def spoil_and_read(path, seed):
     """Replace bytes anywhere: samples must come, or one clear error; never another exception."""
     rng = np.random.default_rng(seed)
