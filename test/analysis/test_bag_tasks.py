@@ -93,6 +93,25 @@ def test_what_is_kept_is_not_done_again_unless_it_changed(bags, configuration, t
     assert run()[0] == [True, True, False]
 
 
+def test_a_kept_dataclass_is_the_same_again(bags, tmp_path):
+    paths = bags('one', 'two')
+
+    def run(values):
+        return run_tasks(
+            tasks.scale, paths, tasks.Factor(np.array(values)), 1, tmp_path / 'kept')
+
+    assert [outcome.resumed for outcome in run([1.5, np.nan])] == [False, False]
+    for outcome in run([1.5, np.nan]):
+        assert outcome.resumed
+        kept = outcome.result
+        assert isinstance(kept, tasks.Scaled)
+        assert (kept.sizes, kept.span, kept.missing) == ((3, 3), (outcome.bag.name, np.inf), None)
+        for factor in (kept.factor, kept.by_name['a'], kept.present):
+            assert isinstance(factor, tasks.Factor)
+            np.testing.assert_array_equal(factor.values, [1.5, np.nan])
+    assert [outcome.resumed for outcome in run([1.5, 2.0])] == [False, False]
+
+
 def test_a_kept_result_that_does_not_hold_is_done_again(bags, configuration, tmp_path):
     paths = bags('one', 'three')
     for expected in ([False, False], [False, True]):

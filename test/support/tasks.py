@@ -14,12 +14,38 @@
 
 """Tasks that the tests of `batch` run in other processes, where they must be importable."""
 
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import signal
 
 import numpy as np
 from robot_dynamics.exceptions import RecordingError
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """Settings of `scale`."""
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """The result of `scale`, with what a result may have."""
+
+    sizes: tuple[int, ...]
+    span: tuple[str, float]
+    factor: Factor
+    by_name: dict[str, Factor]
+    missing: Factor | None
+    present: Factor | None
+
+
+def scale(bag, settings: Factor) -> Scaled:
+    """Return the factor, nested, with the size of the file."""
+    return Scaled((len(bag.read_text()),) * 2, (bag.name, np.inf), settings, {'a': settings},
+                  None, settings)
 
 
 def measure(bag, configuration):
