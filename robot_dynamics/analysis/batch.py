@@ -16,7 +16,7 @@
 One function on many recordings: a process for each core, or a Dask cluster; resumable.
 
 A result is kept under a key of what it depends on: the recording's bytes, the function with its
-settings, and the code of this package. So a run that was broken off goes on where it was,
+settings, and the code of this package. So a run that was interrupted resumes where it was,
 and what changed is done again. What fails is listed, and the rest is done.
 """
 
@@ -52,7 +52,7 @@ Task = Callable[[Path, Settings], Outcome]
 """
 A function of a module, so that another process can import it.
 
-The annotation of its return value says which dataclass a stored result becomes; without one, it
+The annotation of its return value names the dataclass a stored result becomes; without one, it
 stays plain names and values.
 """
 

@@ -16,7 +16,7 @@
 Identification of an arm from recordings: the whole way, step by step.
 
 `identify_recordings` is the course of the steps. Those that touch samples (`steps`) run on each
-recording by itself, in memory (`identify`) or on files (`bag_identification`); those between
+recording separately, in memory (`identify`) or on files (`bag_identification`); those between
 (`fit_model`, `describe`) take a second or two, whatever the number of recordings.
 """
 
@@ -91,9 +91,9 @@ class FittedModels:
 @dataclass(frozen=True, eq=False)
 class Identification:
     """
-    What recordings tell of an arm: the models, the base parameters, and how good they are.
+    The result of an identification: the models, the base parameters, and how good they are.
 
-    `gains` are those of the drives if the effort was taken for a current, and `seeming_gains`
+    `gains` are those of the drives if the effort was interpreted as a current, and `seeming_gains`
     those that the effort would have as one. `recordings` are those that were tested.
     """
 
@@ -109,7 +109,7 @@ class Identification:
 
 
 class Recordings(Protocol):
-    """Recordings of one arm on which steps run, each recording by itself."""
+    """Recordings of one arm on which steps run, each recording separately."""
 
     def arm(self, joint_names: Sequence[str]) -> ArmModel:
         """Return the arm of these joints, with its payloads."""

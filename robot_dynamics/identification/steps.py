@@ -37,7 +37,7 @@ SHOWN = 3000
 
 @dataclass(frozen=True)
 class RecordingFacts:
-    """What is reported of a recording, beside its figures."""
+    """What is reported of a recording in addition to its figures."""
 
     rate_hz: float
     cutoff_hz: float
