@@ -27,6 +27,7 @@ import sqlite3
 import struct
 from typing import Any, NamedTuple, Protocol
 
+from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.recordings.compression import zstd_module
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite

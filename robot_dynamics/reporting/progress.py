@@ -30,11 +30,13 @@ class Progress:
         self._total, self._unit = total, unit
         self._stream = sys.stderr if stream is None else stream
         self._live = self._stream.isatty()
+        self._done = 0.0
         self._shown = -1
         self._drawn = 0.0
 
     def update(self, done: float) -> None:
         """Show that so much is done; what is beyond the total counts as the total."""
+        self._done = done
         share = min(max(done / self._total, 0.0), 1.0) if self._total > 0.0 else 1.0
         if not self._live:
             tenth = int(10 * share + 1e-9)
@@ -50,6 +52,10 @@ class Progress:
             bar = '#' * filled + '.' * (WIDTH - filled)
             self._stream.write(f'\r  [{bar}] {round(100 * share):3d} %  {self._figures(share)} ')
             self._stream.flush()
+
+    def advance(self, _: object = None) -> None:
+        """Show one unit more, of jobs that report each step; what they report is ignored."""
+        self.update(self._done + 1)
 
     def close(self) -> None:
         """Leave the line."""

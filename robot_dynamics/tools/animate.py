@@ -21,6 +21,7 @@ cannot be used.
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 import sys
 
@@ -29,15 +30,13 @@ from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.animation.arm_motion import ArmMotion, LIFT_SHARE, motion_of, simulate_motion
 from robot_dynamics.animation.chain_animation import chain_frames
 from robot_dynamics.animation.video import check_format, write_video
-from robot_dynamics.exceptions import InvalidInputError, RecordingError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording
-from robot_dynamics.tools.arguments import read_robot
+from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
 from robot_dynamics.validation import check_scalar
 
-DONE, NOT_WRITTEN, MISTAKE = 0, 1, 2
 DEFAULT_DURATION = 5.0
 LONGEST_DURATION = 600.0
 DEFAULT_RATE = 12.0
@@ -52,20 +51,12 @@ ROBOT_DESCRIPTION = '/robot_description'
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool, and return its exit status."""
     arguments = _parser().parse_args(argv)
-    try:
-        return _run(arguments)
-    except OSError as error:
-        print(f'animate: cannot write {arguments.output}: {error.strerror or error}',
-              file=sys.stderr)
-        return NOT_WRITTEN
-    except RobotDynamicsError as error:
-        print(f'animate: {error}', file=sys.stderr)
-        return MISTAKE
+    return run_tool('animate', partial(_run, arguments))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog='animate', formatter_class=argparse.RawDescriptionHelpFormatter,
+def _parser() -> Parser:
+    parser = Parser(
+        prog='animate',
         description='Draw a moving picture of a planar chain: links, the force and the moment at '
                     'each joint,\nenergies and efforts by term, and, where the motion stops, both '
                     'passes of the Newton-Euler\nrecursion. Without arguments: a double pendulum, '
@@ -123,19 +114,18 @@ def _run(arguments: argparse.Namespace) -> int:
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
-    arguments.output = arguments.output or Path('out', f'{motion.arm.name}.gif')
+    output = arguments.output or Path('out', f'{motion.arm.name}.gif')
     frames = chain_frames(motion, stops, speed, title)
-    arguments.output.parent.mkdir(parents=True, exist_ok=True)
-    print(f'Drawing {len(motion.times)} instants of {motion.arm.name} ...', flush=True)
-    count = write_video(arguments.output, frames)
-    size = arguments.output.stat().st_size
-    print(f'{arguments.output.resolve()}: {count} frames, {size / 1e6:.2f} MB')
+    with writing(output):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        print(f'Drawing {len(motion.times)} instants of {motion.arm.name} ...', flush=True)
+        count = write_video(output, frames)
+    print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
     return DONE
 
 
 def _simulated_motion(arguments: argparse.Namespace, duration: float, rate: float) -> ArmMotion:
-    urdf = default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf)
-    arm = load_arm(urdf, arguments.joints)
+    arm = load_arm(read_robot(arguments.urdf), arguments.joints)
     PlanarView(arm)  # before the work, as it may refuse the arm
     return simulate_motion(arm, duration, rate)
 
@@ -146,12 +136,10 @@ def _recorded_motion(arguments: argparse.Namespace, duration: float, rate: float
         series = recording.joint_series(topic)
         described = any(
             one.name == ROBOT_DESCRIPTION and one.message_count for one in recording.topics)
-        if arguments.urdf is not None:
-            urdf = read_robot(arguments.urdf)
-        elif described:
+        if arguments.urdf is None and described:
             urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
         else:
-            urdf = default_arm_urdf()
+            urdf = read_robot(arguments.urdf)
     arm = load_arm(urdf, arguments.joints)
     PlanarView(arm)
     _check_joints(arm, series, arguments.bag)

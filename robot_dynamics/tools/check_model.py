@@ -16,17 +16,19 @@
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 import json
 from pathlib import Path
 import sys
 import textwrap
 
-from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
 from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE, Parser, run_tool
 from robot_dynamics.urdf.description_file import read_description
 from robot_dynamics.urdf.inertials import read_bodies
 
@@ -44,26 +46,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.urdf is None:
         parser.print_help(sys.stderr)
-        return 2
-    try:
-        xml = read_description(arguments.urdf, 'URDF')
-        meshes = MeshReader(arguments.urdf.parent)
-        findings = findings_of(xml, arguments.joints, meshes)
-        unread = list(unmeasured(read_bodies(xml, meshes)))
-    except RobotDynamicsError as error:
-        print(f'check_model: {error}', file=sys.stderr)
-        return 2
-    errors = errors_of(findings, arguments.ignore)
-    if arguments.json:
-        print(json.dumps(findings_as_data(findings, arguments.ignore, unread), indent=2))
-    else:
-        print(findings_report(arguments.urdf, findings, arguments.ignore, unread))
-    return 1 if errors else 0
+        return MISTAKE
+    return run_tool('check_model', partial(_run, arguments))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog='check_model', formatter_class=argparse.RawDescriptionHelpFormatter,
+def _parser() -> Parser:
+    parser = Parser(
+        prog='check_model',
         description='Check the model in a URDF before trusting what is computed with it.\n'
                     'Errors are what dynamics_node refuses; warnings are suspicious.',
         epilog='checks:\n' + '\n'.join(f'  {name:20} {what}' for name, what in CHECKS.items())
@@ -79,6 +68,18 @@ def _parser() -> argparse.ArgumentParser:
         help='the actuated joints, as the parameter joints (default: all); the rest is locked')
     parser.add_argument('--json', action='store_true', help='write the findings as JSON')
     return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    xml = read_description(arguments.urdf, 'URDF')
+    meshes = MeshReader(arguments.urdf.parent)
+    findings = findings_of(xml, arguments.joints, meshes)
+    unread = list(unmeasured(read_bodies(xml, meshes)))
+    if arguments.json:
+        print(json.dumps(findings_as_data(findings, arguments.ignore, unread), indent=2))
+    else:
+        print(findings_report(arguments.urdf, findings, arguments.ignore, unread))
+    return FAILED if errors_of(findings, arguments.ignore) else DONE
 
 
 def findings_of(

@@ -20,12 +20,21 @@ Exit status: 0 done; 2 a mistake in the arguments, or no motion can be found; 13
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 import os
 from pathlib import Path
 import sys
-from typing import NoReturn, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.command_line import (
+    add_parameters,
+    add_robot,
+    DONE,
+    Parser,
+    read_parameters,
+    read_robot,
+    run_tool,
+)
 
 if TYPE_CHECKING:
     from robot_dynamics.model.arm import ArmModel
@@ -35,13 +44,6 @@ if TYPE_CHECKING:
 DEFAULT_DURATION = 10.0
 DEFAULT_HARMONICS = 5
 DEFAULT_LEAD = 3.0
-DONE, MISTAKE, INTERRUPTED = 0, 2, 130
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        print(f'excite: {message} (excite --help lists the options)', file=sys.stderr)
-        raise SystemExit(MISTAKE)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -49,36 +51,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     # Before numpy is loaded: threads make matrices of this size slower.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    try:
-        return _run(arguments)
-    except RobotDynamicsError as error:
-        print(f'excite: {error}', file=sys.stderr)
-        return MISTAKE
-    except OSError as error:
-        print(f'excite: {error.filename!r} cannot be used: {error.strerror}', file=sys.stderr)
-        return MISTAKE
-    except KeyboardInterrupt:
-        print('excite: interrupted', file=sys.stderr)
-        return INTERRUPTED
+    return run_tool('excite', partial(_run, arguments))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog='excite', formatter_class=argparse.RawDescriptionHelpFormatter,
+def _parser() -> Parser:
+    parser = Parser(
+        prog='excite',
         description='Find a trajectory that tells the parameters of an arm, for identify: a '
                     'Fourier series from\nrest to rest within the limits of the arm, whose '
                     'condition number is small.',
         epilog='exit status: 0 done, 2 a mistake in the arguments or no motion can be found, 130 '
                'interrupted')
-    parser.add_argument(
-        '--urdf', metavar='FILE_OR_PACKAGE',
-        help='a path, or package://PACKAGE/PATH; .xacro too (default: the planar two-link arm)')
+    add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     parser.add_argument(
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
         help='the trajectory_msgs/JointTrajectory (default: %(default)s)')
-    parser.add_argument(
-        '--parameters', type=Path, metavar='FILE',
-        help='parameters of dynamics_node: joints, gravity, friction, motors')
+    add_parameters(parser, 'joints, gravity, friction, motors')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='the joints to move, as the parameter joints (default: all); the rest is locked')
@@ -139,12 +127,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _arm(arguments: argparse.Namespace) -> 'ArmModel':
-    from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
-    from robot_dynamics.planar.urdf import default_arm_urdf
-    from robot_dynamics.tools.arguments import read_robot
-    urdf = default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf)
-    parameters = {} if arguments.parameters is None else read_parameter_file(arguments.parameters)
-    return arm_from_parameters(urdf, parameters, arguments.joints)
+    from robot_dynamics.model.arm_parameters import arm_from_parameters
+    return arm_from_parameters(
+        read_robot(arguments.urdf), read_parameters(arguments.parameters), arguments.joints)
 
 
 def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajectory') -> None:

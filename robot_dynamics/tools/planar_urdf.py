@@ -16,10 +16,10 @@
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 import sys
 
-from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.planar.chain import PlanarChain
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import (
@@ -29,6 +29,7 @@ from robot_dynamics.planar.urdf import (
     GENEROUS_VELOCITY_LIMIT,
     planar_arm_urdf,
 )
+from robot_dynamics.tools.command_line import DONE, Parser, run_tool, writing
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -39,25 +40,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     comes with one line on stderr.
     """
     arguments = _parser().parse_args(argv)
-    try:
-        urdf = _urdf(arguments)
-    except RobotDynamicsError as error:
-        print(f'planar_urdf: {error}', file=sys.stderr)
-        return 2
-    if arguments.output is None:
-        sys.stdout.write(urdf)
-        return 0
-    try:
-        arguments.output.write_text(urdf, encoding='utf-8')
-    except OSError as error:
-        print(f'planar_urdf: cannot write {arguments.output}: {error.strerror}', file=sys.stderr)
-        return 1
-    return 0
+    return run_tool('planar_urdf', partial(_run, arguments))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog='planar_urdf',
+def _parser() -> Parser:
+    parser = Parser(
+        prog='planar_urdf', formatter_class=argparse.HelpFormatter,
         description='Write the URDF of a planar arm, with one value per link, base first. '
                     'Without arguments: the two-link arm that everything runs on by default.')
     own = PlanarChain.from_two_link(PlanarTwoLink())
@@ -90,6 +78,16 @@ def _add_numbers(parser: argparse.ArgumentParser, flag: str, unit: str, meaning:
 
 def _in_words(values: Sequence[float]) -> str:
     return ' '.join(f'{value:g}' for value in values)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    urdf = _urdf(arguments)
+    if arguments.output is None:
+        sys.stdout.write(urdf)
+    else:
+        with writing(arguments.output):
+            arguments.output.write_text(urdf, encoding='utf-8')
+    return DONE
 
 
 def _urdf(arguments: argparse.Namespace) -> str:

@@ -21,12 +21,13 @@ cannot be used.
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 import sys
 from typing import Any
 
 import numpy as np
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.stick_figure import tool_link
@@ -42,12 +43,10 @@ from robot_dynamics.pictures.torque_grid import (
 from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
 from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import save_figure
-from robot_dynamics.tools.arguments import read_robot
+from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
 from robot_dynamics.validation import check_scalar, FloatArray
 
-DONE, NOT_WRITTEN, MISTAKE = 0, 1, 2
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
 FORMATS = ('.png', '.pdf', '.svg')
 MOST_SAMPLES = 1001
@@ -56,20 +55,12 @@ MOST_SAMPLES = 1001
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool, and return its exit status."""
     arguments = _parser().parse_args(argv)
-    try:
-        return _run(arguments)
-    except OSError as error:
-        print(f'torque_map: cannot write {arguments.output}: {error.strerror or error}',
-              file=sys.stderr)
-        return NOT_WRITTEN
-    except RobotDynamicsError as error:
-        print(f'torque_map: {error}', file=sys.stderr)
-        return MISTAKE
+    return run_tool('torque_map', partial(_run, arguments))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog='torque_map', formatter_class=argparse.RawDescriptionHelpFormatter,
+def _parser() -> Parser:
+    parser = Parser(
+        prog='torque_map',
         description='Draw over the positions of two joints, with the pose of the arm here and '
                     'there:\n'
                     '  gravity    the effort g(q) that holds the arm still, and where it is too '
@@ -129,8 +120,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
-    arm = load_arm(
-        default_arm_urdf() if arguments.urdf is None else read_robot(arguments.urdf))
+    arm = load_arm(read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
@@ -144,9 +134,9 @@ def _run(arguments: argparse.Namespace) -> int:
     else:
         figure, said = _map(arguments, arm, load)
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
-    arguments.output = output
-    output.parent.mkdir(parents=True, exist_ok=True)
-    save_figure(figure, output)
+    with writing(output):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        save_figure(figure, output)
     print(f'{output.resolve()}: {said}')
     return DONE
 

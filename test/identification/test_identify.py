@@ -34,7 +34,8 @@ from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import Recording
-from robot_dynamics.tools.identify import DONE, FAILED, main, MISTAKE
+from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
+from robot_dynamics.tools.identify import main
 from robot_dynamics_interfaces.srv import InverseDynamics
 from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM

@@ -22,14 +22,25 @@ mistake in the arguments, or a file that cannot be used; 130 interrupted.
 import argparse
 from collections.abc import Sequence
 from datetime import datetime
+from functools import partial
 import math
 import os
 from pathlib import Path
 import signal
 import sys
-from typing import NoReturn, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.tools.command_line import (
+    add_robot,
+    DONE,
+    INTERRUPTED,
+    os_error_text,
+    Parser,
+    read_parameters,
+    run_tool,
+    ToolError,
+)
 from robot_dynamics.tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
@@ -40,14 +51,6 @@ DEFAULT_DURATION = 10.0
 DEFAULT_RATE = 500.0
 LONGEST_DURATION = 3600.0
 
-DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        print(f'demo: {message} (demo --help lists the options)', file=sys.stderr)
-        raise SystemExit(MISTAKE)
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo; return its exit status."""
@@ -55,29 +58,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Whatever ends the demo ends its nodes too, and keeps what was recorded.
     for name in ('SIGTERM', 'SIGHUP'):
         signal.signal(getattr(signal, name), _interrupt)
-    try:
-        return _run(arguments)
-    except KeyboardInterrupt:
-        print('demo: interrupted', file=sys.stderr)
-        return INTERRUPTED
+    return run_tool('demo', partial(_run, arguments))
 
 
 def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog='demo', formatter_class=argparse.RawDescriptionHelpFormatter,
+def _parser() -> Parser:
+    parser = Parser(
+        prog='demo',
         description='A simulated arm follows a trajectory under computed torque, both nodes as '
                     'processes of\ntheir own; or, with --replay, the model is compared with the '
                     'efforts of a recording.',
         epilog='exit status: 0 done and tracked, 1 not tracked or a node failed, 2 a mistake in '
                'the arguments,\n130 interrupted')
-    parser.add_argument(
-        '--robot', metavar='URDF',
-        help='a path, or package://PACKAGE/PATH; .xacro too (default: the planar two-link arm, '
-             'or with --replay the description in the recording)')
+    add_robot(
+        parser, '--robot',
+        'the planar two-link arm, or with --replay the description in the recording', 'URDF')
     parser.add_argument(
         '--duration', type=_number(1.0, LONGEST_DURATION), metavar='S',
         help=f'of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play only the '
@@ -127,15 +125,17 @@ def _number(low: float, high: float) -> 'type[float]':
 
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and arguments.replay is None:
-        return _mistake('--topic is given without --replay, whose recording has the topic')
+        raise InvalidInputError(
+            '--topic is given without --replay, whose recording has the topic')
     for option, other in (('trajectory', 'replay'), ('trajectory', 'duration'),
                           ('parameters', 'replay'), ('viewer', 'replay')):
         if None not in (getattr(arguments, option), getattr(arguments, other)):
-            return _mistake(f'--{option} is given with --{other}, expected one of the two')
+            raise InvalidInputError(
+                f'--{option} is given with --{other}, expected one of the two')
     try:
         directory = _make_directory(arguments.out)
     except OSError as error:
-        return _mistake(f'--out: {error.filename!r} cannot be used: {error.strerror}')
+        raise InvalidInputError(f'--out: {os_error_text(error)}') from None
     print(f'Writing to {directory}', flush=True)
     from robot_dynamics.tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
@@ -146,20 +146,14 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
     from robot_dynamics.tools.demo.loop import Page, run_closed_loop
-    from robot_dynamics.tools.demo.processes import DemoError
     from robot_dynamics.tools.demo.report import loop_report, print_report, save_picture
     from robot_dynamics.tools.demo.session import PICTURE, RECORDING
-    try:
-        urdf = _description(arguments.robot, directory)
-        arm = _arm(urdf, arguments.parameters)
-        run = run_closed_loop(
-            arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
-            arguments.parameters,
-            None if arguments.viewer is None else Page(arguments.viewer, arguments.robot))
-    except DemoError as error:
-        return _failure(str(error))
-    except RobotDynamicsError as error:
-        return _mistake(str(error))
+    urdf = _description(arguments.robot, directory)
+    arm = _arm(urdf, arguments.parameters)
+    run = run_closed_loop(
+        arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
+        arguments.parameters,
+        None if arguments.viewer is None else Page(arguments.viewer, arguments.robot))
     try:
         report = loop_report(directory / RECORDING, arm, run)
         print_report(report, run)
@@ -169,20 +163,19 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
             print(f'Picture          {directory / PICTURE}')
     except (RobotDynamicsError, OSError) as error:
         if not run.interrupted:
-            return _failure(str(error))
+            raise ToolError(str(error)) from None
     if run.interrupted:
         print(f'demo: interrupted; what there is, is in {directory}', file=sys.stderr)
         return INTERRUPTED
     if report.missed:
-        return _failure(f'did not track: RMS error too large at {", ".join(report.missed)}')
+        raise ToolError(f'did not track: RMS error too large at {", ".join(report.missed)}')
     print('All joints tracked.')
     return DONE
 
 
 def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
-    from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
-    return arm_from_parameters(
-        urdf, {} if parameters is None else read_parameter_file(parameters))
+    from robot_dynamics.model.arm_parameters import arm_from_parameters
+    return arm_from_parameters(urdf, read_parameters(parameters))
 
 
 def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion':
@@ -194,7 +187,6 @@ def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion'
 
 
 def _replay(arguments: argparse.Namespace, directory: Path) -> int:
-    from robot_dynamics.tools.demo.processes import DemoError
     from robot_dynamics.tools.demo.replay import (
         compare,
         play_recording,
@@ -203,22 +195,17 @@ def _replay(arguments: argparse.Namespace, directory: Path) -> int:
         save_comparison,
     )
     from robot_dynamics.tools.demo.session import PICTURE, RECORDING
-    try:
-        recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
-        urdf = _description(arguments.robot, directory, recorded.urdf)
-        replay = play_recording(recorded, urdf, arguments.rate, directory)
-        comparison = compare(replay)
-    except DemoError as error:
-        return _failure(str(error))
-    except RobotDynamicsError as error:
-        return _mistake(str(error))
+    recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
+    urdf = _description(arguments.robot, directory, recorded.urdf)
+    replay = play_recording(recorded, urdf, arguments.rate, directory)
+    comparison = compare(replay)
     print_comparison(comparison, recorded, replay)
     print(f'Recording        {directory / RECORDING}')
     if not arguments.no_plot:
         try:
             save_comparison(comparison, directory / PICTURE)
         except (RobotDynamicsError, OSError) as error:
-            return _failure(str(error))
+            raise ToolError(str(error)) from None
         print(f'Picture          {directory / PICTURE}')
     return DONE
 
@@ -252,13 +239,3 @@ def _make_directory(wanted: Path | None) -> Path:
             continue
         return directory
     raise OSError(0, 'a hundred demos in one second', str(parent / name))
-
-
-def _mistake(message: str) -> int:
-    print(f'demo: {" ".join(message.split())}', file=sys.stderr)
-    return MISTAKE
-
-
-def _failure(message: str) -> int:
-    print(f'demo: {message}', file=sys.stderr)
-    return FAILED

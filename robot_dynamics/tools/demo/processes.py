@@ -27,7 +27,7 @@ import time
 from types import TracebackType
 from typing import Any
 
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.command_line import ToolError
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
@@ -42,7 +42,7 @@ _PR_SET_PDEATHSIG = 1  # of prctl(2), linux/prctl.h
 _DOMAINS = range(1, 102)  # the ports of higher ones are those that the system gives out
 
 
-class DemoError(RobotDynamicsError):
+class DemoError(ToolError):
     """The demo cannot go on; the message says why, with the last lines of a log."""
 
 

@@ -28,7 +28,7 @@ import re
 import sys
 from typing import Any, NamedTuple
 
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.command_line import MISTAKE, Parser, run_tool
 from robot_dynamics.tools.ros2_dynamics.answers import (
     Answer,
     answer_check,
@@ -152,14 +152,13 @@ def run(
     0: answered; 1: answered with errors (`check`, `status`); 2: no node, or it refused, which one
     line on stderr explains.
     """
-    try:
+    def answer() -> int:
         with client_for(arguments.node, arguments.timeout) as client:
-            answer = VERBS[name].answer(client, arguments)
-    except RobotDynamicsError as error:
-        print(f'ros2 dynamics {name}: {error}', file=sys.stderr)
-        return 2
-    print(json.dumps(answer.data, indent=2) if arguments.json else answer.text)
-    return answer.status
+            found = VERBS[name].answer(client, arguments)
+        print(json.dumps(found.data, indent=2) if arguments.json else found.text)
+        return found.status
+
+    return run_tool(f'ros2 dynamics {name}', answer)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -174,13 +173,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.verb is None:
         parser.print_help(sys.stderr)
-        return 2
+        return MISTAKE
     return run(arguments.verb, arguments)
 
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of all verbs."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='dynamics', description='Ask a running dynamics node.')
     verbs = parser.add_subparsers(dest='verb', metavar='VERB')
     for name, verb in VERBS.items():

@@ -20,23 +20,17 @@ Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 import signal
 import sys
 import threading
-from typing import NoReturn
 
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.tools.command_line import add_robot, DONE, FAILED, Parser, run_tool
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
-DONE, FAILED, MISTAKE = 0, 1, 2
 AT = 'viewer: open'
 PAGE_OPEN = 'viewer: a page is open'
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        print(f'viewer: {message} (viewer --help lists the options)', file=sys.stderr)
-        raise SystemExit(MISTAKE)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,18 +38,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     split = given.index('--ros-args') if '--ros-args' in given else len(given)
     arguments = _parser().parse_args(given[:split])
-    try:
-        return _run(arguments, given[split:])
-    except RobotDynamicsError as error:
-        print(f'viewer: {error}', file=sys.stderr)
-        return FAILED
-    except KeyboardInterrupt:
-        return DONE
+    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog='viewer', formatter_class=argparse.RawDescriptionHelpFormatter,
+def _parser() -> Parser:
+    parser = Parser(
+        prog='viewer',
         description='Shows an arm in 3-D in a browser with its efforts, external forces, payload '
                     'and live\nplots; sliders move it, buttons load and push it. Runs beside '
                     'dynamics_node.',
@@ -67,10 +55,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--port', type=port_number, default=DEFAULT_PORT, metavar='N',
         help='(default: %(default)s; 0 for a free one)')
-    parser.add_argument(
-        '--robot', metavar='URDF',
-        help='a path, or package://PACKAGE/PATH; .xacro too (default: that of the dynamics node, '
-             'or of the topic robot_description)')
+    add_robot(
+        parser, '--robot', 'that of the dynamics node, or of the topic robot_description', 'URDF')
     parser.add_argument(
         '--dynamics', default='dynamics', metavar='NAME',
         help='the node to look at (default: %(default)s)')

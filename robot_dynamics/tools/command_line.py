@@ -1,0 +1,191 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+What the executables share: parser, exit statuses, errors in one line, and common options.
+
+Nothing here loads numpy: `excite` and `identify` set its threads after the arguments are parsed.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+from typing import Any, NoReturn, TYPE_CHECKING
+
+from robot_dynamics.exceptions import RobotDynamicsError
+
+if TYPE_CHECKING:
+    from robot_dynamics.analysis.arm_recording import AnalysisSettings
+
+DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+KEPT = 'results'
+"""Directory below the output that keeps results, from which an interrupted run resumes."""
+
+
+class ToolError(RobotDynamicsError):
+    """The work of a tool failed although its arguments are valid: exit status FAILED."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Keeps the line breaks of its texts, and reports a mistake in one line with MISTAKE."""
+
+    def __init__(self, **options: Any) -> None:
+        options.setdefault('formatter_class', argparse.RawDescriptionHelpFormatter)
+        super().__init__(**options)
+
+    def error(self, message: str) -> NoReturn:
+        """Print the mistake and where the options are listed; raise SystemExit."""
+        print(f'{self.prog}: {message} ({self.prog} --help lists the options)', file=sys.stderr)
+        raise SystemExit(MISTAKE)
+
+
+def run_tool(
+    prog: str, run: Callable[[], int], rejected: int = MISTAKE, interrupted: str = 'interrupted',
+) -> int:
+    """
+    Return the exit status of `run`, or of the error that it raises, which is printed to stderr.
+
+    `rejected` is the status of a RobotDynamicsError or OSError, whose message takes one line;
+    `interrupted` is the message of a KeyboardInterrupt. The message of a ToolError keeps its
+    lines, because it may end with a log.
+    """
+    try:
+        return run()
+    except ToolError as error:
+        message, status = str(error), FAILED
+    except RobotDynamicsError as error:
+        message, status = ' '.join(str(error).split()), rejected
+    except OSError as error:
+        message, status = os_error_text(error), rejected
+    except KeyboardInterrupt:
+        message, status = interrupted, INTERRUPTED
+    print(f'{prog}: {message}', file=sys.stderr)
+    return status
+
+
+def os_error_text(error: OSError) -> str:
+    """Return which file cannot be used, and why, in one line."""
+    if error.filename is None:
+        return ' '.join(str(error).split())
+    return f'{error.filename!r} cannot be used: {error.strerror}'
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Raise ToolError instead of an OSError while `path` is written."""
+    try:
+        yield
+    except OSError as error:
+        raise ToolError(f'cannot write {path}: {error.strerror or error}') from None
+
+
+def add_recordings(parser: argparse.ArgumentParser, urdf_default: str | None) -> None:
+    """Add BAG…, --urdf, which is required without a default, --topic and --map."""
+    parser.add_argument(
+        'bags', nargs='+', type=Path, metavar='BAG',
+        help='a directory of rosbag2, a file .mcap or .db3, or a folder with any of these')
+    add_robot(parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE')
+    parser.add_argument(
+        '--topic', metavar='NAME_OR_TYPE',
+        help='of the joint states: a topic, or sensor_msgs/msg/JointState where only one has it '
+             '(default: /joint_states, or the only one)')
+    parser.add_argument(
+        '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
+        help='two names of one joint, in the recording and in the URDF, in either order; may be '
+             'given again')
+
+
+def add_robot(
+    parser: argparse.ArgumentParser, option: str, default: str | None, metavar: str,
+) -> None:
+    """Add the option that names the robot, which is required without a default."""
+    parser.add_argument(
+        option, required=default is None, metavar=metavar,
+        help='a path, or package://PACKAGE/PATH; .xacro too'
+             + ('' if default is None else f' (default: {default})'))
+
+
+def add_cutoff(parser: argparse.ArgumentParser) -> None:
+    """Add --cutoff."""
+    parser.add_argument(
+        '--cutoff', type=float, metavar='HZ',
+        help='of the filter [Hz] (default: chosen from the data, and printed)')
+
+
+def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
+    """Add --parameters, of which `used` names those that count."""
+    parser.add_argument(
+        '--parameters', type=Path, metavar='FILE',
+        help=f'parameters of dynamics_node: {used}')
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add --jobs and --dask."""
+    parser.add_argument(
+        '--jobs', type=_count, metavar='N', help='processes (default: one for each core)')
+    parser.add_argument(
+        '--dask', metavar='SCHEDULER',
+        help='share the recordings among the workers of this Dask scheduler, as '
+             'tcp://host:8786 (extra: dask)')
+
+
+def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
+    """
+    Return what the options of recordings ask for.
+
+    Raises ModelError and InvalidInputError where the URDF or the parameters cannot be read.
+    """
+    from robot_dynamics.analysis.arm_recording import AnalysisSettings
+    parameters = read_parameters(arguments.parameters)
+    return AnalysisSettings(
+        '' if arguments.urdf is None else read_robot(arguments.urdf), arguments.topic,
+        tuple(arguments.joint_map), arguments.cutoff, parameters)
+
+
+def read_parameters(path: Path | None) -> Mapping[str, Any]:
+    """Return the parameters in a file, none without one; raise InvalidInputError."""
+    from robot_dynamics.model.arm_parameters import read_parameter_file
+    return {} if path is None else read_parameter_file(path)
+
+
+def read_robot(text: str | None) -> str:
+    """
+    Return the URDF of a path, or of file:// or package://; the default arm for None.
+
+    xacro is expanded; only package:// needs ROS. Raises ModelError where there is none.
+    """
+    if text is None:
+        from robot_dynamics.planar.urdf import default_arm_urdf
+        return default_arm_urdf()
+    if '://' not in text:
+        from robot_dynamics.urdf.description_file import read_description
+        return read_description(Path(text).expanduser(), '--urdf')
+    from robot_dynamics.ros.robot_description import read_description_file
+    return read_description_file(text)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    first, separator, second = text.partition('=')
+    if not (first and separator and second):
+        raise argparse.ArgumentTypeError(
+            f'{text!r}, expected two names as fer_joint1=panda_joint1')
+    return first, second
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'{text!r}, expected a number of at least 1')
+    return int(text)
