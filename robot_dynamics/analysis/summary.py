@@ -15,11 +15,11 @@
 """What an analysis says, in rows of words: for the console and for the report."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics.analysis.residual import ResidualStatistics
+from robot_dynamics.reporting.text_table import percent
 
 Rows = list[tuple[str, ...]]
 
@@ -72,40 +72,14 @@ def limit_use_rows(
         unit = 'm' if kind == 'prismatic' else 'rad'
         distance = use.position[j]
         rows.append((
-            name, of_limit(use.effort[j]), of_limit(use.velocity[j]),
+            name, _of_limit(use.effort[j]), _of_limit(use.velocity[j]),
             'no limit' if np.isnan(distance) else f'{distance:.3f} {unit}'))
     return rows
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows as text, the first column to the left and the others to the right."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return '\n'.join(
-        '  '.join([row[0].ljust(widths[0]),
-                   *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:]))]).rstrip()
-        for row in rows)
-
-
-def fact_lines(rows: Sequence[Sequence[str]]) -> str:
-    """Return names and values as text."""
-    width = max(len(row[0]) for row in rows)
-    return '\n'.join(f'{name.ljust(width)}  {value}' for name, value in rows)
-
-
-def percent(share: float) -> str:
-    """Return a share in percent, a dash for NaN."""
-    return '-' if np.isnan(share) else f'{100.0 * share:.1f} %'
-
-
-def of_limit(share: float) -> str:
-    """Return the share of a limit in words."""
+def _of_limit(share: float) -> str:
     return 'no limit' if np.isnan(share) else f'{100.0 * share:.0f} % of limit'
 
 
 def _number(value: float) -> str:
     return '-' if np.isnan(value) else f'{value:.3f}'
-
-
-def short(path: Path) -> str:
-    """Return the last part of a path, or all of it where that says nothing."""
-    return path.name or str(path)

@@ -17,7 +17,7 @@
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from robot_dynamics.analysis.summary import percent, Rows
+from robot_dynamics.analysis.summary import Rows
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains
 from robot_dynamics.identification.identified_arm import joint_estimates
@@ -26,6 +26,7 @@ from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
 from robot_dynamics.joints.parameter_field import ParameterField
+from robot_dynamics.reporting.text_table import percent
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',

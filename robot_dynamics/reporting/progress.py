@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far a job is: one line that moves on a terminal, a line every 10 % elsewhere."""
+"""
+Progress of a job: one line that is redrawn on a terminal, a line every 10 % elsewhere.
+
+The library tqdm is not used because it redraws its line with carriage returns in files and pipes
+too, where a log needs lines.
+"""
 
 import sys
 import time

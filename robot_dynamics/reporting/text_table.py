@@ -12,10 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tables for a terminal: text in columns, numbers below their headings."""
+"""
+Tables for a terminal: text in columns, numbers below their headings.
+
+The library tabulate is not used because it aligns cells only: the notation of the numbers (four
+decimals, an exponent outside of [1e-3, 1e6)) would stay own code, and so most of this module.
+"""
 
 from collections.abc import Sequence
 
+import numpy as np
 from robot_dynamics.validation import FloatArray
 
 Cell = str | float
@@ -23,17 +29,31 @@ _ROUNDING = 1e-12
 """What is smaller is 0 to a reader."""
 
 
-def text_table(headings: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
-    """Return rows of cells under headings, if any: text to the left, numbers to the right."""
+def text_table(
+    headings: Sequence[str], rows: Sequence[Sequence[Cell]], left_columns: int | None = None,
+) -> str:
+    """
+    Return rows of cells under headings, if any.
+
+    The first `left_columns` are aligned to the left and the others to the right; without a count,
+    columns of text to the left and columns of numbers to the right.
+    """
     lines = [list(headings)] if headings else []
     lines += [[_text(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines)]
-    is_text = [all(isinstance(row[i], str) for row in rows) for i in range(len(widths))]
+    is_left = [
+        i < left_columns if left_columns is not None
+        else all(isinstance(row[i], str) for row in rows) for i in range(len(widths))]
     return '\n'.join(
         '  '.join(
             cell.ljust(width) if left else cell.rjust(width)
-            for cell, width, left in zip(row, widths, is_text)).rstrip()
+            for cell, width, left in zip(row, widths, is_left)).rstrip()
         for row in lines)
+
+
+def quantity_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows below the first, their headings: names, then quantities with their units."""
+    return text_table(rows[0], rows[1:], left_columns=1)
 
 
 def matrix_table(title: str, names: Sequence[str], matrix: FloatArray) -> str:
@@ -48,3 +68,8 @@ def _text(cell: Cell) -> str:
     if abs(cell) < _ROUNDING:
         return f'{0.0:.4f}'
     return f'{cell:.4f}' if 1e-3 <= abs(cell) < 1e6 else f'{cell:.3e}'
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, a dash for NaN."""
+    return '-' if np.isnan(share) else f'{100.0 * share:.1f} %'

@@ -20,14 +20,9 @@ import sys
 import numpy as np
 from robot_dynamics.analysis.batch import TaskOutcome
 from robot_dynamics.analysis.residual import merged_statistics
-from robot_dynamics.analysis.summary import (
-    fact_lines,
-    limit_use_rows,
-    percent,
-    residual_rows,
-    table,
-)
+from robot_dynamics.analysis.summary import limit_use_rows, residual_rows
 from robot_dynamics.analysis.tasks import AnalysisResult, merged_limit_use
+from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
 
 LONGEST_LIST = 20
 """Failures that are printed; of more it is said how many."""
@@ -35,7 +30,7 @@ LONGEST_LIST = 20
 
 def print_one(result: AnalysisResult, is_resumed: bool) -> None:
     """Print the analysis of one recording."""
-    print(fact_lines(result.facts))
+    print(text_table([], result.facts))
     for title, lines in (('Lost:', result.losses), ('Remarks:', result.remarks)):
         if lines:
             more = len(lines) - LONGEST_LIST
@@ -62,7 +57,7 @@ def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[
         rows.append((name, str(result.counted), str(len(result.losses) or '-'),
                      str(len(result.remarks) or '-'), relative))
         arms.setdefault((result.arm, *result.joint_names), []).append(result)
-    print(table(rows))
+    print(quantity_table(rows))
     resumed = sum(outcome.resumed for outcome in outcomes)
     if resumed:
         print(f'{resumed} of them from an earlier run')
@@ -88,9 +83,9 @@ def _print_figures(results: Sequence[AnalysisResult]) -> None:
     known = [result.statistics for result in results if result.statistics is not None]
     if known:
         print('\nResidual, measured − model:')
-        print(table(residual_rows(merged_statistics(known), first.joint_kinds)))
+        print(quantity_table(residual_rows(merged_statistics(known), first.joint_kinds)))
     whose = 'measured' if len(known) == len(results) else 'model' if not known else 'known'
     use = merged_limit_use([result.limit_use for result in results])
     if not all(np.isnan(values).all() for values in (use.effort, use.velocity, use.position)):
         print('\nUse of limits:')
-        print(table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))
+        print(quantity_table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))

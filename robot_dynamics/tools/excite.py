@@ -134,7 +134,7 @@ def _arm(arguments: argparse.Namespace) -> 'ArmModel':
 
 def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajectory') -> None:
     import numpy as np
-    from robot_dynamics.tools.demo.report import print_table
+    from robot_dynamics.reporting.text_table import quantity_table
     rows: list[tuple[str, ...]] = [('joint', 'start', 'lowest', 'highest', 'velocity',
                                     'acceleration', 'effort')]
     for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
@@ -145,7 +145,7 @@ def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajector
             f'{found.velocity[j]:.3f} {unit}/s', f'{found.acceleration[j]:.3f} {unit}/s2',
             _effort(found.effort[j], arm.limits.effort[j], kind)))
     print()
-    print_table(rows)
+    print(quantity_table(rows))
     print()
     random = excitation.random_conditions
     print(f'Condition number   {excitation.condition:.1f} of {excitation.parameter_count} base '

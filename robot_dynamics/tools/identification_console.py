@@ -19,7 +19,6 @@ from pathlib import Path
 import sys
 import textwrap
 
-from robot_dynamics.analysis.summary import fact_lines, table
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.summary import (
     fact_rows,
@@ -29,6 +28,7 @@ from robot_dynamics.identification.summary import (
     residual_rows,
     warnings,
 )
+from robot_dynamics.reporting.text_table import quantity_table, text_table
 
 LONGEST_LIST = 20
 _WIDTH = 110
@@ -37,15 +37,15 @@ _WIDTH = 110
 def print_identification(found: BagIdentification, paths: Sequence[Path]) -> None:
     """Print what was found, and where it was written."""
     identification = found.identification
-    print(fact_lines(fact_rows(found)))
+    print(text_table([], fact_rows(found)))
     _print_list('Recordings:', recording_lines(found))
     print('\nResidual on samples that were not trained with, RMS relative to the effort:')
-    print(table(residual_rows(identification)))
+    print(quantity_table(residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
-    print(table(friction_rows(identification)))
+    print(quantity_table(friction_rows(identification)))
     if identification.gains is not None:
         print('\nDrive gains:')
-        print(table(gain_rows(identification, identification.gains)))
+        print(quantity_table(gain_rows(identification, identification.gains)))
     _print_list('Warnings:', warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
     if found.failed:

@@ -29,10 +29,10 @@ from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.reporting.text_table import percent, quantity_table
 from robot_dynamics.ros.conversions import floats_to_ros
 from robot_dynamics.tools.demo.playback import Playback, PlaybackResult
 from robot_dynamics.tools.demo.processes import DemoError, DYNAMICS
-from robot_dynamics.tools.demo.report import print_table
 from robot_dynamics.tools.demo.session import (
     DESCRIPTION,
     GRAVITY,
@@ -173,7 +173,7 @@ def print_comparison(comparison: Comparison, recorded: Recorded, replay: Replay)
     if motion.effort is None:
         print(f'{recorded.topic} has no measured effort: the efforts are those of the model '
               'alone.\n')
-    print_table(_rows(comparison))
+    print(quantity_table(_rows(comparison)))
     if motion.effort is not None:
         print('\nresidual: measured less the inverse dynamics of the model at the measured '
               'motion; relative: its RMS by that of\nthe measured effort; gravity only: the same '
@@ -226,7 +226,7 @@ def _rows(comparison: Comparison) -> list[tuple[str, ...]]:
 
 
 def _percent(part: float, whole: float) -> str:
-    return f'{100.0 * part / whole:.1f} %' if whole > 0.0 else '-'
+    return percent(part / whole if whole > 0.0 else np.nan)
 
 
 def _rms(values: FloatArray) -> float:

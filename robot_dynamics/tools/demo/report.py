@@ -14,7 +14,6 @@
 
 """What a recording of the closed loop says about it: errors, rates, and a picture."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from robot_dynamics.reporting.figures import (
     position_panel,
     save_figure,
 )
+from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools.demo.loop import LoopRun
 from robot_dynamics.tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
 from robot_dynamics.trajectories.demo_motion import sample_trajectory
@@ -119,7 +119,7 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
             name, f'{_short(rms)} {unit}', f'{_short(largest)} {unit}',
             f'{LARGEST_RMS:g} {unit}'))
     print()
-    print_table(rows)
+    print(quantity_table(rows))
     print()
     print(f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
           f'{100.0 * report.answered:.2f} % of the states were answered')
@@ -151,11 +151,3 @@ def _short(error: float) -> str:
 
 def _seconds(nanoseconds: IntArray) -> FloatArray:
     return np.asarray(nanoseconds * 1e-9)
-
-
-def print_table(rows: Sequence[Sequence[str]]) -> None:
-    """Print rows with the first column to the left and the others to the right."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:])]
-        print('  '.join([row[0].ljust(widths[0]), *cells]))
