@@ -55,7 +55,7 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
-        'tools': ['matplotlib', 'mcap', 'pyyaml', 'rosbags', 'scipy'],
+        'tools': ['matplotlib', 'mcap', 'pillow', 'pyyaml', 'rosbags', 'scipy'],
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],

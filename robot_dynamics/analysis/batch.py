@@ -41,7 +41,8 @@ from robot_dynamics.analysis.result_store import (
     plain_value,
     save_result,
 )
-from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.recordings.bag_files import METADATA, storage_groups
 
 Settings = TypeVar('Settings')
@@ -265,10 +266,4 @@ def _on_dask(
 
 def require_dask() -> Any:
     """Return the module of Dask's cluster; raise MissingDependencyError without it."""
-    try:
-        import distributed
-    except ImportError:
-        raise MissingDependencyError(
-            'a Dask cluster needs the library distributed: pip install distributed, or this '
-            'package with its extra dask, robot_dynamics[dask]') from None
-    return distributed
+    return optional('distributed', 'a Dask cluster')

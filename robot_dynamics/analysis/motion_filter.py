@@ -23,12 +23,13 @@ parameters of robots", J. Robotic Systems 8(4), 1991; J. Swevers, W. Verdonck, J
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
 from robot_dynamics.analysis.velocity_check import contradicts_position
-from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError, RecordingError
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.recordings.reader import IntArray, JointSeries, NANOSECONDS_PER_SECOND
 from robot_dynamics.validation import check_scalar, FloatArray
@@ -195,7 +196,7 @@ def _filter_segment(
     bad: BoolArray,
 ) -> _Signals:
     times = series.times[rows]
-    make_spline = _scipy('interpolate').make_interp_spline
+    make_spline = optional('scipy.interpolate', 'filtering').make_interp_spline
 
     def smooth(values: FloatArray) -> tuple[FloatArray, FloatArray]:
         grid, even = _on_grid(times, values[rows], 1.0 / rate)
@@ -224,7 +225,7 @@ def zero_phase(
     Beyond the ends the signals are continued by their point reflection, for three periods of the
     cut-off frequency where they last that long. Raises MissingDependencyError without scipy.
     """
-    signal = _scipy('signal')
+    signal = optional('scipy.signal', 'filtering')
     sections = signal.butter(order, cutoff_hz, fs=rate_hz, output='sos')
     padding = min(len(values) - 1, int(np.ceil(3.0 * rate_hz / cutoff_hz)))
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
@@ -264,12 +265,3 @@ def samples_per_independent_sample(
     """
     ratio = np.linspace(0.0, 0.5 * rate_hz, 4096) / cutoff_hz
     return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * order))**2))
-
-
-def _scipy(module: str) -> Any:
-    try:
-        import importlib
-        return importlib.import_module(f'scipy.{module}')
-    except ImportError:
-        raise MissingDependencyError(
-            'filtering needs scipy (pip install scipy)') from None

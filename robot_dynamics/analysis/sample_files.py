@@ -16,11 +16,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from robot_dynamics.analysis.bag_analysis import BagAnalysis
-from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.dependencies import optional
 from robot_dynamics.recordings.bag_files import METADATA
 from robot_dynamics.recordings.message_encoding import (
     DYNAMICS_TERMS,
@@ -82,7 +81,7 @@ def _quoted(name: str) -> str:
 
 def write_parquet(analysis: BagAnalysis, path: Path) -> None:
     """Write the same as Parquet; raise OSError, MissingDependencyError without pyarrow."""
-    pyarrow, parquet = _pyarrow()
+    pyarrow, parquet = optional('pyarrow', 'Parquet'), optional('pyarrow.parquet', 'Parquet')
     motion = analysis.motion
     parquet.write_table(pyarrow.table({
         'stamp [ns]': motion.stamps_ns, 'counts': motion.usable, **sample_columns(analysis)}),
@@ -91,18 +90,7 @@ def write_parquet(analysis: BagAnalysis, path: Path) -> None:
 
 def require_parquet() -> None:
     """Raise MissingDependencyError where Parquet cannot be written."""
-    _pyarrow()
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        raise MissingDependencyError(
-            'Parquet needs the library pyarrow: pip install pyarrow, or this package with its '
-            'extra parquet, robot_dynamics[parquet]') from None
-    return pyarrow, parquet
+    optional('pyarrow', 'Parquet')
 
 
 def write_terms(analysis: BagAnalysis, directory: Path) -> None:

@@ -28,10 +28,11 @@ from pathlib import Path
 import shutil
 import subprocess
 import tempfile
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 
 FORMATS = ('.gif', '.mp4')
@@ -65,7 +66,7 @@ def check_format(path: Path) -> None:
         raise InvalidInputError(
             f'the picture is {str(path)!r}, expected a name that ends in one of {list(FORMATS)}')
     if suffix == '.gif':
-        _pillow()
+        optional('PIL', 'a GIF')
     else:
         _ffmpeg()
 
@@ -100,7 +101,7 @@ class _Counted:
 
 
 def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
-    image = _pillow()
+    image = optional('PIL.Image', 'a GIF')
     kept = list(frames)
     some = np.concatenate(
         [frame.pixels for frame in kept[::max(1, len(kept) // _LOOKED_AT)]], axis=1)
@@ -168,13 +169,3 @@ def _ffmpeg() -> str:
         raise MissingDependencyError(
             'an MP4 needs the program ffmpeg, which is not on the PATH (apt install ffmpeg, or '
             'pip install imageio-ffmpeg); a .gif needs no more than Pillow') from None
-
-
-def _pillow() -> Any:
-    try:
-        from PIL import Image
-    except ImportError:
-        raise MissingDependencyError(
-            'a GIF needs the library Pillow (apt install python3-pil, or pip install '
-            'pillow)') from None
-    return Image

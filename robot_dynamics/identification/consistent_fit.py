@@ -25,6 +25,7 @@ region, from the URDF.
 from collections.abc import Sequence
 
 import numpy as np
+from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import COLUMN_COUNT, FrictionStructure
 from robot_dynamics.identification.regularized_fit import bounded_problem, Fit, Prior
 from robot_dynamics.model.pseudo_inertia import (
@@ -49,7 +50,7 @@ def consistent_fit(
 
     `start` gives friction and rotors to start from. Needs scipy.
     """
-    from scipy.optimize import least_squares
+    least_squares = optional('scipy.optimize', 'identification').least_squares
     p, bodies = prior.count, prior.count // COUNT
     pull = max(pull, LEAST_PULL)
     A, b, low, high, own = bounded_problem(factors, structures, weights, prior, pull)

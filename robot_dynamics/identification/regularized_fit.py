@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_COUNT,
     COULOMB,
@@ -186,7 +187,7 @@ def solve_bounded(
 
     By least squares with bounds, without squaring the condition number.
     """
-    from scipy.optimize import lsq_linear
+    lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
     A, b, low, high, own = bounded_problem(factors, structures, weights, prior, pull)
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(

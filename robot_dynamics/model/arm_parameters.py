@@ -25,7 +25,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
@@ -43,12 +44,7 @@ def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
     Raises InvalidInputError where it cannot be read or has nothing for the node,
     MissingDependencyError without PyYAML.
     """
-    try:
-        import yaml
-    except ImportError:
-        raise MissingDependencyError(
-            'parameter files need the library PyYAML (apt install python3-yaml, or '
-            'pip install pyyaml)') from None
+    yaml = optional('yaml', 'a parameter file')
     try:
         document = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -24,6 +24,7 @@ from pathlib import Path, PurePath
 import re
 from typing import Any, NamedTuple
 
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError, RecordingError
 from robot_dynamics.recordings.loss import Loss
 
@@ -183,12 +184,7 @@ def _stem_and_number(path: Path) -> tuple[str, int]:
 
 
 def _load_yaml(text: str) -> Any:
-    try:
-        import yaml
-    except ImportError:
-        raise MissingDependencyError(
-            'reading metadata.yaml needs the library PyYAML (apt install python3-yaml, or '
-            'pip install pyyaml)') from None
+    yaml = optional('yaml', METADATA)
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:

@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.recordings.topics import common_types, JOINT_STATE, rosbags_module
+from robot_dynamics.dependencies import optional
+from robot_dynamics.recordings.topics import common_types, JOINT_STATE
 from robot_dynamics.validation import FloatArray
 
 IntArray = npt.NDArray[np.int64]
@@ -61,7 +62,7 @@ def decode_joint_states(messages: Sequence[bytes]) -> DecodedJointStates:
     Those that cannot be read are counted. Raises MissingDependencyError without `rosbags`.
     """
     decode = common_types().deserialize_cdr
-    serde_error = rosbags_module('serde').SerdeError
+    serde_error = optional('rosbags.serde', 'a recording').SerdeError
     groups: dict[tuple[tuple[str, ...], tuple[bool, ...]], list[tuple[int, int, list[Any]]]] = {}
     unreadable = []
     for row, data in enumerate(messages):

@@ -19,13 +19,14 @@ import functools
 from typing import Any
 
 import numpy as np
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.joint_state_decoding import (
     FIELDS,
     IntArray,
     NANOSECONDS_PER_SECOND,
 )
-from robot_dynamics.recordings.topics import JOINT_STATE, rosbags_module
+from robot_dynamics.recordings.topics import JOINT_STATE
 from robot_dynamics.validation import FloatArray
 
 DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
@@ -79,7 +80,7 @@ def dynamics_terms_messages(
 
 @functools.cache
 def _types() -> Any:
-    typesys = rosbags_module('typesys')
+    typesys = optional('rosbags.typesys', 'a recording')
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     types.register(typesys.get_types_from_msg(DYNAMICS_TERMS_TEXT, DYNAMICS_TERMS))
     return types

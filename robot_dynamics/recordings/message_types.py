@@ -17,8 +17,9 @@
 from collections.abc import Iterable
 from typing import Any
 
+from robot_dynamics.dependencies import optional
 from robot_dynamics.recordings.storage import StoredTopic
-from robot_dynamics.recordings.topics import common_types, rosbags_module
+from robot_dynamics.recordings.topics import common_types
 
 _DAMAGED = (AssertionError, NameError, RecursionError, SyntaxError, ValueError)
 """
@@ -32,7 +33,7 @@ class MessageTypes:
     """Decodes messages by the definitions in the recording, else by those of ROS 2 Jazzy."""
 
     def __init__(self) -> None:
-        typesys = rosbags_module('typesys')
+        typesys = optional('rosbags.typesys', 'a recording')
         self._typesys = typesys
         self._common = common_types()
         self._own = typesys.get_typestore(typesys.Stores.EMPTY)

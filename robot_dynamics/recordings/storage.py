@@ -27,11 +27,11 @@ import sqlite3
 import struct
 from typing import Any, NamedTuple, Protocol
 
-from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.dependencies import optional
 from robot_dynamics.recordings.compression import zstd_module
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite
-from robot_dynamics.recordings.topics import qos_from_rosbags, rosbags_module, TopicQos
+from robot_dynamics.recordings.topics import qos_from_rosbags, TopicQos
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _COPY = 1 << 20
@@ -68,7 +68,7 @@ def open_stored_file(path: Path, scratch: Path) -> StoredFile:
 
     Raises OSError where the file cannot be opened, MissingDependencyError without `rosbags`.
     """
-    rosbags_module('rosbag2')
+    optional('rosbags.rosbag2', 'a recording')
     losses: list[Loss] = []
     notes: list[str] = []
     unpacked = path
@@ -91,7 +91,7 @@ class _File:
         self._salvaged: Any = None
         self._reader: Any = None
         self.topics: list[StoredTopic] = []
-        reader = rosbags_module('rosbag2').Reader(path)
+        reader = optional('rosbags.rosbag2', 'a recording').Reader(path)
         try:
             reader.open()
         except _errors_of_damage():
@@ -165,9 +165,9 @@ def _errors_of_damage() -> tuple[type[Exception], ...]:
     rosbags checks little of what it reads: noise reaches Python's own functions.
     """
     return (
-        rosbags_module('rosbag2').ReaderError, _error_of_sqlite(), zstd_module().ZstdError,
-        struct.error, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
-        OverflowError, RuntimeError, TypeError, ValueError)
+        optional('rosbags.rosbag2', 'a recording').ReaderError, _error_of_sqlite(),
+        zstd_module().ZstdError, struct.error, AssertionError, AttributeError, EOFError,
+        LookupError, MemoryError, OSError, OverflowError, RuntimeError, TypeError, ValueError)
 
 
 def _error_of_sqlite() -> type[Exception]:
@@ -188,12 +188,8 @@ class McapFile(_File):
     """A file of MCAP."""
 
     def _salvager(self) -> Any:
-        try:
-            from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
-        except ImportError:
-            raise MissingDependencyError(
-                f'{self._name} is damaged, and reading its intact part needs the library mcap '
-                '(pip install mcap)') from None
+        optional('mcap', f'{self._name} is damaged: its intact part')
+        from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
         return SalvagedMcap(self._path)
 
     def _salvaged_topics(self) -> list[StoredTopic]:

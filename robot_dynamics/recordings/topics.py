@@ -15,10 +15,9 @@
 """The topics of a recording, and what their publishers offered."""
 
 import functools
-import importlib
 from typing import Any, NamedTuple
 
-from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.dependencies import optional
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 
@@ -40,25 +39,16 @@ class RecordedTopic(NamedTuple):
     qos: TopicQos
 
 
-def rosbags_module(module: str) -> Any:
-    """Return a module of the library rosbags; raise MissingDependencyError without it."""
-    try:
-        return importlib.import_module(f'rosbags.{module}')
-    except ImportError:
-        raise MissingDependencyError(
-            'recordings need the library rosbags (pip install rosbags)') from None
-
-
 @functools.cache
 def common_types() -> Any:
     """Return the typestore with the common packages of ROS 2 Jazzy; nothing is added to it."""
-    typesys = rosbags_module('typesys')
+    typesys = optional('rosbags.typesys', 'a recording')
     return typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 
 
 def qos_to_rosbags(qos: TopicQos) -> Any:
     """Return what the library rosbags calls a Qos."""
-    interfaces = rosbags_module('interfaces')
+    interfaces = optional('rosbags.interfaces', 'a recording')
     forever = interfaces.QosTime(9223372036, 854775807)
     return interfaces.Qos(
         history=interfaces.QosHistory.KEEP_LAST,

@@ -27,8 +27,9 @@ import threading
 from types import TracebackType
 from typing import Any
 
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.recordings.topics import qos_to_rosbags, rosbags_module, TopicQos
+from robot_dynamics.recordings.topics import qos_to_rosbags, TopicQos
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 
@@ -49,7 +50,8 @@ class RecordingWriter:
         packages, by name, as in {'my_msgs/msg/Pair': 'float64 a'}. Raises RecordingError where
         the directory exists or cannot be made, MissingDependencyError without `rosbags`.
         """
-        rosbag2, typesys = rosbags_module('rosbag2'), rosbags_module('typesys')
+        rosbag2 = optional('rosbags.rosbag2', 'a recording')
+        typesys = optional('rosbags.typesys', 'a recording')
         self.directory = directory
         self._types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
         for name, text in (definitions or {}).items():

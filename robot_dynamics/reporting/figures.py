@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.dependencies import optional
 from robot_dynamics.validation import FloatArray
 
 BLACK, ORANGE, SKY, GREEN = '#000000', '#E69F00', '#56B4E9', '#009E73'
@@ -219,18 +219,13 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
 
 
 def _matplotlib() -> tuple[Any, Any]:
-    try:
-        import matplotlib
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MissingDependencyError(
-            'pictures need the library matplotlib (apt install python3-matplotlib, or '
-            'pip install matplotlib)') from None
+    matplotlib = optional('matplotlib', 'a figure')
+    canvas_type = optional('matplotlib.backends.backend_agg', 'a figure').FigureCanvasAgg
+    figure_type = optional('matplotlib.figure', 'a figure').Figure
 
     def make_figure(**options: Any) -> Any:
-        figure = Figure(**options)
-        FigureCanvasAgg(figure)
+        figure = figure_type(**options)
+        canvas_type(figure)
         return figure
 
     return matplotlib, make_figure

@@ -24,9 +24,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import (
     InvalidInputError,
-    MissingDependencyError,
     TrajectoryError,
 )
 from robot_dynamics.trajectories.joint_trajectory import (
@@ -78,12 +78,7 @@ def _as_data(point: TrajectoryPoint) -> dict[str, Any]:
 
 
 def _load(path: Path) -> Mapping[str, Any]:
-    try:
-        import yaml
-    except ImportError:
-        raise MissingDependencyError(
-            'reading a trajectory needs the library yaml (apt install python3-yaml, or pip '
-            'install pyyaml)') from None
+    yaml = optional('yaml', 'a trajectory file')
     try:
         data = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, ValueError) as error:

@@ -16,7 +16,8 @@
 
 from pathlib import Path
 
-from robot_dynamics.exceptions import MissingDependencyError, ModelError
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import ModelError
 
 
 def read_description(path: Path, field: str) -> str:
@@ -34,12 +35,7 @@ def read_description(path: Path, field: str) -> str:
 
 
 def _expand_xacro(path: Path, field: str) -> str:
-    try:
-        import xacro
-    except ImportError:
-        raise MissingDependencyError(
-            f'{field} is {str(path)!r}, which needs the package xacro '
-            '(apt install ros-jazzy-xacro, or pip install xacro)') from None
+    xacro = optional('xacro', f'{field} is {str(path)!r}, which')
     try:
         return str(xacro.process_file(str(path)).toxml())
     except Exception as error:  # xacro raises what the document makes it raise

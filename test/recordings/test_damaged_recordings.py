@@ -273,7 +273,7 @@ def test_without_any_message_left_it_is_said_why(copied):
 
 def test_without_mcap_a_damaged_file_names_it(copied, monkeypatch):
     path = copied('mcap')
-    monkeypatch.setitem(sys.modules, 'robot_dynamics.recordings.mcap_salvage', None)
+    monkeypatch.setitem(sys.modules, 'mcap', None)
     with Recording(path) as recording:
         assert recording.topics[0].message_count == WHOLE
     cut(stored_file(path), 0.5)

@@ -28,7 +28,8 @@ import re
 import socket
 from typing import Any
 
-from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import InvalidInputError
 
 OWN_PAGES = re.compile(r'https?://(localhost|127(\.\d{1,3}){3}|\[::1\])(:\d+)?')
 
@@ -49,12 +50,7 @@ def start_server(host: str, port: int, title: str) -> Any:
 
     Raises MissingDependencyError without viser, InvalidInputError where the port cannot be had.
     """
-    try:
-        import viser
-    except ImportError:
-        raise MissingDependencyError(
-            'the viewer needs the library viser (pip install viser pycollada; '
-            'in this repository: scripts/setup viewer)') from None
+    viser = optional('viser', 'the viewer')
     _check_port(host, port)
     _tolerate_races()
     with redirect_stdout(io.StringIO()):  # it greets
