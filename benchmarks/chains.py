@@ -23,7 +23,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray
 
 
 class ChainLink(NamedTuple):

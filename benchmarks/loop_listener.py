@@ -28,15 +28,13 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
-from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 
-IntArray = npt.NDArray[np.int64]
 DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 TAKE_PERIOD, NAP = 0.1, 0.005
 """[s]; a nap that ends late tells that the computer let nobody wake up in time just then."""

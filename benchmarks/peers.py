@@ -21,10 +21,10 @@ from benchmarks.chains import chain_urdf, ChainLink, spatial_chain
 from benchmarks.engines import Calls, PEERS
 from benchmarks.timing import medians
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.rigid_body import UncheckedRigidBody
-from robot_dynamics.validation import FloatArray
 
 JOINTS = 7
 STATES = 20

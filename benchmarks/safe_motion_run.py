@@ -35,6 +35,7 @@ from benchmarks.safe_motion_cases import (
     PUSH,
 )
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimits
@@ -44,7 +45,6 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.rigid_body import UncheckedRigidBody
 from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
-from robot_dynamics.validation import FloatArray
 
 POSITION_MARGIN, FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE = 0.01, 0.1, 1000.0
 """Defaults of `position_margin` and `effort_rate_limit` in `ros/safety_parameters`."""

@@ -23,13 +23,13 @@ from typing import Any, NamedTuple, Protocol
 from benchmarks import lock_step
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.validation import FloatArray
 
 JOINTS = 7
 PERIOD = 2e-3

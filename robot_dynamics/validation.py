@@ -21,14 +21,11 @@ was given and what was expected.
 """
 
 from collections.abc import Sequence
-import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-
-FloatArray = npt.NDArray[np.float64]
 
 LARGEST_VALUE = 1e9
 """
@@ -67,29 +64,6 @@ def _check_size(
         f'is {value:g}, expected {_range_in_words(-largest, largest, False)}'
         if np.isfinite(value) else f'is {value}, expected a finite number')
     raise InvalidInputError(f'{_label(field, index, names)} {in_words}')
-
-
-def all_finite(values: FloatArray) -> bool:
-    """
-    Return whether the numbers of a vector, shape (n,), are all finite.
-
-    What a control path asks of every effort: their sum tells it without another array, and
-    without a warning; where that overflows the numbers are looked at one by one.
-    """
-    return math.isfinite(sum(values.tolist())) or bool(np.isfinite(values).all())
-
-
-def largest(values: FloatArray) -> float:
-    """Return the largest magnitude of a vector, shape (n,): infinite where one is not finite."""
-    numbers = values.tolist()
-    if not math.isfinite(sum(numbers)) and not np.isfinite(values).all():
-        return math.inf
-    return max(map(abs, numbers), default=0.0)
-
-
-def any_of(mask: npt.NDArray[np.bool_]) -> bool:
-    """Return whether any of a few flags is set, shape (n,); quicker than numpy's `any` for few."""
-    return True in mask.tolist()
 
 
 def check_vector(

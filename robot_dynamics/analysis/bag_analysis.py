@@ -34,12 +34,12 @@ from robot_dynamics.analysis.residual import (
     ResidualStatistics,
     TermSeries,
 )
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.validation import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.validation import FloatArray
 
 BAND = 0.999
 """Share of the power of acceleration that counts as the band of the motion."""

@@ -28,11 +28,11 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
 from robot_dynamics.analysis.velocity_check import contradicts_position
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.recordings.reader import IntArray, JointSeries, NANOSECONDS_PER_SECOND
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.recordings.reader import JointSeries
+from robot_dynamics.validation import check_scalar
 
 FILTER_ORDER = 4
 SHORTEST_SEGMENT = 2.0

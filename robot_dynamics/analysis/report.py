@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.bag_analysis import BagAnalysis
 from robot_dynamics.analysis.summary import facts, limit_rows, residual_rows
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.reporting.figures import (
     effort_panel,
     joint_figure,
@@ -29,7 +30,6 @@ from robot_dynamics.reporting.figures import (
     scatter_figure,
 )
 from robot_dynamics.reporting.html_page import image, items, page, png, table
-from robot_dynamics.validation import FloatArray
 
 
 def effort_figure(analysis: BagAnalysis) -> Any:

@@ -25,9 +25,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.validation import FloatArray
 
 _ROUNDING = 1e-12
 """Of the mean square: a variance below it is that of a constant."""

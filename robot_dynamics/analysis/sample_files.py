@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.bag_analysis import BagAnalysis
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.recordings.bag_files import METADATA
 from robot_dynamics.recordings.message_encoding import (
@@ -28,7 +29,6 @@ from robot_dynamics.recordings.message_encoding import (
     joint_state_messages,
 )
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
-from robot_dynamics.validation import FloatArray
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
 _ROWS = 1000

@@ -23,8 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 
 WINDOW = 4.0
 """[s]"""

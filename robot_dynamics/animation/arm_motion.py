@@ -22,9 +22,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
@@ -35,7 +35,6 @@ from robot_dynamics.trajectories.interpolation import (
     quintic_point_to_point,
     Reference,
 )
-from robot_dynamics.validation import FloatArray
 
 CONTROL_PERIOD = 2e-3
 """[s]"""

@@ -23,9 +23,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
-from robot_dynamics.validation import FloatArray
 
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
 FORCE, MOMENT, ACCELERATION, RATE, WEIGHT = VERMILION, PURPLE, BLUE, GREEN, GREY

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.animation.arm_motion import ArmMotion
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
@@ -29,7 +30,6 @@ from robot_dynamics.reporting.figures import (
     title_axes,
     VERMILION,
 )
-from robot_dynamics.validation import FloatArray
 
 TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'residual', 'effort')
 TERM_WORDS = {

@@ -24,6 +24,7 @@ from functools import partial
 import math
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.gain_softening import crossover_frequency, gain_scale
 from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, LawOutput
@@ -31,7 +32,6 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.segment_tracking import FEW, TrackingLaw, TrackingOutput
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory, Reference
-from robot_dynamics.validation import FloatArray
 
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated; see `control_law`."""

@@ -29,13 +29,13 @@ what is left of the friction damps the error.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import math
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
 DEFAULT_NATURAL_FREQUENCY = 20.0
 """[rad/s]"""
@@ -92,16 +92,6 @@ def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
     if (values < 0.0).any():
         raise InvalidInputError(f'{field} is {values.tolist()}, expected no value below 0')
     return np.array(np.broadcast_to(values, (n,)))
-
-
-def wrap_to_pi(angle: FloatArray) -> FloatArray:
-    """Return the angles in (−π, π] that are whole turns away."""
-    return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
-
-
-def wrap_angle(angle: float) -> float:
-    """Return one angle likewise; NaN of one that is not finite."""
-    return math.pi - (math.pi - angle) % (2.0 * math.pi) if math.isfinite(angle) else math.nan
 
 
 class ErrorFeedback:

@@ -26,7 +26,7 @@ import threading
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray, largest
 from robot_dynamics.control.computed_torque import ComputedTorque
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, RobotEffort
@@ -42,9 +42,7 @@ from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
-from robot_dynamics.validation import FloatArray, largest
 
-BoolArray = npt.NDArray[np.bool_]
 LAWS: dict[str, type[ControlLaw]] = {
     'computed_torque': ComputedTorque,
     'gravity_compensation': GravityCompensation,

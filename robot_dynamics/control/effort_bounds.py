@@ -17,9 +17,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import EffortTerms
-from robot_dynamics.validation import FloatArray
 
 
 class RobotEffort(NamedTuple):

@@ -33,10 +33,7 @@ from operator import gt
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from robot_dynamics.validation import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from robot_dynamics.arrays import BoolArray, FloatArray
 
 LONGEST_STEP = 0.05
 """[s] of change of effort that is allowed at once, however long ago the last effort was."""

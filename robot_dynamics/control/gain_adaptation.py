@@ -17,9 +17,9 @@
 import math
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import Gains
 from robot_dynamics.control.stable_gains import longest_period, StateQuality, UNKNOWN
-from robot_dynamics.validation import FloatArray
 
 _STEP = 1.1
 """Ratio of two periods, or of two scales, below which nothing changes."""

@@ -28,8 +28,8 @@ holds a load which the model does not know grows faster than the load.
 """
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import Gains
-from robot_dynamics.validation import FloatArray
 
 _HALVINGS = 30
 

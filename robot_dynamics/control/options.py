@@ -17,9 +17,9 @@
 from dataclasses import dataclass
 import math
 
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import Gains
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.validation import FloatArray
 
 
 @dataclass(frozen=True)

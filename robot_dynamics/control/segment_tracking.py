@@ -23,9 +23,9 @@ from math import pi
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.control.control_law import ErrorFeedback, wrap_angle
+from robot_dynamics.arrays import FloatArray, wrap_angle
+from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.trajectories.interpolation import Segment
-from robot_dynamics.validation import FloatArray
 
 FEW = 16
 """Joints up to which this is quicker than `ErrorFeedback`."""

@@ -33,8 +33,8 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from robot_dynamics.control.control_law import Gains, wrap_to_pi
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
+from robot_dynamics.control.control_law import Gains
 
 LOOP_DELAY = 0.008
 """[s] allowed for transport and computation, in addition to half a period."""

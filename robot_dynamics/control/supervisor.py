@@ -31,8 +31,8 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, GuardedEffort
-from robot_dynamics.validation import FloatArray
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 

@@ -25,6 +25,7 @@ region, from the URDF.
 from collections.abc import Sequence
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import COLUMN_COUNT, FrictionStructure
 from robot_dynamics.identification.regularized_fit import bounded_problem, Fit, Prior
@@ -34,7 +35,6 @@ from robot_dynamics.model.pseudo_inertia import (
     from_coordinates,
     jacobian,
 )
-from robot_dynamics.validation import FloatArray
 
 MOST_EVALUATIONS = 100
 LEAST_PULL = 1.0

@@ -25,10 +25,9 @@ robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.validation import FloatArray
 
 LEAST_CERTAINTY = 5.0
 """1/K over its deviation, at least."""

@@ -24,8 +24,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.presliding import presliding_state
-from robot_dynamics.validation import FloatArray
 
 SIGMOID_VELOCITIES = (0.01, 0.03, 0.1, 0.3)
 """[rad/s]; on a prismatic joint `PRISMATIC_SCALE` of it in [m/s]."""

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.regression import model_effort, parts_of
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.validation import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

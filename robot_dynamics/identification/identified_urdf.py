@@ -24,6 +24,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.regularized_fit import Fit
@@ -32,7 +33,6 @@ from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
-from robot_dynamics.validation import FloatArray
 
 _LEAST = 1e-15
 _TENSOR = {'ixx': (0, 0), 'ixy': (0, 1), 'ixz': (0, 2), 'iyy': (1, 1), 'iyz': (1, 2),

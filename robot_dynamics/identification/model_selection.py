@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.identification.friction_regressor import (
     FrictionStructure,
     SIMPLEST,
@@ -34,8 +35,6 @@ from robot_dynamics.identification.friction_regressor import (
 )
 from robot_dynamics.identification.qr_information import BLOCKS, QrInformation
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.validation import FloatArray
 
 PULLS = tuple(10.0**exponent for exponent in range(-3, 7))
 """κ on offer; the last leaves the URDF as it is."""

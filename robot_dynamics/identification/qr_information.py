@@ -31,9 +31,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.validation import FloatArray
 
 BLOCKS = 6
 _ROUNDING = 1e-20

@@ -29,6 +29,7 @@ from robot_dynamics.analysis.motion_filter import (
     FilteredMotion,
     samples_per_independent_sample,
 )
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
@@ -40,7 +41,6 @@ from robot_dynamics.identification.qr_information import QrInformation, reduce_r
 from robot_dynamics.identification.regularized_fit import Fit, without_memory
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names, TorqueRegressor
-from robot_dynamics.validation import FloatArray
 
 HUBER = 4.0
 """Standard deviations, by the median, beyond which a residual counts less."""

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_COUNT,
@@ -41,7 +42,6 @@ from robot_dynamics.model.pseudo_inertia import (
     pseudo_inertia_matrix,
     relative_rows,
 )
-from robot_dynamics.validation import FloatArray
 
 PULL_OF_URDF = 1e12
 """κ that leaves the bodies as the URDF has them."""

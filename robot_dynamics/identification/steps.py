@@ -24,12 +24,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import bare_arm, model_effort, reduce_motion
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.validation import FloatArray
 
 SHOWN = 3000
 """Samples of a recording that are drawn, at most."""

@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
     FrictionStructure,
@@ -33,7 +34,6 @@ from robot_dynamics.identification.friction_regressor import (
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import Prior
 from robot_dynamics.model.base_parameters import BaseParameters
-from robot_dynamics.validation import FloatArray
 
 UNEXCITED = 1.0
 """

@@ -32,9 +32,10 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import per_joint_values
-from robot_dynamics.validation import FloatArray, SMALLEST_DIVISOR
+from robot_dynamics.validation import SMALLEST_DIVISOR
 
 DEFAULT_CURRENT_TIME_CONSTANT = 2e-4
 """[s]"""

@@ -31,9 +31,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators
-from robot_dynamics.validation import check_choice, check_unique, FloatArray
+from robot_dynamics.validation import check_choice, check_unique
 
 MEASURED_EFFORTS = (
     'joint_torque', 'joint_torque_without_gravity', 'motor_torque', 'motor_current', 'none')

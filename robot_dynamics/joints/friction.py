@@ -28,9 +28,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
-from robot_dynamics.validation import FloatArray, SMALLEST_DIVISOR
+from robot_dynamics.validation import SMALLEST_DIVISOR
 
 SMOOTHING_VELOCITY = 0.01
 """[rad/s] or [m/s] over which `smooth_effort` changes its sign."""

@@ -35,9 +35,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
-from robot_dynamics.validation import FloatArray, SMALLEST_DIVISOR
+from robot_dynamics.validation import SMALLEST_DIVISOR
 
 DEFAULT_SIGMOID_VELOCITY = 0.03
 """[rad/s] or [m/s]"""

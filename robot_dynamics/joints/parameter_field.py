@@ -18,7 +18,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.validation import check_vector, FloatArray, LARGEST_VALUE
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
 
 class ParameterField(NamedTuple):

@@ -22,8 +22,8 @@ generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11), 2005.
 """
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.friction import sigmoid, SMOOTHING_VELOCITY
-from robot_dynamics.validation import FloatArray
 
 
 def presliding_state(

@@ -25,10 +25,7 @@ Contacts*, Wiley 1996 (here without contacts: one direction of sliding a joint).
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from robot_dynamics.validation import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from robot_dynamics.arrays import BoolArray, FloatArray
 
 # Relative slack, so that rounding does not break a joint away.
 _HOLD_TOLERANCE = 1e-12

@@ -23,8 +23,7 @@ turns.
 """
 
 import numpy as np
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 
 
 def nearest_turn(

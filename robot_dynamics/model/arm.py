@@ -20,16 +20,16 @@ import reprlib
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.joints.gear_friction import GearFriction
-from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.model.joint_coordinates import JointCoordinates
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.urdf.transmissions import gear_ratio, Reductions
-from robot_dynamics.validation import check_unique, check_vector, FloatArray
+from robot_dynamics.validation import check_unique, check_vector
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 

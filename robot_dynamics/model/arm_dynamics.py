@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
@@ -37,7 +38,6 @@ from robot_dynamics.model.rigid_body import (
     singular_mass_matrix,
     UncheckedRigidBody,
 )
-from robot_dynamics.validation import FloatArray
 
 
 class EffortTerms(NamedTuple):

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray
 
 TOLERANCE = 1e-4
 """

@@ -24,7 +24,7 @@ M = Gᵀ M_tree G and C = Gᵀ C_tree G.
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,13 +25,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, MimicJoint
 from robot_dynamics.validation import (
     check_samples,
     check_unique,
     check_vector,
-    FloatArray,
     is_empty,
     LARGEST_VALUE,
 )

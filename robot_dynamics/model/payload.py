@@ -19,14 +19,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import (
-    check_scalar,
-    check_tensor,
-    check_vector,
-    FloatArray,
-    LARGEST_VALUE,
-)
+from robot_dynamics.validation import check_scalar, check_tensor, check_vector, LARGEST_VALUE
 
 # Relative slack of the triangle inequality: inertias come from files with few digits.
 _INERTIA_TOLERANCE = 1e-6

@@ -31,7 +31,7 @@ coordinate each: Σ (exp 2d_i − 2 d_i − 1) + Σ u_ij².
 """
 
 import numpy as np
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray
 
 COUNT = 10
 """Parameters of a body."""

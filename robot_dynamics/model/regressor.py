@@ -25,9 +25,9 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
-from robot_dynamics.validation import FloatArray
 
 
 def body_names(arm: ArmModel) -> tuple[str, ...]:

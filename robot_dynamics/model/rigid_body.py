@@ -28,16 +28,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.validation import (
-    all_finite,
-    check_samples,
-    check_scalar,
-    check_states,
-    check_vector,
-    FloatArray,
-)
+from robot_dynamics.validation import check_samples, check_scalar, check_states, check_vector
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
 """Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""

@@ -26,13 +26,10 @@ mimic joints follow a coordinate, that form does not hold, and steps of many siz
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.validation import FloatArray
 
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 UNLIMITED_TRAVEL = 1.0
 """[m] to which a slide without a limit is taken to go, either way."""
 _CONVERGED = 1e-9

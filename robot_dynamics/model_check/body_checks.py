@@ -23,9 +23,9 @@ principal moments of inertia that are positive and obey the triangle inequality.
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.urdf.inertials import LinkBody
-from robot_dynamics.validation import FloatArray
 
 TINY_MASS = 1e-6
 """[kg] below which a mass is a placeholder."""

@@ -23,6 +23,7 @@ unlikely it looks. The checks and their levels are described in docs/model_check
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
 from robot_dynamics.model_check.body_checks import (
@@ -36,7 +37,6 @@ from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
 from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
-from robot_dynamics.validation import FloatArray
 
 LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""

@@ -23,13 +23,11 @@ equilibration of matrices*, Numerische Mathematik 14, 1969).
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
-from robot_dynamics.validation import FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
 SMALLEST_EIGENVALUE = 1e-10
 """Of the scaled M(q), below which it is singular to working precision."""
 SMALLEST_INERTIA = 1e-12

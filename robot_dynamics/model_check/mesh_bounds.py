@@ -25,8 +25,8 @@ import xml.etree.ElementTree as ElementTree
 
 import coal
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.urdf.mesh_files import find_mesh
-from robot_dynamics.validation import FloatArray
 
 
 class MeshReader:

@@ -23,9 +23,9 @@ measured at the later one throughout, as drives hold it between two commands.
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.momentum_observer import MomentumObserver
-from robot_dynamics.validation import FloatArray
 
 
 class _Known(NamedTuple):

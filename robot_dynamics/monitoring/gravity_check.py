@@ -28,7 +28,7 @@ there is, and less by 1 where gravity was taken out of the measured effort (`eff
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.joints.effort_convention import (
     EffortConvention,
@@ -36,10 +36,8 @@ from robot_dynamics.joints.effort_convention import (
     MOTOR_SIDE,
 )
 from robot_dynamics.joints.friction import JointFriction
-from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.monitoring.gravity_verdict import GravityVerdict
-from robot_dynamics.validation import FloatArray
 
 STILL_VELOCITY = 0.05
 """[rad/s] or [m/s] that every joint must stay below, each sample: as much may be noise."""
@@ -186,7 +184,7 @@ class GravityCheck:
             _median(commands), g, used)
 
     def _is_loaded(
-        self, g: FloatArray, measured: FloatArray, used: npt.NDArray[np.bool_],
+        self, g: FloatArray, measured: FloatArray, used: BoolArray,
     ) -> bool:
         """Tell whether the measured effort carries the arm, or a command has long been there."""
         missing = g if self._semantics.lacks_gravity else np.zeros_like(g)
@@ -203,7 +201,7 @@ class GravityCheck:
         return last - self._unloaded_since >= UNLOADED_PATIENCE_NS
 
 
-def _share(g: FloatArray, efforts: FloatArray, used: npt.NDArray[np.bool_]) -> float:
+def _share(g: FloatArray, efforts: FloatArray, used: BoolArray) -> float:
     """Return the least squares share of gravity in the median of efforts (samples, n)."""
     return float(g[used] @ _median(efforts)[used] / (g[used] @ g[used]))
 

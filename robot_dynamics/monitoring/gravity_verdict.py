@@ -16,10 +16,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.validation import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +35,7 @@ class GravityVerdict:
     measured: FloatArray
     command: FloatArray
     gravity: FloatArray
-    used: npt.NDArray[np.bool_]
+    used: BoolArray
 
     @property
     def excess(self) -> float:

@@ -27,7 +27,8 @@ section 6.5.2 (second-order systems), here with the damping ratio 1/√2.
 import math
 
 import numpy as np
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.validation import check_scalar
 
 SETTLING_TIME = 7.0
 """[1/ω] after which less than 1 % is left of how the filter was started."""

@@ -30,7 +30,8 @@ survey on detection, isolation, and identification", IEEE Trans. Robotics 33(6),
 import math
 
 import numpy as np
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.validation import check_scalar
 
 
 class MomentumObserver:

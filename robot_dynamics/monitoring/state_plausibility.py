@@ -26,10 +26,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.joints.whole_turns import nearest_turn
-from robot_dynamics.validation import FloatArray
 
 SAME_CLOCK = 3600.0
 """[s] within which the first stamp is taken to be of the clock of this computer."""

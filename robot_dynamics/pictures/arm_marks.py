@@ -23,9 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.validation import FloatArray
 
 FULL_TURN = 1.5 * math.pi
 """[rad] of the arc of an effort that is its limit; a whole turn would not tell its sign."""

@@ -25,10 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.chain import NewtonEulerPass
-from robot_dynamics.validation import FloatArray
 
 _PARALLEL = 1e-6
 """What the sine between two axes, or a share of gravity, may be at most to count as nothing."""

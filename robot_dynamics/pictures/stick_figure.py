@@ -16,8 +16,8 @@
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.validation import FloatArray
 
 _SAME = 1e-6
 """[m]"""

@@ -25,12 +25,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import BRIEF, search_box, worst_gravity
-from robot_dynamics.validation import check_unique, check_vector, FloatArray
+from robot_dynamics.validation import check_unique, check_vector
 
 SAMPLES = 121
 """Positions of a joint."""

@@ -18,13 +18,13 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.pictures.torque_grid import PositionGrid
 from robot_dynamics.reporting.figures import BLACK, styled_figure, title_axes
-from robot_dynamics.validation import FloatArray
 
 SIGNED, POSITIVE = 'PuOr_r', 'cividis'
 """Colour maps that people with any kind of colour vision can read, white at 0 or light above."""

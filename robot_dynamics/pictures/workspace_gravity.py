@@ -23,13 +23,13 @@ the base and of the height.
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure
-from robot_dynamics.validation import FloatArray
 
 POSITIONS = 60000
 CELLS = 56

@@ -17,12 +17,12 @@
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import worst_gravity
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure
 from robot_dynamics.pictures.workspace_gravity import WorkspaceGravity
 from robot_dynamics.reporting.figures import BLACK, BLUE, styled_figure, title_axes, VERMILION
-from robot_dynamics.validation import FloatArray
 
 COLOURS = 'cividis'
 WIDTH, HEIGHT = 13.0, 4.8

@@ -32,9 +32,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.two_link import link_direction, PlanarPositions, PlanarTwoLink
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_vector
 
 
 @dataclass(frozen=True)

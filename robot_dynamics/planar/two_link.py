@@ -37,7 +37,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.validation import check_scalar, check_vector
 
 JOINT_NAMES = ('joint1', 'joint2')
 

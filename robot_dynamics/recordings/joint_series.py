@@ -18,23 +18,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.joints.stiction import BoolArray
 from robot_dynamics.joints.whole_turns import unwrapped
 from robot_dynamics.recordings.joint_state_decoding import (
     DecodedJointStates,
     FIELDS,
-    IntArray,
     JointStateBlock,
-    NANOSECONDS_PER_SECOND,
 )
 from robot_dynamics.recordings.sample_faults import (
     advancing_and_repeated,
     gaps_between,
     SampleFaults,
 )
-from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import LARGEST_VALUE
 
 BRAKES_LAST = 0.06
 """[s] without any effort between two samples with one that are taken for brakes."""
@@ -110,7 +107,7 @@ class JointSeries:
                 and self.times[rows[-1] + 1] - self.times[rows[0] - 1] <= BRAKES_LAST)]
         return self.at(np.concatenate(kept))
 
-    def at(self, rows: npt.NDArray[np.intp]) -> 'JointSeries':
+    def at(self, rows: IntArray) -> 'JointSeries':
         """Return the samples at these places."""
         return self._chosen(rows, np.arange(len(self.joint_names)))
 
@@ -119,7 +116,7 @@ class JointSeries:
         columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)
         return self._chosen(np.arange(len(self.stamps_ns)), columns)
 
-    def _chosen(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> (
+    def _chosen(self, rows: IntArray, columns: IntArray) -> (
             'JointSeries'):
         def chosen(values: FloatArray | None) -> FloatArray | None:
             return None if values is None else np.asarray(values[np.ix_(rows, columns)])

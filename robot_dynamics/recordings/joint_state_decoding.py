@@ -22,13 +22,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
 from robot_dynamics.recordings.topics import common_types, JOINT_STATE
-from robot_dynamics.validation import FloatArray
 
-IntArray = npt.NDArray[np.int64]
-NANOSECONDS_PER_SECOND = 1_000_000_000
 FIELDS = ('position', 'velocity', 'effort')
 
 
@@ -40,7 +37,7 @@ class JointStateBlock(NamedTuple):
     the others is (k, n), or None if the messages do not have one value for each joint.
     """
 
-    rows: npt.NDArray[np.intp]
+    rows: IntArray
     joint_names: tuple[str, ...]
     stamps_ns: IntArray
     position: FloatArray | None
@@ -52,7 +49,7 @@ class DecodedJointStates(NamedTuple):
     """The messages in blocks, and the places (k,) of those that cannot be read."""
 
     blocks: tuple[JointStateBlock, ...]
-    unreadable: npt.NDArray[np.intp]
+    unreadable: IntArray
 
 
 def decode_joint_states(messages: Sequence[bytes]) -> DecodedJointStates:

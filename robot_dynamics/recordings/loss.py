@@ -16,7 +16,7 @@
 
 from typing import NamedTuple
 
-from robot_dynamics.recordings.joint_state_decoding import NANOSECONDS_PER_SECOND
+from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 
 
 class Loss(NamedTuple):

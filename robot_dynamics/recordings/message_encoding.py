@@ -19,15 +19,11 @@ import functools
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.recordings.joint_state_decoding import (
-    FIELDS,
-    IntArray,
-    NANOSECONDS_PER_SECOND,
-)
+from robot_dynamics.recordings.joint_state_decoding import FIELDS
 from robot_dynamics.recordings.topics import JOINT_STATE
-from robot_dynamics.validation import FloatArray
 
 DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
 DYNAMICS_TERMS_TEXT = """std_msgs/Header header

@@ -29,24 +29,20 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.bag_files import METADATA, recording_files
 from robot_dynamics.recordings.joint_series import JointSeries, RecordedJointStates
-from robot_dynamics.recordings.joint_state_decoding import (
-    decode_joint_states,
-    IntArray,
-    NANOSECONDS_PER_SECOND,
-)
+from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.message_types import MessageTypes
 from robot_dynamics.recordings.storage import open_stored_file, StoredFile
 from robot_dynamics.recordings.topics import JOINT_STATE, RecordedTopic, TopicQos
 from robot_dynamics.recordings.writer import RecordingWriter, uninterrupted
-from robot_dynamics.validation import FloatArray
 
 __all__ = [
-    'IntArray', 'JOINT_STATE', 'JointSeries', 'Loss', 'NANOSECONDS_PER_SECOND', 'RecordedTopic',
-    'Recording', 'RecordingWriter', 'stack', 'stamp_ns', 'TopicQos', 'uninterrupted',
+    'JOINT_STATE', 'JointSeries', 'Loss', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
+    'stamp_ns', 'TopicQos', 'uninterrupted',
 ]
 
 

@@ -25,8 +25,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from robot_dynamics.recordings.joint_state_decoding import IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.arrays import BoolArray, IntArray, NANOSECONDS_PER_SECOND
 
 GAP = 1.5
 """Median periods between two samples beyond which some are missing."""
@@ -110,7 +109,7 @@ def counted(count: int, noun: str) -> str:
 
 def advancing_and_repeated(
     stamps: IntArray,
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+) -> tuple[BoolArray, BoolArray]:
     """Return which stamps make the longest increasing series, and which came before."""
     repeated = np.zeros(len(stamps), dtype=np.bool_)
     if (np.diff(stamps) > 0).all():

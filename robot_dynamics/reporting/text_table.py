@@ -22,7 +22,7 @@ decimals, an exponent outside of [1e-3, 1e6)) would stay own code, and so most o
 from collections.abc import Sequence
 
 import numpy as np
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray
 
 Cell = str | float
 _ROUNDING = 1e-12

@@ -32,8 +32,8 @@ import struct
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.ros.message_bytes import read_message
-from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 
 ENCAPSULATION = b'\x00\x01\x00\x00'
@@ -106,7 +106,7 @@ class JointStateDecoder:
         if fixed_bytes != self._bones and not self._has_known_bones(data):
             return self._learn(data)
         return SensedState(
-            data[STAMP], 1_000_000_000 * sec + nanosec, self._names,
+            data[STAMP], NANOSECONDS_PER_SECOND * sec + nanosec, self._names,
             np.frombuffer(data, _FLOAT64, self._number_count, self._start), layout)
 
     def _has_known_bones(self, data: bytes) -> bool:
@@ -131,7 +131,7 @@ class JointStateDecoder:
         p, v, _ = (len(values) for values in fields)
         return SensedState(
             _SEC_NANOSEC.pack(stamp.sec, stamp.nanosec),
-            1_000_000_000 * stamp.sec + stamp.nanosec,
+            NANOSECONDS_PER_SECOND * stamp.sec + stamp.nanosec,
             list(message.name), np.concatenate([np.array(values) for values in fields]),
             Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
 
@@ -268,4 +268,4 @@ def array_template(n: int) -> MessageTemplate:
 
 def stamp_bytes(nanoseconds: int) -> bytes:
     """Return a time of ROS as its 8 bytes."""
-    return _SEC_NANOSEC.pack(*divmod(nanoseconds, 1_000_000_000))
+    return _SEC_NANOSEC.pack(*divmod(nanoseconds, NANOSECONDS_PER_SECOND))

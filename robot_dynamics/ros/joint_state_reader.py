@@ -17,10 +17,10 @@
 import sys
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import all_finite, FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.cdr_templates import Layout, SensedState
-from robot_dynamics.validation import all_finite, check_unique, FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import check_unique, LARGEST_VALUE
 from sensor_msgs.msg import JointState
 
 FINITE = sys.float_info.max
@@ -36,9 +36,9 @@ class JointStateReader:
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         self._joint_names = joint_names
         self._known_names: list[str] | None = None
-        self._index: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self._index: IntArray = np.zeros(0, dtype=np.intp)
         self._layout: Layout | None = None
-        self._places: npt.NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        self._places: IntArray = np.zeros(0, dtype=np.intp)
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """

@@ -24,6 +24,7 @@ import reprlib
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
@@ -33,7 +34,7 @@ from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.current_loop import Drive
 from robot_dynamics.simulation.integrator import Motion
 from robot_dynamics.simulation.joint_forces import MotionState
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
 DEFAULT_MAX_STEP = 2e-3
 """[s]"""

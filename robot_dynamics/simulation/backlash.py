@@ -31,9 +31,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.actuator import Actuators
-from robot_dynamics.joints.stiction import BoolArray
-from robot_dynamics.validation import FloatArray
 
 TOUCH = 1e-11
 """[rad] or [m] within which teeth touch: rounding, and the accuracy of an event."""

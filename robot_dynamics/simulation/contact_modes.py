@@ -22,9 +22,9 @@ do is found by trying, one change at a time, the one that is furthest from what 
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.joints.stiction import BoolArray, choose_modes, Modes
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.stiction import choose_modes, Modes
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
-from robot_dynamics.validation import FloatArray
 
 _BOUNCES = 40
 """Meetings at one time after which teeth stay together."""

@@ -31,8 +31,8 @@ back-EMF brakes the motor like viscous friction, and may be stiff against the st
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.actuator import Actuators
-from robot_dynamics.validation import FloatArray
 
 
 class DriveStep(NamedTuple):

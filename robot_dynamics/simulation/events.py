@@ -23,11 +23,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.stiction import hold
 from robot_dynamics.simulation.backlash import TOUCH
 from robot_dynamics.simulation.event_location import cubic, first_crossing, quintic
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
-from robot_dynamics.validation import FloatArray
 
 _ITERATIONS = 60
 _FINEST = 1e-12

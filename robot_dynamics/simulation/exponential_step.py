@@ -24,12 +24,11 @@ evenly with time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.simulation.runge_kutta import Acceleration
-from robot_dynamics.validation import FloatArray
 
 
-def damping_rate(M: FloatArray, viscous: FloatArray, free: npt.NDArray[np.bool_]) -> float:
+def damping_rate(M: FloatArray, viscous: FloatArray, free: BoolArray) -> float:
     """
     Return a bound [1/s] of the rates at which friction makes joints relax: the trace of M⁻¹F_v.
 
@@ -52,7 +51,7 @@ class DampedStep(NamedTuple):
 
 def damped_step(
     q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,
-    M: FloatArray, viscous: FloatArray, free: npt.NDArray[np.bool_],
+    M: FloatArray, viscous: FloatArray, free: BoolArray,
 ) -> DampedStep:
     """
     Return the motion after h [s].
@@ -77,7 +76,7 @@ class _Phi:
     """exp(−hA) and φ_k(hA), φ_k(z) = ∫₀¹ e^(−z(1−s)) s^(k−1)/(k−1)! ds, as matrices (n, n)."""
 
     def __init__(
-        self, M: FloatArray, viscous: FloatArray, free: npt.NDArray[np.bool_], h: float,
+        self, M: FloatArray, viscous: FloatArray, free: BoolArray, h: float,
     ) -> None:
         n = len(viscous)
         index = np.flatnonzero(free)

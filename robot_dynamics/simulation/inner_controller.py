@@ -15,10 +15,10 @@
 """What the controller inside a simulated robot does: adds to efforts by itself, and measures."""
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.effort_convention import EffortConvention, measured_from_joint
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.validation import FloatArray
 
 
 class InnerController:

@@ -30,6 +30,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
@@ -42,7 +43,6 @@ from robot_dynamics.simulation.runge_kutta import (
     RungeKuttaStep,
     WEIGHTS,
 )
-from robot_dynamics.validation import FloatArray
 
 STIFF = 1.0
 """Relaxation rate × step from which viscous friction is integrated exponentially."""

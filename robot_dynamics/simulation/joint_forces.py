@@ -23,12 +23,12 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.joints.stiction import BoolArray, hold, Modes
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.stiction import hold, Modes
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench, UncheckedRigidBody
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.runge_kutta import Acceleration
-from robot_dynamics.validation import FloatArray
 
 
 class MotionState(NamedTuple):

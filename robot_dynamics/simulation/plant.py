@@ -17,11 +17,11 @@
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
 from robot_dynamics.simulation.command_timeout import CommandTimeout
 from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.validation import FloatArray
 
 
 class Measured(NamedTuple):

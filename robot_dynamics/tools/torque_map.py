@@ -27,6 +27,7 @@ import sys
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
@@ -45,7 +46,7 @@ from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.validation import check_scalar
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
 FORMATS = ('.png', '.pdf', '.svg')

@@ -23,6 +23,7 @@ effort, and from the time that it has. Collisions are not looked at.
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -32,7 +33,7 @@ from robot_dynamics.trajectories.interpolation import (
     quintic_via_points,
     Reference,
 )
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_vector
 
 SHARE_OF_LIMITS = 0.6
 """Of the limits of velocity, and of effort where gravity alone takes less than that."""

@@ -17,11 +17,10 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
-from robot_dynamics.trajectories.segments import IntArray, TrajectorySegments
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.trajectories.segments import TrajectorySegments
 
 INTERVALS = 32
 """Into how many a segment is divided, unless the joints move far or there are many segments."""
@@ -135,7 +134,7 @@ def _search_segments(search: _Search, segments: TrajectorySegments) -> None:
         width = width * (grid[1] - grid[0])
 
 
-def _intervals(segments: TrajectorySegments) -> npt.NDArray[np.intp]:
+def _intervals(segments: TrajectorySegments) -> IntArray:
     """Return into how many intervals each segment is divided, (k,)."""
     k, quarters = segments.count, np.linspace(0.0, 1.0, 5)
     q = segments.sample(np.repeat(np.arange(k), 5), np.tile(quarters, k)).position

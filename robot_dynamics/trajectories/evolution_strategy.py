@@ -31,7 +31,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.validation import FloatArray
+from robot_dynamics.arrays import FloatArray
 
 
 class _Constants(NamedTuple):

@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import sigmoid
 from robot_dynamics.model.arm import ArmModel
@@ -42,7 +43,6 @@ from robot_dynamics.model.regressor import random_states, TorqueRegressor
 from robot_dynamics.trajectories.evolution_strategy import minimize_by_rank
 from robot_dynamics.trajectories.excitation_limits import MotionLimits
 from robot_dynamics.trajectories.fourier_series import free_coefficients, series_basis, SeriesBasis
-from robot_dynamics.validation import FloatArray
 
 MOST_HARMONICS = 50
 RANDOM_MOTIONS = 20

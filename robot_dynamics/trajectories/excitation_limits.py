@@ -22,10 +22,11 @@ swing follows at once. Efforts are not: they are checked.
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.demo_motion import start_pose
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray
+from robot_dynamics.validation import check_scalar, check_vector
 
 LARGEST_SWING = np.pi
 """[rad] from the start, for joints without limits of position; [m] likewise."""

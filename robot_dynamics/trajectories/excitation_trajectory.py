@@ -22,12 +22,13 @@ interpolate, are the Fourier series to about a millionth.
 from dataclasses import dataclass
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.demo_motion import sample_trajectory
 from robot_dynamics.trajectories.excitation import Excitation
 from robot_dynamics.trajectories.interpolation import JointTrajectory, make_trajectory
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.validation import check_scalar
 
 POINTS_PER_PERIOD = 24
 """Points in a period of the fastest harmonic."""

@@ -24,6 +24,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import (
     InvalidInputError,
@@ -33,7 +34,6 @@ from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
     nanoseconds,
-    NANOSECONDS_PER_SECOND,
     TrajectoryPoint,
 )
 

@@ -28,8 +28,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.validation import check_scalar
 
 FEWEST_HARMONICS = 2
 

@@ -29,16 +29,16 @@ from math import ceil, copysign, pi
 from typing import Any, NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.trajectories.joint_trajectory import (
     check_end_in_future,
     JointTrajectory,
     make_trajectory,
     nanoseconds,
-    NANOSECONDS_PER_SECOND,
     TrajectoryPoint,
 )
-from robot_dynamics.validation import check_scalar, check_vector, FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
 __all__ = [
     'ActiveTrajectory', 'JointTrajectory', 'make_trajectory', 'position_coefficients',

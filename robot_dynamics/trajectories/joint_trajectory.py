@@ -29,16 +29,9 @@ import reprlib
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.validation import (
-    check_scalar,
-    check_unique,
-    check_vector,
-    FloatArray,
-    LARGEST_VALUE,
-)
-
-NANOSECONDS_PER_SECOND = 1_000_000_000
+from robot_dynamics.validation import check_scalar, check_unique, check_vector, LARGEST_VALUE
 
 # The range of the seconds in builtin_interfaces/Duration.
 _LONGEST_TIME = 2.0 ** 31

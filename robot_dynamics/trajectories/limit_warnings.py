@@ -17,10 +17,10 @@
 from collections.abc import Sequence
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.actuator import ActuatorLoad
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.trajectories.efforts import TrajectoryEfforts
-from robot_dynamics.validation import FloatArray
 
 
 def limit_warnings(

@@ -28,10 +28,9 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from robot_dynamics.joints.stiction import BoolArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import random_states
-from robot_dynamics.validation import FloatArray
 
 VELOCITY_SHARE = 0.5
 """Largest reference velocity as a share of the URDF's limit."""

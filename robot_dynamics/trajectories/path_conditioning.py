@@ -24,6 +24,7 @@ own is compared with the limits of the arm, and is followed exactly as it is, or
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -34,7 +35,6 @@ from robot_dynamics.trajectories.interpolation import (
 )
 from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.trajectories.segments import TrajectorySegments
-from robot_dynamics.validation import FloatArray
 
 _SAMPLES = 9
 _s, _k = np.linspace(0.0, 1.0, _SAMPLES), np.arange(6)

@@ -29,11 +29,10 @@ scaling); the comparison is our own.
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.trajectories.interpolation import position_coefficients, Reference
 from robot_dynamics.trajectories.joint_trajectory import TrajectoryPoint
 from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.validation import FloatArray
 
 _SAMPLES = 17
 _GROWTH, _DURATIONS = 1.15, 36
@@ -164,7 +163,7 @@ def _ways(
     return [coast, stop, _Leg(stop.end, goal, stop.since + stop.T, last)]
 
 
-def _left_out(which: npt.NDArray[np.bool_], leg: _Leg) -> _Leg:
+def _left_out(which: BoolArray, leg: _Leg) -> _Leg:
     """Return the leg without duration for `which` (n,) joints."""
     end = Reference(*(np.where(which, x, y) for x, y in zip(leg.start, leg.end)))
     return leg._replace(end=end, T=np.where(which, 0.0, leg.T))
@@ -181,7 +180,7 @@ def _rounded(T: FloatArray) -> FloatArray:
 
 def _shortest_durations(
     start: Reference, goal: Reference, limits: MotionLimits, T: FloatArray, shortest: float,
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """Return the shortest durations (n,) of a moving start, T at rest; and which are possible."""
     v, a = np.abs(start.velocity), np.abs(start.acceleration)
     base = 0.4 * np.maximum.reduce((
@@ -195,7 +194,7 @@ def _shortest_durations(
 
 def _compare(
     start: Reference, goal: Reference, T: FloatArray, limits: MotionLimits,
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """
     Return the largest share of a limit, (m, n), and whether a motion leaves the position limits.
 

@@ -32,6 +32,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
@@ -39,10 +40,9 @@ from robot_dynamics.trajectories.interpolation import (
     TrajectoryFollower,
     TrajectoryPoint,
 )
-from robot_dynamics.trajectories.joint_trajectory import nanoseconds, NANOSECONDS_PER_SECOND
+from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.motion_limits import EFFORT_SHARE, MotionLimits, VELOCITY_SHARE
 from robot_dynamics.trajectories.point_to_point import goal_points, meeting_points, stop_points
-from robot_dynamics.validation import FloatArray
 
 LONGEST_PERIOD = 0.5
 """[s] between two set-points of one stream."""

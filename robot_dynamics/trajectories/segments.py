@@ -15,15 +15,12 @@
 """The interpolation of `trajectory` at many samples on all segments at once."""
 
 import numpy as np
-import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     position_coefficients,
     Reference,
 )
-from robot_dynamics.validation import FloatArray
-
-IntArray = npt.NDArray[np.intp]
 
 _ORDERS = np.arange(6)
 
@@ -93,7 +90,7 @@ class TrajectorySegments:
 
 def _field(
     rows: list[FloatArray | None], position: FloatArray,
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """Return a field of all points (m, n), 0 where it is absent, and which points have it (m,)."""
     has = np.array([row is not None for row in rows], dtype=np.bool_)
     values = np.zeros_like(position)

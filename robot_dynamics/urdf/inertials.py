@@ -24,8 +24,8 @@ from typing import Protocol
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.urdf.values import number, pose, robot_element, vector
-from robot_dynamics.validation import FloatArray
 
 _UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 

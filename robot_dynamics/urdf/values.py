@@ -22,7 +22,8 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.validation import LARGEST_VALUE
 
 
 def rotation(rpy: FloatArray) -> FloatArray:

@@ -23,8 +23,9 @@ from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.urdf.values import number, pose, robot_element, vector
-from robot_dynamics.validation import FloatArray, LARGEST_VALUE
+from robot_dynamics.validation import LARGEST_VALUE
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, each in [0, 1]."""

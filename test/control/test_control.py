@@ -18,7 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains, wrap_to_pi
+from robot_dynamics.arrays import wrap_to_pi
+from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

@@ -19,7 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import ErrorFeedback, make_gains, wrap_angle, wrap_to_pi
+from robot_dynamics.arrays import wrap_angle, wrap_to_pi
+from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.control.segment_tracking import FEW, TrackingLaw
 from robot_dynamics.trajectories.interpolation import ActiveTrajectory, make_trajectory, Reference
 

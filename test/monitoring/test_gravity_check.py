@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains, wrap_to_pi
+from robot_dynamics.arrays import wrap_to_pi
+from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.actuator import make_actuators

@@ -30,7 +30,7 @@ from robot_dynamics.animation.chain_stage import (
     StageScales,
 )
 from robot_dynamics.animation.panels import EffortPanel, EnergyPanel
-from robot_dynamics.control.control_law import wrap_to_pi
+from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf

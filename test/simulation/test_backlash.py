@@ -19,6 +19,7 @@ from collections.abc import Callable
 from exact_backlash import ExactJoint
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
@@ -26,7 +27,6 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.validation import FloatArray
 
 M, J = 0.6, 0.2
 """Inertia of the one link, and of its motor on the joint side [kg·m²]."""

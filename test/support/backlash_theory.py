@@ -25,12 +25,12 @@ the picture of the documentation use the same runs.
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.validation import FloatArray
 from scipy.optimize import fsolve
 
 HALF_GAP = 0.01

@@ -18,7 +18,7 @@ from pathlib import Path
 import shutil
 
 import numpy as np
-from robot_dynamics.control.control_law import wrap_to_pi
+from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio as pin
 import pytest
-from robot_dynamics.control.control_law import wrap_to_pi
+from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload

@@ -26,6 +26,7 @@ import children
 from children import LONG
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -44,7 +45,6 @@ from robot_dynamics.trajectories.excitation_limits import LimitShares, motion_li
 from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
 from robot_dynamics.trajectories.fourier_series import series_basis
-from robot_dynamics.validation import FloatArray
 from robots import robot_path, robot_urdf
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint

@@ -19,8 +19,8 @@ from functools import cache
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
-import numpy.typing as npt
 import pytest
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -28,7 +28,6 @@ from robot_dynamics.model.regressor import random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories import motion_limits
 from robot_dynamics.trajectories.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
-from robot_dynamics.validation import FloatArray
 from robots import robot_urdf
 
 ARMS = ('default', 'ur10', 'panda')
@@ -60,7 +59,7 @@ def available(effort: FloatArray, gravity: FloatArray) -> FloatArray:
     return np.where(can_hold(effort, gravity)[..., np.newaxis], rest, np.inf)
 
 
-def can_hold(effort: FloatArray, gravity: FloatArray) -> npt.NDArray[np.bool_]:
+def can_hold(effort: FloatArray, gravity: FloatArray) -> BoolArray:
     return np.asarray((np.abs(gravity) <= (1.0 - LEAST_SHARE) * effort).all(axis=-1))
 
 

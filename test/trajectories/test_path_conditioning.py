@@ -23,6 +23,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -37,7 +38,6 @@ from robot_dynamics.trajectories.interpolation import (
 )
 from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory, SLOWEST
-from robot_dynamics.validation import FloatArray
 
 NAMES = ('joint1', 'joint2')
 ARM = load_arm(default_arm_urdf())

@@ -20,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
@@ -34,7 +35,6 @@ from robot_dynamics.trajectories.interpolation import (
 from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
-from robot_dynamics.validation import FloatArray
 from robots import robot_urdf
 
 NAMES = ('a', 'b')

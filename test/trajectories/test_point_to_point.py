@@ -20,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
@@ -35,7 +36,6 @@ from robot_dynamics.trajectories.point_to_point import (
     SHORTEST,
     stop_points,
 )
-from robot_dynamics.validation import FloatArray
 
 N = 3
 NAMES = ('a', 'b', 'c')

@@ -21,6 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.trajectories.interpolation import (
     ActiveTrajectory,
     JointTrajectory,
@@ -38,7 +39,6 @@ from robot_dynamics.trajectories.reference_generator import (
     ReferenceGenerator,
     whole,
 )
-from robot_dynamics.validation import FloatArray
 
 NAMES = ('a', 'b')
 SECOND = 1_000_000_000

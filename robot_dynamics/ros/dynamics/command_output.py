@@ -30,6 +30,7 @@ from typing import Any
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
+from robot_dynamics.arrays import any_of, FloatArray
 from robot_dynamics.control.controller import ControlOutput
 from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.supervisor import (
@@ -47,7 +48,6 @@ from robot_dynamics.ros.cdr_templates import (
 )
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.validation import any_of, FloatArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 

@@ -15,6 +15,7 @@
 """The check of the measured effort beside the control path of `dynamics`, until its verdict."""
 
 from rclpy.node import Node
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
@@ -23,7 +24,6 @@ from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in
 from robot_dynamics.ros.cdr_templates import SensedState
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_state_reader import JointStateReader
-from robot_dynamics.validation import FloatArray
 
 NAME = 'effort check'
 

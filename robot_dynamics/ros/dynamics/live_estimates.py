@@ -25,6 +25,7 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
@@ -37,7 +38,6 @@ from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.validation import all_finite, FloatArray
 from sensor_msgs.msg import JointState
 
 DEFAULT_BANDWIDTH = 10.0

@@ -17,10 +17,10 @@
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
 from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
-from robot_dynamics.validation import FloatArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 

@@ -27,11 +27,11 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller, ControlOutput
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.dynamics.marker_messages import drawn
-from robot_dynamics.validation import FloatArray
 from visualization_msgs.msg import MarkerArray
 
 PERIOD = 1.0 / 30.0

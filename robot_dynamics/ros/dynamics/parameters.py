@@ -14,6 +14,7 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.computed_torque import FRICTION_MODES
 from robot_dynamics.control.control_law import (
     DEFAULT_DAMPING_RATIO,
@@ -38,7 +39,6 @@ from robot_dynamics.ros.robot_description import (
     DESCRIPTION_SPECS,
     FRICTION_SPECS,
 )
-from robot_dynamics.validation import FloatArray
 
 SPECS = (
     *DESCRIPTION_SPECS,

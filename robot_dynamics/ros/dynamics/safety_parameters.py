@@ -17,11 +17,11 @@
 import math
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
-from robot_dynamics.validation import FloatArray
 
 FULL_EFFORT_TIME = 0.1
 """[s] in which the command may change by the effort limit of a joint, by default."""

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import QoSProfile
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -41,7 +42,7 @@ from robot_dynamics.trajectories.limit_warnings import (
     motor_warnings,
     worst_in_words,
 )
-from robot_dynamics.validation import check_scalar, FloatArray
+from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,

@@ -29,6 +29,7 @@ from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.cdr_templates import JointStateDecoder, stamp_bytes, state_template
 from robot_dynamics.ros.conversions import stamp_to_ros
@@ -36,12 +37,10 @@ from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
 from robot_dynamics.simulation.plant import Measured, Plant
-from robot_dynamics.validation import FloatArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 NEWEST_ONLY = QoSProfile(depth=1)
-NANOSECONDS_PER_SECOND = 1_000_000_000
 MAX_LAG = 0.1
 """[s] that the simulation may run late before it says so, and lets go of it."""
 FASTEST_PERIOD = 0.5

@@ -34,8 +34,9 @@ from ament_index_python.packages import get_package_share_directory, PackageNotF
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.recordings.reader import NANOSECONDS_PER_SECOND, RecordingWriter, TopicQos
+from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
 
 RECEIVE_DEPTH = 2000

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from robot_dynamics.analysis.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.reader import JointSeries, Recording
@@ -41,7 +42,6 @@ from robot_dynamics.tools.demo.session import (
     ROBOT_DESCRIPTION,
     Session,
 )
-from robot_dynamics.validation import FloatArray
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 
 CUTOFF = 5.0

@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.viewer.node import ViewerNode
 from robot_dynamics.tools.viewer.panel import ArmPanel
 from robot_dynamics.tools.viewer.requests import ball, force_on, motion_time, reference_to
 from robot_dynamics.tools.viewer.scene import ArmScene
-from robot_dynamics.validation import FloatArray
 from trajectory_msgs.msg import JointTrajectory
 
 SEND_PERIOD = 0.1

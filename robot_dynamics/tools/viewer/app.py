@@ -26,6 +26,7 @@ import time
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.sample_faults import counted
@@ -35,7 +36,6 @@ from robot_dynamics.tools.viewer.node import Heard, ViewerNode, worst_words
 from robot_dynamics.tools.viewer.panel import ArmPanel
 from robot_dynamics.tools.viewer.scene import ArmScene
 from robot_dynamics.tools.viewer.source import ArmSource, Description
-from robot_dynamics.validation import FloatArray
 from sensor_msgs.msg import JointState
 
 CAMERA = (1.1, -1.7, 0.8)

@@ -24,10 +24,10 @@ import math
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
-from robot_dynamics.validation import FloatArray
 
 Ask = Callable[[Callable[[], None]], None]
 """Has something done in the viewer's own thread."""

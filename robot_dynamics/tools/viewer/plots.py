@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.reporting.figures import LINES
-from robot_dynamics.validation import FloatArray
 
 SHOWN = 15.0
 """[s]"""

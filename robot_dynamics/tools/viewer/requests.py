@@ -19,11 +19,10 @@ import math
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
-from robot_dynamics.control.control_law import wrap_to_pi
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND, wrap_to_pi
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
-from robot_dynamics.validation import FloatArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 DENSITY = 2000.0
@@ -98,4 +97,5 @@ def force_on(link: str, force: FloatArray, R: FloatArray) -> WrenchStamped:
 
 def _duration(seconds: float) -> Duration:
     nanoseconds = round(1e9 * seconds)
-    return Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+    return Duration(sec=nanoseconds // NANOSECONDS_PER_SECOND,
+        nanosec=nanoseconds % NANOSECONDS_PER_SECOND)

@@ -25,12 +25,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.urdf.inertials import read_joint_origins
 from robot_dynamics.urdf.mesh_files import find_mesh
 from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere, Visual
-from robot_dynamics.validation import FloatArray
 import trimesh
 from visualization_msgs.msg import Marker
 

@@ -1,0 +1,60 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Types of arrays, and functions of arrays and angles that every layer shares."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+"""Time stamps [ns], counts and indices."""
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+def all_finite(values: FloatArray) -> bool:
+    """
+    Return whether the numbers of a vector, shape (n,), are all finite.
+
+    The control path checks every effort: their sum is finite without another array, and without
+    a warning; if it overflows, the numbers are checked one by one.
+    """
+    return math.isfinite(sum(values.tolist())) or bool(np.isfinite(values).all())
+
+
+def largest(values: FloatArray) -> float:
+    """Return the largest magnitude of a vector, shape (n,): infinite if one is not finite."""
+    numbers = values.tolist()
+    if not math.isfinite(sum(numbers)) and not np.isfinite(values).all():
+        return math.inf
+    return max(map(abs, numbers), default=0.0)
+
+
+def any_of(mask: BoolArray) -> bool:
+    """Return whether any of a few flags is set, shape (n,); quicker than numpy's `any` for few."""
+    return True in mask.tolist()
+
+
+def wrap_to_pi(angle: FloatArray) -> FloatArray:
+    """Return the angles [rad] in (−π, π] that are whole turns away, of the same shape."""
+    return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
+
+
+def wrap_angle(angle: float) -> float:
+    """Return the angle [rad] in (−π, π] that is whole turns away; NaN if it is not finite."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi) if math.isfinite(angle) else math.nan
