@@ -216,10 +216,14 @@ class FaultBench:
     def status(self, check: str) -> DiagnosticStatus | None:
         """Return the newest status of a check, None where there is none yet."""
         for message in reversed(self._diagnostics.messages):
-            for status in message.status:
-                if status.name == f'dynamics: {check}':
-                    return status
+            for status in self._statuses(message, check):
+                return status
         return None
+
+    def _statuses(self, message: DiagnosticArray, check: str) -> list[DiagnosticStatus]:
+        """Return the statuses of a check; other nodes may report on the same topic."""
+        return [status for status in message.status if status.name == f'dynamics: {check}'
+                and status.hardware_id == f'{self.namespace}/dynamics'.strip('/')]
 
     def wait_status(
         self, check: str, predicate: Callable[[DiagnosticStatus], bool], timeout: float = TIMEOUT,
@@ -232,8 +236,7 @@ class FaultBench:
         found: list[DiagnosticStatus] = []
 
         def look(message: Any) -> bool:
-            found[:] = [status for status in message.status
-                        if status.name == f'dynamics: {check}' and predicate(status)]
+            found[:] = filter(predicate, self._statuses(message, check))
             return bool(found)
 
         self._diagnostics.wait_for(look, timeout)
