@@ -17,7 +17,7 @@ The columns of a regression that belong to one joint alone: rotor, friction, dri
 
 They are linear in their parameters once widths and distances are fixed, so that many of them can
 be offered side by side, and the data choose a structure: which sigmoid, whether Coulomb friction
-has a presliding distance, whether friction grows with the load (`friction`, `gear_friction`).
+has a presliding distance, whether friction grows with the load (`friction`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.friction import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
 
 SIGMOID_VELOCITIES = (0.01, 0.03, 0.1, 0.3)
@@ -113,7 +114,7 @@ def joint_columns(
     columns[:, :, INERTIA], columns[:, :, VISCOUS], columns[:, :, OFFSET] = a, v, 1.0
     scale = np.array([scale_of(kind) for kind in kinds])
     for i, width in enumerate(SIGMOID_VELOCITIES):
-        direction = np.tanh(v / (width * scale))
+        direction = smooth_sign(v, width * scale)
         columns[:, :, _SIGMOID + i] = direction
         columns[:, :, _LOAD + i] = np.abs(load) * direction
     columns[:, :, _COULOMB] = np.sign(v)

@@ -25,7 +25,6 @@ from typing import Any
 from robot_dynamics.identification.friction_regressor import joint_estimate, JointEstimate
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.joints.friction import FRICTION_FIELDS
-from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 
 _DIGITS = 9
@@ -59,7 +58,7 @@ def parameter_values(
         'joints': list(arm.joint_names),
         'gravity': [float(x) for x in arm.engine.gravity.linear],
         **{f'friction.{field.name}': rounded([joint.friction[field.name] for joint in joints])
-           for field in (*FRICTION_FIELDS, *GEAR_FRICTION_FIELDS)
+           for field in FRICTION_FIELDS
            if field.name in joints[0].friction},
     }
     rotors = rounded([joint.reflected_inertia for joint in joints])

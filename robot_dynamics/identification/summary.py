@@ -24,7 +24,6 @@ from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.model_selection import PULLS
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.joints.friction import FRICTION_FIELDS
-from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.reporting.text_table import percent
 
@@ -79,7 +78,7 @@ def friction_rows(identification: Identification) -> Rows:
     """Return friction and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
     joints = joint_estimates(arm, fit)
-    shown = [field for field in (*FRICTION_FIELDS, *GEAR_FRICTION_FIELDS)
+    shown = [field for field in FRICTION_FIELDS
              if field.name in joints[0].friction]
     rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
     for name, joint in zip(arm.joint_names, joints):

@@ -17,15 +17,12 @@
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.joints.gear_friction import GearFriction, make_gear_friction
 
 __all__ = [
     'Actuators',
     'EffortConvention',
-    'GearFriction',
     'JointFriction',
     'make_actuators',
     'make_effort_convention',
     'make_friction',
-    'make_gear_friction',
 ]

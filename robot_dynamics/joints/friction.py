@@ -15,14 +15,25 @@
 """
 Friction at the joints, on the joint side of the gearbox.
 
-τ_f(v) = F_v v + [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o: viscous friction, Coulomb friction
-with the Stribeck effect, and an offset that makes it differ between the two directions. At rest,
-dry friction takes whatever value up to F_s holds the joint (`stiction`). Sources: B. Armstrong-
-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, sections 2 and 3 (Stribeck's curve
-in the Gaussian form); B. Siciliano et al., *Robotics*, Springer 2009, section 7.3.
+    τ_f = F_v v + [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o
+        + (F_a + μ |τ_load|) tanh(v/v_a) + F_b
+
+The first line is viscous friction, Coulomb friction with the Stribeck effect, and an offset by
+which friction differs between the two directions. At rest, dry friction has any value up to F_s
+that holds the joint (`stiction`). The second line is the friction of gears and drives, as
+identification finds it: a sigmoid of width v_a, a fraction μ of the load τ_load = M a + C v + g −
+Jᵀ f, as the teeth of a loaded gear press harder on each other, and the constant F_b of a sensor or
+drive. When the motion reverses, Coulomb friction changes its sign over the presliding distance d
+(`presliding`). Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7),
+1994, sections 2 and 3 (Stribeck's curve in the Gaussian form); B. Siciliano et al., *Robotics*,
+Springer 2009, section 7.3; P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with
+a dry friction model depending on load and velocity", IEEE/RSJ IROS 2010.
+
+A new friction parameter is a field of `JointFriction`, an entry of `FRICTION_FIELDS` and a term of
+`effort`, `load_behind`, `sliding` and `damping`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -34,14 +45,17 @@ from robot_dynamics.joints.parameter_field import ParameterField, per_joint_valu
 from robot_dynamics.validation import SMALLEST_DIVISOR
 
 SMOOTHING_VELOCITY = 0.01
-"""[rad/s] or [m/s] over which `smooth_effort` changes its sign."""
+"""[rad/s] or [m/s] over which the smooth sign of dry friction changes."""
 DEFAULT_STRIBECK_VELOCITY = 0.05
 """[rad/s] or [m/s]"""
+DEFAULT_SIGMOID_VELOCITY = 0.03
+"""[rad/s] or [m/s]"""
+LARGEST_LOAD_FRACTION = 0.95
 
 FRICTION_FIELDS = (
     ParameterField(
         'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6,
-        'Viscous friction F_v {unit}, one a joint or one for all. Empty: the '
+        'Viscous friction F_v {unit}, one value per joint or one for all. Empty: the '
         'damping of the URDF.', 'viscous'),
     ParameterField(
         'coulomb', '[N m] or [N]', None, 0.0, 1e6,
@@ -57,6 +71,27 @@ FRICTION_FIELDS = (
         'offset', '[N m] or [N]', 0.0, -1e6, 1e6,
         'Offset F_o {unit} by which friction differs between the directions; at most F_c '
         'in size. Empty: {default:g}.'),
+    ParameterField(
+        'sigmoid', '[N m] or [N]', 0.0, 0.0, 1e6,
+        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a), likewise. Empty: {default:g}.',
+        'sigmoid'),
+    ParameterField(
+        'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
+        'Velocity v_a {unit} over which that changes its sign. Empty: {default:g}.',
+        'its velocity', ('sigmoid', 'load')),
+    ParameterField(
+        'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
+        'Fraction of the load that friction takes, with the same smooth sign. Empty: '
+        '{default:g}.', 'load'),
+    ParameterField(
+        'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
+        'Constant part of the measured effort at any velocity {unit}, of any size: an offset of '
+        'sensor or drive. Empty: {default:g}.', 'offset'),
+    ParameterField(
+        'presliding_distance', '[rad] or [m]', 0.0, 0.0, 10.0,
+        'Distance {unit} over which Coulomb friction changes its sign after the motion reverses; '
+        'used where a whole motion is known, not in simulated_arm. Empty: {default:g}.',
+        'presliding', ('coulomb',)),
 )
 """The parameters of `JointFriction`, in its order."""
 
@@ -67,7 +102,9 @@ class JointFriction:
     Friction of n joints, each parameter (n,).
 
     `viscous` F_v [N·m·s/rad] or [N·s/m]; `coulomb` F_c, `static` F_s ≥ F_c and `offset` F_o with
-    |F_o| ≤ F_c, all [N·m] or [N]; `stribeck_velocity` v_s [rad/s] or [m/s].
+    |F_o| ≤ F_c, all [N·m] or [N]; `stribeck_velocity` v_s [rad/s] or [m/s]. Of gears and drives:
+    `sigmoid` F_a [N·m] or [N], `sigmoid_velocity` v_a [rad/s] or [m/s], `load` μ in [0, 1),
+    `effort_offset` F_b [N·m] or [N], `presliding_distance` d [rad] or [m].
     """
 
     viscous: FloatArray
@@ -75,21 +112,45 @@ class JointFriction:
     static: FloatArray
     stribeck_velocity: FloatArray
     offset: FloatArray
+    sigmoid: FloatArray
+    sigmoid_velocity: FloatArray
+    load: FloatArray
+    effort_offset: FloatArray
+    presliding_distance: FloatArray
 
     @cached_property
     def has_stribeck_effect(self) -> bool:
-        """Tell whether any joint needs more effort to break away than to slide on."""
+        """Whether any joint needs more effort to break away than to slide on."""
         return bool((self.static > self.coulomb).any())
 
     @cached_property
     def is_viscous(self) -> bool:
-        """Tell whether there is viscous friction alone, or none."""
-        return not (self.coulomb.any() or self.static.any() or self.offset.any())
+        """Whether there is viscous friction alone, or none."""
+        return not (self.is_dry or self.coulomb.any() or self.offset.any() or self.has_gear_terms)
+
+    @cached_property
+    def is_dry(self) -> bool:
+        """Whether any joint has dry friction."""
+        return bool(self.static.any())
+
+    @cached_property
+    def has_gear_terms(self) -> bool:
+        """Whether any joint has friction of gears and drives."""
+        return bool(self.sigmoid.any() or self.load.any() or self.effort_offset.any())
 
     @cached_property
     def is_zero(self) -> bool:
-        """Tell whether there is no friction."""
+        """Whether there is no friction."""
         return self.is_viscous and not self.viscous.any()
+
+    @property
+    def at_rest(self) -> 'JointFriction':
+        """The friction with all terms that may hold a joint at rest as static and offset."""
+        nothing = np.zeros_like(self.static)
+        return JointFriction(
+            self.viscous, self.coulomb, self.static + self.sigmoid, self.stribeck_velocity,
+            np.abs(self.offset) + np.abs(self.effort_offset), nothing, self.sigmoid_velocity,
+            nothing, nothing, nothing)
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the size of dry friction while a joint slides at v, shape (..., n) or (n,)."""
@@ -98,30 +159,109 @@ class JointFriction:
         ratio = v / self.stribeck_velocity
         return np.asarray(self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio))
 
-    def effort(self, v: FloatArray, sign: FloatArray | None = None) -> FloatArray:
+    def effort(
+        self, v: FloatArray, load: FloatArray | float = 0.0, sign: FloatArray | None = None,
+    ) -> FloatArray:
         """
         Return what actuators must add to overcome friction at the velocity v, shape (..., n).
 
-        Dry friction has the sign of v, 0 at rest, or `sign` (..., n) if it is given.
+        `load` (..., n) is the effort of the rigid bodies, M a + C v + g − Jᵀ f. Dry friction has
+        the sign of v, 0 at rest, or `sign` (..., n) if it is given.
         """
-        if self.is_viscous:
-            return np.asarray(self.viscous * v)
-        direction = np.sign(v) if sign is None else sign
-        return np.asarray(self.viscous * v + self.dry(v) * direction + self.offset)
+        effort = self._joint_effort(v, sign)
+        if not self.has_gear_terms:
+            return effort
+        return effort + (self._gear_size(load) * smooth_sign(v, self.sigmoid_velocity)
+                         + self.effort_offset)
 
     def smooth_effort(
-        self, v: FloatArray, smoothing_velocity: float = SMOOTHING_VELOCITY,
+        self, v: FloatArray, load: FloatArray | float = 0.0,
+        smoothing_velocity: float = SMOOTHING_VELOCITY,
     ) -> FloatArray:
         """
         Return the same with the sigmoid tanh(v / smoothing_velocity) for the sign, (..., n).
 
         For a control law, whose effort must not chatter between two signs around rest, and for
-        identification, where the sign of a noisy velocity says nothing.
+        identification, where the sign of a noisy velocity has no meaning.
         """
-        return self.effort(v, sigmoid(v, smoothing_velocity))
+        return self.effort(v, load, smooth_sign(v, smoothing_velocity))
+
+    def load_behind(
+        self, v: FloatArray, effort: FloatArray, sign: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the load (..., n) that a joint effort leaves after friction: `effort` solved."""
+        return self._load_behind_gears(v, effort - self._joint_effort(v, sign))
+
+    def without_dry(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """
+        Return what an effort (n,) leaves for rigid bodies and dry friction at the velocity v.
+
+        Dry friction of sliding joints counts as part of the effort that the gears transmit.
+        """
+        left = effort - self.viscous * v - self.offset
+        if not self.has_gear_terms:
+            return left
+        transmitted = left - self.dry(v) * np.sign(v)
+        return left - transmitted + self._load_behind_gears(v, transmitted)
+
+    def sliding(
+        self, effort: FloatArray, direction: FloatArray, is_stribeck_active: bool,
+    ) -> Callable[[FloatArray], FloatArray]:
+        """
+        Return the load behind a constant effort (n,), as a function of the velocity (..., n).
+
+        Dry friction has the `direction` (n,) of sliding, 0 where there is none, whatever the sign
+        of the velocity. Without `is_stribeck_active` it is F_c.
+        """
+        base, F_v = effort - self.offset, self.viscous
+        if not (self.is_dry or F_v.any()):
+            return lambda v: self._load_behind_gears(v, base)
+        base = base - direction * self.coulomb
+        rise, rate = direction * (self.static - self.coulomb), 1.0 / self.stribeck_velocity
+
+        def load(v: FloatArray) -> FloatArray:
+            left = base - F_v * v
+            if is_stribeck_active:
+                ratio = v * rate
+                left = left - rise * np.exp(-ratio * ratio)
+            return self._load_behind_gears(v, left)
+
+        return load
+
+    def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
+        """
+        Return the viscous friction (..., n) that is as large as all smooth friction but F_b.
+
+        It is F_v + (F_a + μ |load|) tanh(v / v_a) / v; at rest tanh(v / v_a) / v is 1 / v_a.
+        """
+        if not self.has_gear_terms:
+            return self.viscous
+        ratio = v / self.sigmoid_velocity
+        with np.errstate(invalid='ignore', divide='ignore'):
+            mean_slope = np.where(np.abs(ratio) < 1e-4, 1.0, np.tanh(ratio) / ratio)
+        return np.asarray(
+            self.viscous + self._gear_size(load) * mean_slope / self.sigmoid_velocity)
+
+    def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
+        """Return the first line of the law."""
+        if not (self.is_dry or self.offset.any()):
+            return np.asarray(self.viscous * v)
+        direction = np.sign(v) if sign is None else sign
+        return np.asarray(self.viscous * v + self.dry(v) * direction + self.offset)
+
+    def _gear_size(self, load: FloatArray | float) -> FloatArray:
+        return np.asarray(self.sigmoid + self.load * np.abs(load))
+
+    def _load_behind_gears(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """Return the load that an effort leaves after the second line of the law."""
+        if not self.has_gear_terms:
+            return effort
+        direction = smooth_sign(v, self.sigmoid_velocity)
+        left = effort - self.sigmoid * direction - self.effort_offset
+        return np.asarray(left / (1.0 + self.load * direction * np.sign(left)))
 
 
-def sigmoid(v: FloatArray, smoothing_velocity: float) -> FloatArray:
+def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatArray:
     """Return 2 / (1 + exp(−2 v / v_0)) − 1 = tanh(v / v_0): the sign of v, smooth around 0."""
     return np.asarray(np.tanh(v / smoothing_velocity))
 
@@ -134,44 +274,61 @@ def make_friction(
     stribeck_velocity: Any = (),
     offset: Any = (),
     default: JointFriction | None = None,
+    **gears: Any,
 ) -> JointFriction:
     """
     Return checked friction; each parameter is (n,), one value for all joints, or empty.
 
-    Empty means: as in `default`, or none. A static friction left out is the Coulomb friction.
-    Raises InvalidInputError, naming field, joint and value, on another number of values, a
-    negative one, F_s < F_c, v_s = 0, or |F_o| > F_c: such friction would create energy.
+    `gears` are the parameters of gears and drives, by their names in `FRICTION_FIELDS`. Empty
+    means: as in `default`, or the default of the field, or none; an empty `static` is `coulomb`.
+    Raises InvalidInputError that names field, joint and value: on another number of values, a
+    value outside its bounds, F_s < F_c, or |F_o| > F_c, as such friction would create energy.
     """
-    n = len(joint_names)
-
-    def values(label: str, value: Any, otherwise: FloatArray) -> FloatArray:
-        return per_joint_values(label, value, joint_names, otherwise)
-
-    nothing = np.zeros(n)
-    F_v = values('friction.viscous', viscous, nothing if default is None else default.viscous)
-    F_c = values('friction.coulomb', coulomb, nothing if default is None else default.coulomb)
-    keeps_static = default is not None and len(coulomb) == 0
-    F_s = values(
-        'friction.static', static, default.static if default is not None and keeps_static else F_c)
-    v_s = values(
-        'friction.stribeck_velocity', stribeck_velocity,
-        np.full(n, DEFAULT_STRIBECK_VELOCITY) if default is None else default.stribeck_velocity)
-    F_o = values('friction.offset', offset, nothing if default is None else default.offset)
-    _refuse(joint_names, 'friction.viscous', F_v, F_v < 0.0, 'a number >= 0')
-    _refuse(joint_names, 'friction.coulomb', F_c, F_c < 0.0, 'a number >= 0')
-    _refuse(joint_names, 'friction.static', F_s, F_s < F_c,
-            'at least friction.coulomb of that joint')
-    _refuse(joint_names, 'friction.stribeck_velocity', v_s, v_s < SMALLEST_DIVISOR,
-            f'a number > 0, at least {SMALLEST_DIVISOR:g}')
-    _refuse(joint_names, 'friction.offset', F_o, np.abs(F_o) > F_c,
-            'at most friction.coulomb of that joint in size, or friction would create energy')
-    return JointFriction(F_v, F_c, F_s, v_s, F_o)
+    given = {'viscous': viscous, 'coulomb': coulomb, 'static': static,
+             'stribeck_velocity': stribeck_velocity, 'offset': offset, **gears}
+    names = [field.name for field in FRICTION_FIELDS]
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise InvalidInputError(f'friction.{unknown[0]} is unknown, expected one of {names}')
+    values: dict[str, FloatArray] = {}
+    for field in FRICTION_FIELDS:
+        otherwise = np.full(len(joint_names), field.default or 0.0)
+        if default is not None:
+            otherwise = getattr(default, field.name)
+        if field.name == 'static' and (default is None or len(coulomb)):
+            otherwise = values['coulomb']
+        values[field.name] = per_joint_values(
+            f'friction.{field.name}', given.get(field.name, ()), joint_names, otherwise)
+    friction = JointFriction(**values)
+    _check(joint_names, friction)
+    return friction
 
 
-def _refuse(
-    names: Sequence[str], field: str, values: FloatArray, bad: Any, expected: str,
-) -> None:
-    if np.any(bad):
-        joint = int(np.argmax(bad))
-        raise InvalidInputError(
-            f'{field} of {names[joint]!r} is {values[joint]:g}, expected {expected}')
+def _check(joint_names: Sequence[str], friction: JointFriction) -> None:
+    """Raise InvalidInputError for a value outside its bounds."""
+    F_c = friction.coulomb
+    expected = {
+        'viscous': (friction.viscous >= 0.0, 'a number >= 0'),
+        'coulomb': (F_c >= 0.0, 'a number >= 0'),
+        'static': (friction.static >= F_c, 'at least friction.coulomb of that joint'),
+        'stribeck_velocity': (
+            friction.stribeck_velocity >= SMALLEST_DIVISOR,
+            f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
+        'offset': (
+            np.abs(friction.offset) <= F_c,
+            'at most friction.coulomb of that joint in size, or friction would create energy'),
+        'sigmoid': (friction.sigmoid >= 0.0, 'a number >= 0'),
+        'sigmoid_velocity': (
+            friction.sigmoid_velocity >= SMALLEST_DIVISOR,
+            f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
+        'load': (
+            (friction.load >= 0.0) & (friction.load <= LARGEST_LOAD_FRACTION),
+            f'a number in [0, {LARGEST_LOAD_FRACTION:g}]'),
+        'presliding_distance': (friction.presliding_distance >= 0.0, 'a number >= 0'),
+    }
+    for field, (is_valid, words) in expected.items():
+        if not is_valid.all():
+            joint = int(np.argmin(is_valid))
+            raise InvalidInputError(
+                f'friction.{field} of {joint_names[joint]!r} is '
+                f'{getattr(friction, field)[joint]:g}, expected {words}')

@@ -23,7 +23,7 @@ generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11), 2005.
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import sigmoid, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
 
 
 def presliding_state(
@@ -34,11 +34,11 @@ def presliding_state(
     Return z along a motion, (m, n): what the sign of Coulomb friction is at each sample.
 
     `position` (m, n) [rad] or [m] and `velocity` are in the order of time, `distance` (n,) is d.
-    A joint with d = 0 has the smooth sign of its velocity (`friction.sigmoid`). `state` (n,) is z
-    at the first sample; None takes the sign of the first velocity, as nothing is known of what
-    was before.
+    A joint with d = 0 has the smooth sign of its velocity (`friction.smooth_sign`). `state` (n,)
+    is z at the first sample; None takes the sign of the first velocity, as nothing is known of
+    what was before.
     """
-    z = sigmoid(velocity, SMOOTHING_VELOCITY)
+    z = smooth_sign(velocity, SMOOTHING_VELOCITY)
     if len(z) == 0:
         return z
     for joint in np.flatnonzero(distance > 0.0):

@@ -24,7 +24,6 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.joints.gear_friction import GearFriction
 from robot_dynamics.model.joint_coordinates import JointCoordinates
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
@@ -77,7 +76,6 @@ class ArmModel:
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
-    gear_friction: GearFriction | None = None
 
     def __repr__(self) -> str:
         loads = ''.join(f', {payload!r}' for payload in self.payloads)
@@ -103,14 +101,6 @@ class ArmModel:
         ratios = {name: gear_ratio(name, self.reductions) for name in self.joint_names}
         return {name: ratio for name, ratio in ratios.items() if ratio is not None}
 
-    @property
-    def friction_at_rest(self) -> JointFriction:
-        """The friction with all that may hold a joint at rest, of joint and gear, as static."""
-        gears = self.gear_friction
-        return self.friction if gears is None else replace(
-            self.friction, static=self.friction.static + gears.sigmoid,
-            offset=np.abs(self.friction.offset) + np.abs(gears.effort_offset))
-
     def link_frame(self, link: str, field: str = 'frame_id') -> pin.Frame:
         """Return Pinocchio's frame of a link; raise InvalidInputError for an unknown one."""
         if link not in self.link_names:
@@ -121,10 +111,6 @@ class ArmModel:
     def with_friction(self, friction: JointFriction) -> 'ArmModel':
         """Return this arm with this friction in place of that of the URDF."""
         return replace(self, friction=friction)
-
-    def with_gear_friction(self, friction: GearFriction) -> 'ArmModel':
-        """Return this arm with this friction of its gears on top of that of its joints."""
-        return replace(self, gear_friction=None if friction.is_zero else friction)
 
     def with_actuators(self, actuators: Actuators) -> 'ArmModel':
         """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""

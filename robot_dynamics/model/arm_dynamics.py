@@ -16,8 +16,7 @@
 What the actuators of an arm must deliver: rigid bodies and friction together.
 
 τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f; τ is on the joint side of the gearbox.
-Friction is that of the joints (`friction`), and of gears and drives (`gear_friction`), which
-depends on the load, too: what the joints bear of rigid bodies, M q̈ + C q̇ + g − Jᵀ f.
+Friction (`friction`) may depend on the load: the effort of the rigid bodies, M q̈ + C q̇ + g − Jᵀ f.
 """
 
 from collections.abc import Sequence
@@ -27,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
@@ -66,8 +66,7 @@ class UncheckedArmDynamics:
         self.friction = arm.friction
         self._dry = arm.friction.static > 0.0
         self._is_dry = bool(self._dry.any())
-        self._gears = arm.gear_friction
-        self.is_frictionless = self.friction.is_zero and self._gears is None
+        self.is_frictionless = self.friction.is_zero
 
     def inverse_dynamics(
         self, q: FloatArray, v: FloatArray, a: FloatArray,
@@ -93,16 +92,15 @@ class UncheckedArmDynamics:
         smooth: bool = False,
     ) -> FloatArray:
         """
-        Return the friction (..., n) of joints and gears at the velocity v.
+        Return the friction (..., n) at the velocity v.
 
-        `load` (..., n) is what the joints bear of rigid bodies. `sign` (..., n) takes the place of
-        the sign of v in dry friction, where it is given (`presliding`); `smooth` has a sigmoid
-        there (`JointFriction.smooth_effort`).
+        `load` (..., n) is the effort of the rigid bodies. `sign` (..., n), if given, replaces the
+        sign of v in dry friction (`presliding`); `smooth` replaces it by a sigmoid
+        (`JointFriction.smooth_effort`).
         """
-        friction = self.friction
-        smooth = smooth and sign is None
-        effort = friction.smooth_effort(v) if smooth else friction.effort(v, sign)
-        return effort if self._gears is None else effort + self._gears.effort(v, load)
+        if smooth and sign is None:
+            return self.friction.smooth_effort(v, load)
+        return self.friction.effort(v, load, sign)
 
     def friction_along(
         self, q: FloatArray, v: FloatArray, load: FloatArray, state: FloatArray | None = None,
@@ -114,9 +112,10 @@ class UncheckedArmDynamics:
         distance, dry friction follows the displacement since the motion turned round
         (`presliding_state`), with `state` (n,) at the first sample.
         """
-        if self._gears is None or not self._gears.presliding_distance.any():
+        distance = self.friction.presliding_distance
+        if not distance.any():
             return self.friction_effort(v, load, smooth=True)
-        sign = presliding_state(q, v, self._gears.presliding_distance, state)
+        sign = presliding_state(q, v, distance, state)
         return self.friction_effort(v, load, sign)
 
     def forward_dynamics(
@@ -133,7 +132,7 @@ class UncheckedArmDynamics:
         if self._is_dry and bool((self._dry & (v == 0.0)).any()):
             return self._acceleration_from_rest(q, v, tau, wrenches)
         if not self.is_frictionless:
-            tau = self._load_of(v, tau - self.friction.effort(v))
+            tau = self.friction.load_behind(v, tau)
         return self.rigid_body.forward_dynamics(q, v, tau, wrenches)
 
     def load_behind(self, v: FloatArray, effort: FloatArray) -> FloatArray:
@@ -142,22 +141,14 @@ class UncheckedArmDynamics:
 
         For measured motions: around rest the sign is smooth.
         """
-        return self._load_of(v, effort - self.friction.smooth_effort(v))
-
-    def _load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return what an effort leaves for the rigid bodies after the friction of gears."""
-        return effort if self._gears is None else self._gears.load_of(v, effort)
+        return self.friction.load_behind(v, effort, smooth_sign(v, SMOOTHING_VELOCITY))
 
     def _acceleration_from_rest(
         self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Sequence[ExternalWrench],
     ) -> FloatArray:
         body, friction = self.rigid_body, self.friction
         M, sliding = body.mass_matrix(q), friction.dry(v)
-        effort = tau - friction.viscous * v - friction.offset
-        if self._gears is not None:  # they take a share of what the dry friction of moving joints
-            passed = effort - sliding * np.sign(v)  # leaves
-            effort = effort - passed + self._gears.load_of(v, passed)
-        effort = effort - body.nonlinear(q, v)
+        effort = friction.without_dry(v, tau) - body.nonlinear(q, v)
         if wrenches:
             effort = effort - body.external(q, wrenches)
         try:
@@ -261,7 +252,7 @@ class ArmDynamics(ManipulatorEquation):
         self, v: npt.ArrayLike, load: npt.ArrayLike, smooth: bool = False,
     ) -> FloatArray:
         """
-        Return the friction of joints and gears at the velocity v, [N·m] or [N].
+        Return the friction at the velocity v, [N·m] or [N].
 
         v and `load`, the effort of the rigid bodies M a + C v + g − Jᵀ f, are both (n,) or both
         (samples, n). With `smooth`, dry friction is a sigmoid of the velocity around rest.

@@ -30,7 +30,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.joints.gear_friction import GearFriction, make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
@@ -89,12 +88,10 @@ def arm_from_parameters(
     def of_joints(name: str) -> Sequence[float]:
         return _of_joints(values, name, whole, names)
 
-    friction, gears, motors = (
+    friction, motors = (
         {field.name: of_joints(f'{group}.{field.name}') for field in fields(kind)}
-        for group, kind in (
-            ('friction', JointFriction), ('friction', GearFriction), ('actuator', Actuators)))
+        for group, kind in (('friction', JointFriction), ('actuator', Actuators)))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
-    arm = arm.with_gear_friction(make_gear_friction(names, **gears))
     if not any(len(value) for value in motors.values()):
         return arm
     if len(motors['torque_constant']) and not len(motors['gear_ratio']):

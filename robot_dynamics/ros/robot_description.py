@@ -22,7 +22,6 @@ from pathlib import Path
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.friction import FRICTION_FIELDS
-from robot_dynamics.joints.gear_friction import GEAR_FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
@@ -53,7 +52,7 @@ FRICTION_SPECS = tuple(
     ParameterSpec(
         f'friction.{field.name}', Type.DOUBLE_ARRAY, [], field.description, read_only=True,
         minimum=field.minimum, maximum=field.maximum)
-    for field in (*FRICTION_FIELDS, *GEAR_FRICTION_FIELDS))
+    for field in FRICTION_FIELDS)
 
 
 def _actuator_spec(field: str, description: str, low: float, high: float) -> ParameterSpec:

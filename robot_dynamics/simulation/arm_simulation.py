@@ -63,7 +63,6 @@ class ArmSimulation:
 
         `max_step` [s] bounds the step of integration. Raises InvalidInputError.
         """
-        _check_gears(arm)
         n, names = arm.joint_count, arm.joint_names
         limits = arm.limits
         home = np.clip(np.zeros(n), limits.lower, limits.upper)
@@ -235,17 +234,3 @@ class ArmSimulation:
         return InvalidInputError(
             f'the motion from position {self._now.q.tolist()} has no finite solution ({reason}), '
             'expected every joint to move some mass or inertia, and efforts that it can bear')
-
-
-def _check_gears(arm: ArmModel) -> None:
-    """Raise InvalidInputError for gears with play whose friction depends on the load."""
-    if arm.gear_friction is None or arm.actuators is None:
-        return
-    both = (arm.gear_friction.load > 0.0) & (arm.actuators.backlash > 0.0)
-    if both.any():
-        joint = int(np.argmax(both))
-        raise InvalidInputError(
-            f'actuator.backlash of {arm.joint_names[joint]!r} is '
-            f'{arm.actuators.backlash[joint]:g} and friction.load '
-            f'{arm.gear_friction.load[joint]:g}, expected at most one of them other than 0: '
-            'teeth that part have no load, and the simulation does not cover both')

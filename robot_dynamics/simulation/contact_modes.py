@@ -56,10 +56,9 @@ class ContactModeSolver:
         self._rubs = friction.static > 0.0
         self._falls_below = np.where(
             friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
-        gears = forces.gears
-        self._rises_below = self._nowhere if gears is None else np.where(
-            (gears.sigmoid > 0.0) | (gears.load > 0.0),
-            _SIGMOID_RANGE * gears.sigmoid_velocity, 0.0)
+        self._rises_below = np.where(
+            (friction.sigmoid > 0.0) | (friction.load > 0.0),
+            _SIGMOID_RANGE * friction.sigmoid_velocity, 0.0)
         self.can_be_steep = friction.has_stribeck_effect or bool(self._rises_below.any())
         """Whether friction of some joint changes fast with speed, at some speed."""
         self.free = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none, False)

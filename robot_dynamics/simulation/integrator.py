@@ -123,7 +123,7 @@ class Motion:
     def _stiffness(self, q: FloatArray, h: float, modes: GearModes) -> float:
         """Return a bound of (relaxation rate of the moving joints) × h; stuck joints have none."""
         forces = self._forces
-        in_gears = modes.is_steep and forces.gears is not None
+        in_gears = modes.is_steep and forces.friction.has_gear_terms
         if not (forces.is_damped or in_gears):
             return 0.0
         bound = self._damping_bound * h
@@ -152,7 +152,7 @@ class Motion:
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
         stiffness = self._stiffness(state.q, h, modes)
-        if modes.is_steep and self._forces.gears is not None and stiffness > STIFF:
+        if modes.is_steep and self._forces.friction.has_gear_terms and stiffness > STIFF:
             end, correction = self._damped(state, q, v, h, acceleration, modes)
             if correction <= _CREEP_TOLERANCE:
                 return end

@@ -20,10 +20,12 @@ do not act on their joints, and their rotors do not move with them.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.stiction import hold, Modes
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench, UncheckedRigidBody
@@ -65,16 +67,15 @@ class JointForces:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
         self.play = Backlash.of(dynamics.arm.actuators)
         self.is_damped = bool(self.friction.viscous.any())
-        self.is_dry = bool(self.friction.static.any())
-        self.gears = dynamics.arm.gear_friction
-        self.is_frictionless = not (self.is_dry or self.is_damped) and self.gears is None
+        self.is_dry = self.friction.is_dry
+        self.is_frictionless = self.friction.is_zero
         self._arm = dynamics.arm
         self._bodies: dict[bytes, UncheckedRigidBody] = {}
+        self._frictions: dict[bytes, JointFriction] = {}
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
         """Let these efforts of the motors (n,) and wrenches act from now on."""
         self.tau, self.wrenches = tau, wrenches
-        self.joint_tau = tau - self.friction.offset
 
     def kinetic_energy(self, state: MotionState) -> float:
         """Return that of links and rotors [J]."""
@@ -101,48 +102,33 @@ class JointForces:
             self._bodies[key] = UncheckedRigidBody(self._arm.with_rotors_apart(opened))
         return self._bodies[key]
 
+    def friction_with(self, opened: BoolArray) -> JointFriction:
+        """Return the friction without the part of the load where teeth transmit none."""
+        if not (opened & (self.friction.load > 0.0)).any():
+            return self.friction
+        key = opened.tobytes()
+        if key not in self._frictions:
+            self._frictions[key] = replace(
+                self.friction, load=np.where(opened, 0.0, self.friction.load))
+        return self._frictions[key]
+
     def effort(self, q: FloatArray, v: FloatArray, opened: BoolArray) -> FloatArray:
-        """Return what is left to accelerate the joints, but for dry friction (`choose_modes`)."""
-        body = self.body
-        effort = self.joint_tau - body.nonlinear(q, v) - self.friction.viscous * v
-        if opened.any():
-            effort = effort - self.tau * opened
-        if self.gears is not None:
-            passed = self.joint_tau - self.tau * opened - self.friction.viscous * v - (
-                self.friction.dry(v) * np.sign(v))
-            effort = effort - passed + self.gears.load_of(v, passed)
-        return effort - body.external(q, self.wrenches) if self.wrenches else effort
+        """Return the effort that accelerates the joints, without dry friction."""
+        tau = np.where(opened, 0.0, self.tau)
+        effort = self.friction_with(opened).without_dry(v, tau) - self.body.nonlinear(q, v)
+        return effort - self.body.external(q, self.wrenches) if self.wrenches else effort
 
     def after_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
-        """Return what sliding friction leaves of the efforts at the joints, (..., n), by v."""
-        passed, gears = self._after_joint_friction(modes), self.gears
-        return passed if gears is None else lambda v: gears.load_of(v, passed(v))
-
-    def _after_joint_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
-        friction, direction = self.friction, modes.joints.direction
-        tau = self.joint_tau
-        if self.play is not None:
-            tau = np.where(modes.open, -friction.offset, tau)
-        if not (self.is_dry or self.is_damped):
-            return lambda v: tau
-        F_v, base = friction.viscous, tau - direction * friction.coulomb
-        if not modes.is_steep:
-            return lambda v: base - F_v * v
-        rise, rate = direction * (friction.static - friction.coulomb), (
-            1.0 / friction.stribeck_velocity)
-
-        def remaining(v: FloatArray) -> FloatArray:
-            ratio = v * rate
-            return np.asarray(base - F_v * v - rise * np.exp(-ratio * ratio))
-
-        return remaining
+        """Return the efforts at the joints after sliding friction, (..., n), by v."""
+        tau = self.tau if self.play is None else np.where(modes.open, 0.0, self.tau)
+        return self.friction_with(modes.open).sliding(
+            tau, modes.joints.direction, modes.is_steep)
 
     def damping(self, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the viscous friction (n,) that is as large as all smooth friction at v."""
-        if self.gears is None:
+        if not self.friction.has_gear_terms:
             return self.friction.viscous
-        return np.asarray(
-            self.friction.viscous + self.gears.damping(v, self.after_friction(modes)(v)))
+        return self.friction_with(modes.open).damping(v, self.after_friction(modes)(v))
 
     def rubbing(self, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return sliding friction (..., n) at the velocities v."""

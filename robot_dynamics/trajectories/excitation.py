@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import sigmoid
+from robot_dynamics.joints.friction import smooth_sign
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.base_parameters import find_base_parameters
@@ -132,7 +132,7 @@ class ConditionNumber:
         m, n = q.shape
         joints = np.zeros((m, n, 4, n))
         j = np.arange(n)
-        for kind, column in enumerate((a, v, sigmoid(v, SMOOTHING_VELOCITY), np.ones_like(v))):
+        for kind, column in enumerate((a, v, smooth_sign(v, SMOOTHING_VELOCITY), np.ones_like(v))):
             joints[:, j, kind, j] = column
         bodies = self._regressor(q, v, a)
         return np.concatenate((bodies, joints.reshape(m, n, 4 * n)), axis=2).reshape(m * n, -1)

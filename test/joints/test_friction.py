@@ -14,12 +14,19 @@
 
 """Friction: its curve, its checks, and what it does to an arm in motion."""
 
+from dataclasses import fields
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import JointFriction, make_friction, sigmoid
+from robot_dynamics.joints.friction import (
+    FRICTION_FIELDS,
+    JointFriction,
+    make_friction,
+    smooth_sign,
+)
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -83,7 +90,7 @@ def test_the_smooth_curve_is_the_curve_away_from_rest(speed: float, sign: float)
 
 def test_the_sigmoid_of_identification() -> None:
     v = np.linspace(-0.1, 0.1, 41)
-    assert sigmoid(v, 0.02) == pytest.approx(2.0 / (1.0 + np.exp(-100.0 * v)) - 1.0, abs=1e-14)
+    assert smooth_sign(v, 0.02) == pytest.approx(2.0 / (1.0 + np.exp(-100.0 * v)) - 1.0, abs=1e-14)
 
 
 @pytest.mark.parametrize(('field', 'value', 'words'), [
@@ -107,6 +114,73 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
     changed = make_friction(NAMES, coulomb=[4.0], default=default)
     assert changed.static.tolist() == [4.0, 4.0]  # not below the new Coulomb friction
     assert changed.viscous.tolist() == [0.5, 0.0]
+
+
+def test_the_table_of_fields_is_that_of_the_class() -> None:
+    assert [field.name for field in FRICTION_FIELDS] == [
+        field.name for field in fields(JointFriction)]
+
+
+def test_an_empty_parameter_has_the_default_of_its_field() -> None:
+    friction = make_friction(NAMES)
+    assert friction.is_zero
+    for field in FRICTION_FIELDS:
+        assert getattr(friction, field.name).tolist() == [field.default or 0.0] * len(NAMES)
+        if field.default is not None:
+            assert f'Empty: {field.default:g}.' in field.description
+
+
+def test_an_unknown_parameter_is_refused_by_name() -> None:
+    with pytest.raises(InvalidInputError, match='friction.stribek is unknown, expected one of'):
+        make_friction(NAMES, stribek=[1.0])
+
+
+# --- the forms of the law ------------------------------------------------------------------------
+
+EVERY_TERM = make_friction(
+    NAMES, [0.5, 0.2], [2.0, 1.0], [3.0, 1.5], [0.1, 0.2], [0.3, -0.2], sigmoid=[1.5, 0.5],
+    sigmoid_velocity=[0.05, 0.1], load=[0.1, 0.3], effort_offset=[0.4, -2.0])
+signed = st.floats(1e-3, 3.0).flatmap(lambda x: st.sampled_from([-x, x]))
+
+
+@laws
+@given(signed, signed, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_a_sliding_joint_leaves_the_load_whose_friction_it_has(
+    v1: float, v2: float, load1: float, load2: float,
+) -> None:
+    v, load = np.array([v1, v2]), np.array([load1, load2])
+    effort = load + EVERY_TERM.effort(v, load)
+    sliding = EVERY_TERM.sliding(effort, np.sign(v), True)
+    assert sliding(v) == pytest.approx(load, rel=1e-12, abs=1e-12)
+    assert sliding(np.array([v, v])) == pytest.approx(np.array([load, load]), rel=1e-12, abs=1e-12)
+    assert EVERY_TERM.load_behind(v, effort) == pytest.approx(load, rel=1e-12, abs=1e-12)
+    without_dry = EVERY_TERM.without_dry(v, effort)
+    assert without_dry - EVERY_TERM.dry(v) * np.sign(v) == pytest.approx(
+        load, rel=1e-12, abs=1e-12)
+
+
+@laws
+@given(signed, signed, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_the_damping_is_the_slope_of_the_smooth_terms(
+    v1: float, v2: float, load1: float, load2: float,
+) -> None:
+    v, load = np.array([v1, v2]), np.array([load1, load2])
+    smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset - EVERY_TERM.effort_offset
+    assert EVERY_TERM.damping(v, load) * v == pytest.approx(smooth, rel=1e-9, abs=1e-12)
+
+
+def test_beyond_the_stribeck_range_sliding_friction_is_coulomb_friction() -> None:
+    effort, v = np.array([20.0, -5.0]), np.array([0.9, -1.8])  # 9 v_s
+    fast, exact = (
+        EVERY_TERM.sliding(effort, np.sign(v), is_active)(v) for is_active in (False, True))
+    assert fast == pytest.approx(exact, rel=1e-12)
+
+
+def test_friction_at_rest_holds_with_all_its_terms() -> None:
+    at_rest = EVERY_TERM.at_rest
+    assert at_rest.static.tolist() == [4.5, 2.0]
+    assert at_rest.offset == pytest.approx(np.array([0.7, 2.2]))
+    assert not at_rest.has_gear_terms
 
 
 # --- sticking ------------------------------------------------------------------------------------

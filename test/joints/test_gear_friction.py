@@ -14,8 +14,6 @@
 
 """Friction of gears and drives: its laws, in inverse and forward dynamics, and presliding."""
 
-from dataclasses import fields
-
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -24,12 +22,7 @@ from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
-from robot_dynamics.joints.gear_friction import (
-    GEAR_FRICTION_FIELDS,
-    GearFriction,
-    make_gear_friction,
-)
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -43,14 +36,13 @@ values = st.floats(-5.0, 5.0)
 
 
 def gears(**changes):
-    return make_gear_friction(NAMES, **{
+    return make_friction(NAMES, **{
         'sigmoid': [1.5, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load': [0.1, 0.3],
         'effort_offset': [0.4, -2.0], 'presliding_distance': [0.01, 0.0], **changes})
 
 
 def arm_with_gears(**changes):
-    return ARM.with_friction(make_friction(NAMES, [0.5], [1.0])).with_gear_friction(
-        gears(**changes))
+    return ARM.with_friction(gears(viscous=[0.5], coulomb=[1.0], **changes))
 
 
 def test_the_law_by_hand():
@@ -72,7 +64,7 @@ def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
 def test_the_load_comes_back(v1, v2, load1, load2):
     v, load = np.array([v1, v2]), 20.0 * np.array([load1, load2])
     friction = gears()
-    back = friction.load_of(v, load + friction.effort(v, load))
+    back = friction.load_behind(v, load + friction.effort(v, load))
     assert back == pytest.approx(load, rel=1e-12, abs=1e-12)
 
 
@@ -107,23 +99,6 @@ def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
 def test_what_cannot_be_is_refused_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
         gears(**{field: value})
-
-
-@pytest.mark.parametrize(('kind', 'table'), [
-    (JointFriction, FRICTION_FIELDS), (GearFriction, GEAR_FRICTION_FIELDS)])
-def test_the_table_of_fields_is_that_of_the_class(kind, table):
-    assert [field.name for field in table] == [field.name for field in fields(kind)]
-
-
-def test_an_empty_parameter_has_the_default_of_its_field():
-    friction = make_gear_friction(NAMES)
-    for field in GEAR_FRICTION_FIELDS:
-        assert getattr(friction, field.name).tolist() == [field.default] * len(NAMES)
-        assert f'Empty: {field.default:g}.' in field.description
-
-
-def test_nothing_is_nothing():
-    assert ARM.with_gear_friction(make_gear_friction(NAMES)).gear_friction is None
 
 
 @pytest.mark.parametrize('mode', ['reference', 'measured'])

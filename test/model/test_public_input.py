@@ -22,15 +22,14 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 _BARE = load_arm(default_arm_urdf())
-ARM = _BARE.with_friction(make_friction(_BARE.joint_names, [0.5], [1.0])).with_gear_friction(
-    make_gear_friction(_BARE.joint_names, load=[0.1, 0.3], presliding_distance=[0.01]))
+ARM = _BARE.with_friction(make_friction(
+    _BARE.joint_names, [0.5], [1.0], load=[0.1, 0.3], presliding_distance=[0.01]))
 STATE = {
     'q': (1, -2), 'v': (3, 2), 'a': (-4, 5), 'tau': (20, -6), 'load': (7, -8),
     'friction': (2, 1), 'state': (1, -1)}

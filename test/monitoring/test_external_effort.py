@@ -27,7 +27,6 @@ from robot_dynamics.joints.effort_convention import (
     measured_from_joint,
 )
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -192,7 +191,7 @@ def test_no_effort_cannot_be_converted() -> None:
 def test_friction_of_gears_that_press_harder_under_load_is_no_environment() -> None:
     bare = three_links()
     names = bare.joint_names
-    dynamics = ArmDynamics(bare.with_gear_friction(make_gear_friction(
+    dynamics = ArmDynamics(bare.with_friction(make_friction(
         names, sigmoid=[1.0] * 3, load=[0.2, 0.1, 0.3], effort_offset=[0.5, 0.0, -0.2])))
 
     def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

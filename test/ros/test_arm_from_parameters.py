@@ -73,8 +73,7 @@ def both_values(tmp_path: Path, parameters: dict[str, Any]) -> list[dict[str, An
 
 def numbers_of(arm: ArmModel) -> dict[str, Any]:
     """Return all numbers of an arm that parameters decide."""
-    parts = {'friction': arm.friction, 'gears': arm.gear_friction, 'motors': arm.actuators,
-             'limits': arm.limits}
+    parts = {'friction': arm.friction, 'motors': arm.actuators, 'limits': arm.limits}
     numbers = {f'{part}.{name}': value.tolist() for part, record in parts.items()
                if record is not None for name, value in vars(record).items()
                if isinstance(value, np.ndarray)}
@@ -90,8 +89,7 @@ def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
     assert offline['joints'] == ('joint2', 'joint1')
     for part, given in (('friction', FRICTION), ('motors', MOTORS)):
         for name, value in given.items():
-            record = part if f'{part}.{name}' in offline else 'gears'
-            assert offline[f'{record}.{name}'] == value
+            assert offline[f'{part}.{name}'] == value
     assert sorted(offline['armature']) == pytest.approx([0.05, 0.1])
 
 
@@ -100,7 +98,7 @@ def test_defaults_are_the_same(tmp_path: Path) -> None:
         numbers_of(arm_from_parameters(GEARED, values))
         for values in both_values(tmp_path, {'friction': {'sigmoid': [0.5]}}))
     assert offline == of_node
-    assert offline['gears.sigmoid'] == [0.5, 0.5]
+    assert offline['friction.sigmoid'] == [0.5, 0.5]
     assert 'motors.gear_ratio' not in offline
 
 

@@ -19,11 +19,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.gear_friction import make_gear_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -43,15 +41,15 @@ NAMES = ARM.joint_names
 def lift(sigmoid: float, width: float, share: float, offset: float = 0.0,
          viscous: float = 0.0) -> ArmModel:
     arm = load_arm(LIFT)
-    return arm.with_friction(make_friction(['slide'], [viscous])).with_gear_friction(
-        make_gear_friction(['slide'], [sigmoid], [width], [share], [offset]))
+    return arm.with_friction(make_friction(
+        ['slide'], [viscous], sigmoid=[sigmoid], sigmoid_velocity=[width], load=[share],
+        effort_offset=[offset]))
 
 
 def geared(**changes: Any) -> ArmModel:
     """Return the arm of two links with every kind of friction."""
     return ARM.with_friction(make_friction(
-        NAMES, [0.5, 0.2], [1.0, 0.5], [1.5, 0.5], [0.05], [0.3, -0.1],
-    )).with_gear_friction(make_gear_friction(NAMES, **{
+        NAMES, [0.5, 0.2], [1.0, 0.5], [1.5, 0.5], [0.05], [0.3, -0.1], **{
         'sigmoid': [2.0, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load': [0.1, 0.2],
         'effort_offset': [0.4, -0.2], 'presliding_distance': [0.01, 0.0], **changes}))
 
@@ -64,11 +62,9 @@ def released(arm: ArmModel, q: Any, v: Any = None, max_step: float = 2e-3) -> Ar
 
 def acceleration_of_lift(v: float, effort: float, arm: ArmModel) -> float:
     """Solve m a + m g + (F_a + μ |m a + m g|) tanh(v / v_a) + F_b + F_v v = effort for a."""
-    gears = arm.gear_friction
-    assert gears is not None
+    gears = arm.friction
     F_a, v_a, mu, F_b, F_v = (float(x[0]) for x in (
-        gears.sigmoid, gears.sigmoid_velocity, gears.load, gears.effort_offset,
-        arm.friction.viscous))
+        gears.sigmoid, gears.sigmoid_velocity, gears.load, gears.effort_offset, gears.viscous))
     direction = np.tanh(v / v_a)
     for sign in (1.0, -1.0):
         load = (effort - F_v * v - F_b - F_a * direction) / (1.0 + sign * mu * direction)
@@ -185,9 +181,30 @@ def test_a_robot_that_compensates_friction_compensates_that_of_its_gears() -> No
         ArmDynamics(arm).friction_effort(v, effort, smooth=True), rel=1e-12)
 
 
-def test_load_dependent_friction_of_gears_with_play_is_refused() -> None:
-    motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.0, 2e-3])
-    arm = geared(load=[0.1, 0.0]).with_actuators(motors)
-    ArmSimulation(arm)
-    with pytest.raises(InvalidInputError, match="backlash of 'joint2' is 0.002 and friction.load"):
-        ArmSimulation(geared().with_actuators(motors))
+def test_load_dependent_friction_acts_where_teeth_touch() -> None:
+    motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[2e-3])
+    arm = geared(load=[0.1, 0.2]).with_actuators(motors)
+
+    def error_of_energy(step: float) -> float:
+        simulation = released(arm, [0.4, -0.3], [1.0, -2.0], step)
+        at_start, worst = sum(simulation.energy()), 0.0
+        for k in range(round(0.4 / step)):
+            effort = np.array([60.0, 20.0]) * np.sin(15.0 * k * step + np.array([0.0, 1.0]))
+            simulation.step(effort, step)
+            change = sum(simulation.energy()) - at_start
+            worst = max(worst, abs(simulation.work - simulation.heat - change))
+        assert simulation.heat > 5.0
+        return worst
+
+    errors = [error_of_energy(step) for step in (2e-3, 1e-3)]
+    assert errors[0] < 1e-3
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_teeth_that_do_not_touch_bear_no_load() -> None:
+    """A motor that runs ahead leaves the lift to gravity and to friction without load."""
+    motors = make_actuators(['slide'], [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.5])
+    arm = lift(2.0, 0.01, 0.5).with_actuators(motors)
+    simulation = released(arm, [0.0], [1.0])
+    simulation.step(np.array([-10.0]), 1e-3)
+    assert simulation.v[0] == pytest.approx(1.0 - 1e-3 * (GRAVITY + 2.0 / MASS), rel=1e-6)

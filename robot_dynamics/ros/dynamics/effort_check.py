@@ -41,7 +41,7 @@ class EffortCheck:
         """Be done at once where the check is not wanted, or there is no effort to look at."""
         self._node, self._names, self._semantics = node, arm.joint_names, semantics
         self._check = GravityCheck(
-            semantics, arm.friction_at_rest, arm.actuators, arm.is_continuous)
+            semantics, arm.friction.at_rest, arm.actuators, arm.is_continuous)
         self._command: FloatArray | None = None
         self._said: set[str] = {STILL}
         self._verdict: GravityVerdict | None = None

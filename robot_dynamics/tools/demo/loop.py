@@ -59,6 +59,8 @@ STATE_TIMEOUT = 60.0
 """[s] without a new state that is a fault: long, as the simulation pauses and may be slow."""
 STEP_BY_STEP = {'lock_step': True, 'real_time_factor': 1.0}
 """Default of the simulated arm: a slow machine makes the motion slow, and not less accurate."""
+ANSWER_TIMEOUT = 10.0
+"""[s] within which the answers to the last states arrive; there may be none after a fault."""
 HOLD_TIME = 0.3
 """[s] of simulated time that is recorded after the motion."""
 
@@ -209,10 +211,10 @@ def _follow(session: Session, run: LoopRun) -> None:
     """Record until the motion is over and held for a moment."""
     duration = run.motion.trajectory.duration
     print(f'Following a trajectory of {duration:g} s ...', flush=True)
-    counts = session.recorder.counts
+    counts, last_ns = session.recorder.counts, run.end_ns + round(1e9 * HOLD_TIME)
     efforts, newest = 0, time.monotonic()
     with Progress(duration, 's') as progress:
-        while counts[JOINT_STATES].stamp_ns < run.end_ns + round(1e9 * HOLD_TIME):
+        while counts[JOINT_STATES].stamp_ns < last_ns:
             session.record(DRAIN_PERIOD)
             progress.update(1e-9 * (counts[JOINT_STATES].stamp_ns - run.start_ns))
             if counts[EFFORT_COMMAND].received > efforts:
@@ -221,3 +223,8 @@ def _follow(session: Session, run: LoopRun) -> None:
                 raise DemoError(
                     f'{START_TIMEOUT:g} s passed without an effort on effort_command.\n'
                     f'{session.nodes.logs()}')
+    # On a busy machine the answers to the last states arrive later than these states.
+    deadline = time.monotonic() + ANSWER_TIMEOUT
+    while time.monotonic() < deadline and min(
+            counts[topic].stamp_ns for topic in (EFFORT_COMMAND, COMPUTED_TORQUE)) < last_ns:
+        session.record(DRAIN_PERIOD)
