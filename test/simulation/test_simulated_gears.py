@@ -125,13 +125,13 @@ def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width: float, bound:
     assert ends[0] == pytest.approx(ends[1], abs=bound)
 
 
-@pytest.mark.parametrize('play', [None, 0.0, 2e-3])
+@pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
 @pytest.mark.parametrize('width', [[0.05, 0.1], [0.002, 0.001]])
-def test_the_energy_balance_closes(width: list[float], play: float | None) -> None:
-    arm = geared(sigmoid_velocity=width, **({'load': [0.0]} if play else {}))
-    if play is not None:
+def test_the_energy_balance_closes(width: list[float], backlash: float | None) -> None:
+    arm = geared(sigmoid_velocity=width, **({'load': [0.0]} if backlash else {}))
+    if backlash is not None:
         arm = arm.with_actuators(make_actuators(
-            NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[play]))
+            NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
     simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
     at_start, largest, turns, before = sum(simulation.energy()), 1.0, 0, simulation.v.copy()
     for k in range(500):
@@ -185,7 +185,7 @@ def test_a_robot_that_compensates_friction_compensates_that_of_its_gears() -> No
         ArmDynamics(arm).friction_effort(v, effort, smooth=True), rel=1e-12)
 
 
-def test_load_dependent_friction_of_gears_with_play_is_refused() -> None:
+def test_load_dependent_friction_of_gears_with_backlash_is_refused() -> None:
     motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.0, 2e-3])
     arm = geared(load=[0.1, 0.0]).with_actuators(motors)
     ArmSimulation(arm)
