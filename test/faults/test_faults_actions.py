@@ -82,7 +82,7 @@ def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
 
     An effort may be published late, and then falls short of what it could have been; how many
     there are, and how late each is, depends on the load of the machine. The course at given times
-    is that of test_fault_actions.py.
+    is that of test_supervisor_actions.py.
     """
     found = shares(action)
     assert found == sorted(found, reverse=True)
