@@ -42,7 +42,7 @@ from robot_dynamics.validation import SMALLEST_DIVISOR
 
 DEFAULT_SIGMOID_VELOCITY = 0.03
 """[rad/s] or [m/s]"""
-LARGEST_LOAD_SHARE = 0.95
+LARGEST_LOAD_FRACTION = 0.95
 
 GEAR_FRICTION_FIELDS = (
     ParameterField(
@@ -54,7 +54,7 @@ GEAR_FRICTION_FIELDS = (
         'Velocity v_a {unit} over which that changes its sign. Empty: {default:g}.',
         'its velocity', ('sigmoid', 'load')),
     ParameterField(
-        'load', '', 0.0, 0.0, LARGEST_LOAD_SHARE,
+        'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
         'Share of the load that friction takes, with the same smooth sign. Empty: {default:g}.',
         'load'),
     ParameterField(
@@ -146,8 +146,8 @@ def make_gear_friction(
             friction.sigmoid_velocity < SMALLEST_DIVISOR,
             f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
         'load': (
-            (friction.load < 0.0) | (friction.load > LARGEST_LOAD_SHARE),
-            f'a number in [0, {LARGEST_LOAD_SHARE:g}]'),
+            (friction.load < 0.0) | (friction.load > LARGEST_LOAD_FRACTION),
+            f'a number in [0, {LARGEST_LOAD_FRACTION:g}]'),
         'presliding_distance': (friction.presliding_distance < 0.0, 'a number >= 0'),
     }
     for field, (wrong, expected) in bad.items():

@@ -229,9 +229,9 @@ def _points(legs: list[_Leg]) -> list[TrajectoryPoint]:
     for leg in reversed(legs):
         T = np.maximum(leg.T, _RESOLUTION)
         c = position_coefficients(leg.start, leg.end, T)
-        share = (times[:, np.newaxis] - leg.since) / T
-        s = np.clip(share, 0.0, 1.0)[..., np.newaxis] ** _k
-        inside = (leg.T > 0.0) & (share < 1.0 - 1e-9)
+        phase = (times[:, np.newaxis] - leg.since) / T
+        s = np.clip(phase, 0.0, 1.0)[..., np.newaxis] ** _k
+        inside = (leg.T > 0.0) & (phase < 1.0 - 1e-9)
         for order in range(3):
             values = np.einsum('mnk,kn->mn', s, _derivative(c, order)) / T**order
             states[order] = np.where(inside, values, states[order])

@@ -111,11 +111,11 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
 
 # --- sticking ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('share', [0.0, 0.9, 0.9999, -0.9999])
-def test_no_creep_in_ten_minutes(share: float) -> None:
+@pytest.mark.parametrize('fraction', [0.0, 0.9, 0.9999, -0.9999])
+def test_no_creep_in_ten_minutes(fraction: float) -> None:
     simulation = released(one_link(coulomb=1.0, static=1.5), (0.4,))
     for _ in range(10):
-        simulation.step(np.array([share * 1.5]), 60.0)
+        simulation.step(np.array([fraction * 1.5]), 60.0)
     assert simulation.q.tolist() == [0.4]
     assert simulation.v.tolist() == [0.0]
 

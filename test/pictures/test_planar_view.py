@@ -104,7 +104,7 @@ def test_newton_and_euler_hold_for_each_link(robot):
     for seed in range(10):
         state = motion(seed, n)
         now = view.passes(*state)
-        masses = [inertia.mass for inertia in arm.engine.inertias[1:]]
+        masses = [inertia.mass for inertia in arm.pinocchio_model.inertias[1:]]
         for i in range(n):
             beyond = now.force[i + 1] if i + 1 < n else np.zeros(2)
             total = now.force[i] - beyond + view.weight(i)

@@ -40,11 +40,11 @@ ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 
 
-def lift(sigmoid: float, width: float, share: float, offset: float = 0.0,
+def lift(sigmoid: float, width: float, load_fraction: float, offset: float = 0.0,
          viscous: float = 0.0) -> ArmModel:
     arm = load_arm(LIFT)
     return arm.with_friction(make_friction(['slide'], [viscous])).with_gear_friction(
-        make_gear_friction(['slide'], [sigmoid], [width], [share], [offset]))
+        make_gear_friction(['slide'], [sigmoid], [width], [load_fraction], [offset]))
 
 
 def geared(**changes: Any) -> ArmModel:

@@ -354,8 +354,8 @@ def test_mistakes_in_the_arguments(arguments, capsys):
     with pytest.raises(SystemExit) as left:
         main(arguments)
     assert left.value.code == 2
-    told = r'viewer: [^\n]+ \(viewer --help lists the options\)\n'
-    assert re.fullmatch(told, capsys.readouterr().err)
+    line = r'viewer: [^\n]+ \(viewer --help lists the options\)\n'
+    assert re.fullmatch(line, capsys.readouterr().err)
 
 
 @pytest.mark.parametrize('robot', ['gone.urdf', 'package://no_such_package/a.urdf', 'ftp://a'])
