@@ -181,8 +181,8 @@ def motion_of(case: Case) -> Motion:
     arm = arm_named(case.arm)
     start = _start(case.arm)
     direction = np.where(np.arange(arm.joint_count) % 2 == 0, -1.0, 1.0)
-    room = np.where(direction > 0.0, arm.limits.upper - start, start - arm.limits.lower)
-    goal = start + direction * np.minimum(case.size, room - GOAL_MARGIN)
+    free = np.where(direction > 0.0, arm.limits.upper - start, start - arm.limits.lower)
+    goal = start + direction * np.minimum(case.size, free - GOAL_MARGIN)
     if case.motion == SET_POINT:
         return Motion(start, goal, [Message(BEGIN, _set_point(arm, goal))], None, BEGIN)
     if case.motion == STREAM:

@@ -175,8 +175,9 @@ class PlanarView:
             np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())]))
         g = np.asarray(self._model.gravity.linear)
         against = -(g - (g @ axis) * axis)
-        falls = float(np.linalg.norm(against)) > _PARALLEL * max(float(np.linalg.norm(g)), 1.0)
-        up = against if falls else along
+        size = max(float(np.linalg.norm(g)), 1.0)
+        has_gravity = float(np.linalg.norm(against)) > _PARALLEL * size
+        up = against if has_gravity else along
         up = up / np.linalg.norm(up)
         return Plane(np.cross(axis, up), up, axis)
 

@@ -212,7 +212,7 @@ def _swing_within_limits(
     margin = POSITION_MARGIN * np.where(np.isfinite(span), span, 0.0)
     free_above = np.maximum(limits.upper - margin - q0, 0.0)
     free_below = np.maximum(q0 - limits.lower - margin, 0.0)
-    for room, used in ((free_above, x.max(axis=0)), (free_below, -x.min(axis=0))):
-        swing = np.minimum(swing, np.where(used > 0.0, room / np.maximum(used, 1e-12), np.inf))
+    for free, used in ((free_above, x.max(axis=0)), (free_below, -x.min(axis=0))):
+        swing = np.minimum(swing, np.where(used > 0.0, free / np.maximum(used, 1e-12), np.inf))
     swing = np.minimum(swing, LIMIT_FRACTION * limits.velocity / np.abs(v).max(axis=0))
     return np.asarray(np.minimum(swing, LARGEST_ACCELERATION / np.abs(a).max(axis=0)))

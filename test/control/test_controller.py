@@ -266,9 +266,9 @@ def test_a_continuous_joint_takes_the_short_way() -> None:
     controller.follow(set_point([-3.1, 0.0]), 0)
     output = controller.update(NOW, q, ZERO)
     assert output.computed_torque is not None
-    pull = output.computed_torque - output.gravity_compensation
+    feedback = output.computed_torque - output.gravity_compensation
     M = ArmDynamics(controller.arm).rigid_body.mass_matrix(q)
-    assert np.linalg.solve(M, pull) == pytest.approx([400.0 * (2 * np.pi - 6.2), 0.0])
+    assert np.linalg.solve(M, feedback) == pytest.approx([400.0 * (2 * np.pi - 6.2), 0.0])
 
 
 # --- terms ---------------------------------------------------------------------------------------

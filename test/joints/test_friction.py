@@ -126,8 +126,8 @@ def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
     simulation = released(holds, (0.1,))
     simulation.step(np.zeros(1), 600.0)
     assert simulation.q.tolist() == [0.1]
-    falls = released(one_link(gravity=9.81, coulomb=0.9 * torque, static=0.99 * torque), (0.1,))
-    assert falls.step(np.zeros(1), 0.5).velocity[0] > 0.0
+    falling = released(one_link(gravity=9.81, coulomb=0.9 * torque, static=0.99 * torque), (0.1,))
+    assert falling.step(np.zeros(1), 0.5).velocity[0] > 0.0
 
 
 def test_a_pendulum_comes_to_rest_and_stays() -> None:

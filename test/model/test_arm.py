@@ -120,7 +120,7 @@ def test_a_mimic_of_a_locked_joint_is_locked_with_it():
         RigidBody(arm).gravity(np.array([0.0, 1.0])), held[:2], rtol=0.0, atol=1e-12)
 
 
-def test_the_engine_has_one_coordinate_for_each_joint_that_moves():
+def test_pinocchio_has_one_coordinate_for_each_joint_that_moves():
     arm = load_arm(arm_urdf())
     assert arm.pinocchio_model.nq == arm.pinocchio_model.nv == 6
     rows = [arm.pinocchio_model.joints[arm.pinocchio_model.getJointId(name)].idx_v
@@ -211,7 +211,7 @@ def test_the_default_arm():
 
 
 @pytest.mark.parametrize('robot', ROBOTS)
-def test_real_robots_have_the_joints_and_the_mass_that_the_engine_reads(robot):
+def test_real_robots_have_the_joints_and_the_mass_that_pinocchio_reads(robot):
     urdf = robot_urdf(robot)
     arm = load_arm(urdf)
     plain = pin.buildModelFromXML(urdf)

@@ -90,7 +90,7 @@ def test_a_reset_waits_for_a_first_command() -> None:
 
 
 @pytest.mark.parametrize('stall', [0.25, 10.0, float('inf')])
-def test_a_loop_that_was_held_up_could_not_hear(stall: float) -> None:
+def test_a_loop_that_was_held_up_could_not_receive(stall: float) -> None:
     """A stall longer than the timeout counts as the one step that it was."""
     commands = received_once()
     assert not commands.end_step(stall, PERIOD)

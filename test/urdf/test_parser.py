@@ -158,7 +158,7 @@ def pinocchio_inertia(xml):
     ('ixx="1"', 'ixx="1\n"'), ('xyz="0.1 0.2 0.3"', 'xyz="0.1\t0.2\n0.3"'),
     ('xyz="0.1 0.2 0.3"', 'xyz="  0.1  0.2 .3 "'), ('rpy="0 0 1"', 'rpy="0\n0\n1"'),
 ])
-def test_numbers_with_unusual_space_reach_the_engine(plain, unusual):
+def test_numbers_with_unusual_space_reach_pinocchio(plain, unusual):
     # Its own parser would drop the whole inertia of the link, and go on.
     xml = link_of(
         '<inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 1"/><mass value="1.5"/>'
@@ -170,13 +170,13 @@ def test_numbers_with_unusual_space_reach_the_engine(plain, unusual):
     npt.assert_array_equal(ours.inertia, expected.inertia)
 
 
-def test_the_engine_reads_the_element_that_was_checked():
+def test_pinocchio_reads_the_element_that_was_checked():
     second = '<inertial><mass value="heavy"/></inertial>'
     inertia = pinocchio_inertia(link_of(INERTIAL + second))
     assert inertia.mass == 1.5
 
 
-def test_the_engine_sees_no_limits_no_mimics_and_one_coordinate_a_joint():
+def test_pinocchio_sees_no_limits_no_mimics_and_one_coordinate_a_joint():
     parsed = parse_urdf(mimics('<mimic joint="turn" multiplier="2"/>', kind='continuous'))
     model = pin.buildModelFromXML(parsed.pinocchio_xml)
     assert (model.nq, model.nv) == (2, 2)
@@ -186,7 +186,7 @@ def test_the_engine_sees_no_limits_no_mimics_and_one_coordinate_a_joint():
 
 
 @pytest.mark.parametrize('name', ROBOTS)
-def test_the_engine_reads_the_same_bodies_from_real_robots(name):
+def test_pinocchio_reads_the_same_bodies_from_real_robots(name):
     urdf = robot_urdf(name)
     ours = pin.buildModelFromXML(parse_urdf(urdf).pinocchio_xml)
     plain = pin.buildModelFromXML(urdf)

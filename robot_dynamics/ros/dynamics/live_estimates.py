@@ -45,7 +45,7 @@ DEFAULT_BANDWIDTH = 10.0
 LONGEST_STEP = 0.1
 """[s] from one state to the next after which estimates begin anew: it is not known what was."""
 NEWEST_ONLY = QoSProfile(depth=1)
-UNHEARD = 'nobody listens'
+NO_SUBSCRIBERS = 'nobody listens'
 
 ESTIMATE_SPECS = (
     ParameterSpec(
@@ -129,7 +129,7 @@ class LiveEstimates:
         self._counts = [one.handle.get_subscription_count for one in self._publishers]
         self._estimates: Estimates | None = None
         self._is_on = self._is_lacking = False
-        self._words = UNHEARD
+        self._words = NO_SUBSCRIBERS
         self._stamp = 0
         self.external_effort: FloatArray | None = None
         """That of the newest state (n,), where it is estimated."""
@@ -175,7 +175,7 @@ class LiveEstimates:
         return j if ratio[j] > 1.0 else None
 
     def _rest(self) -> None:
-        self._is_on, self._is_lacking, self._words = False, False, UNHEARD
+        self._is_on, self._is_lacking, self._words = False, False, NO_SUBSCRIBERS
         self.external_effort = None
 
     def _take(
