@@ -69,7 +69,7 @@ class Backlash:
 
     @staticmethod
     def of(actuators: Actuators | None) -> 'Backlash | None':
-        """Return the backlash of these motors, or None where there is none."""
+        """Return the backlash of these motors, or None without backlash."""
         if actuators is None or not actuators.backlash.any():
             return None
         return Backlash(
