@@ -107,7 +107,7 @@ def main() -> None:
 
 def _batch(ours: Client, echo: Client, names: list[str], samples: int) -> None:
     states = np.random.default_rng(0).uniform(-1.0, 1.0, (3, samples, JOINTS))
-    model = load_arm(chain_urdf(JOINTS)).engine
+    model = load_arm(chain_urdf(JOINTS)).pinocchio_model
     pool, columns = pin.ModelPool(model, 1), [np.asfortranarray(rows.T) for rows in states]
     request = InverseDynamicsBatch.Request(joint_names=names)
     request.position, request.velocity, request.acceleration = (

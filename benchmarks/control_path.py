@@ -218,7 +218,7 @@ def watcher(node: Node) -> None:
     """Hear what the viewer hears, as often."""
     viewer = ViewerNode(node, 'dynamics', 'simulated_arm')
     while node.context.ok():
-        viewer.hear()
+        viewer.receive()
         time.sleep(PERIOD)
 
 

@@ -263,11 +263,11 @@ def _measure(asker: Asker, call: Callable[[str], None], pids: dict[str, int]) ->
               f'called node {work[name] / passed[name]:.2f} cores')
     print(f'ratio of p99 with calls and without: {p99[SERVED] / p99[ALONE]:.2f}; sharing the '
           f'cores with the same work alone: {p99[OTHER] / p99[ALONE]:.2f} '
-          f'({_share(p99, OTHER):.0f} % of the difference), with the same messages alone: '
-          f'{p99[ECHO] / p99[ALONE]:.2f} ({_share(p99, ECHO):.0f} %)')
+          f'({_percentage(p99, OTHER):.0f} % of the difference), with the same messages alone: '
+          f'{p99[ECHO] / p99[ALONE]:.2f} ({_percentage(p99, ECHO):.0f} %)')
 
 
-def _share(p99: dict[str, float], name: str) -> float:
+def _percentage(p99: dict[str, float], name: str) -> float:
     """Return how much [%] of what calls add here they add elsewhere too."""
     return 100.0 * (p99[name] - p99[ALONE]) / (p99[SERVED] - p99[ALONE])
 

@@ -47,7 +47,7 @@ def main() -> None:
     """Print µs a call and ratios for a generated arm of seven joints."""
     ones = [1.0] * JOINTS
     arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * JOINTS, [0.1] * JOINTS))
-    dynamics, model = ArmDynamics(arm).unchecked, arm.engine
+    dynamics, model = ArmDynamics(arm).unchecked, arm.pinocchio_model
     data = model.createData()
     rng = np.random.default_rng(0)
     q, v, a = rng.uniform(-1.0, 1.0, (3, JOINTS))

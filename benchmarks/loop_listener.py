@@ -40,7 +40,7 @@ TAKE_PERIOD, NAP = 0.1, 0.005
 """[s]; a nap that ends late tells that the computer let nobody wake up in time just then."""
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """Stamps and times of publication [ns], (m,), and efforts (m, n), of m messages."""
 
     stamp: IntArray
@@ -77,11 +77,11 @@ class Topic:
         """Return when [ns] the newest message was published."""
         return self._sent[-1]
 
-    def heard(self) -> Heard:
+    def received(self) -> Received:
         """Return what was heard so far."""
         decoder = JointStateDecoder()
         states = [decoder.decode(data) for data in self._messages]
-        return Heard(
+        return Received(
             np.array([state.stamp_ns for state in states], dtype=np.int64),
             np.array(self._sent, dtype=np.int64), np.array([state.effort for state in states]))
 
@@ -137,20 +137,21 @@ class LoopListener:
         clocks = np.array(self._clocks, dtype=np.int64)
         gained = np.diff(clocks - clocks[0], axis=1)[:, 0]  # steady clock, less that of the stamps
 
-        def table(heard: Heard) -> tuple[FloatArray, FloatArray]:
-            number = (heard.stamp - after) // period - 1
+        def table(received: Received) -> tuple[FloatArray, FloatArray]:
+            number = (received.stamp - after) // period - 1
             wanted = (number >= 0) & (number <= count)
             # The first of those with one stamp counts: later ones are repetitions.
             number, order = np.unique(number[wanted], return_index=True)
             sent = np.full(count + 1, np.nan)
-            effort = np.full((count + 1, heard.effort.shape[1]), np.nan)
-            times = heard.sent[wanted][order]
+            effort = np.full((count + 1, received.effort.shape[1]), np.nan)
+            times = received.sent[wanted][order]
             drift = np.interp(times - clocks[0, 0], clocks[:, 0] - clocks[0, 0], gained)
             sent[number] = 1e-9 * (times - after + drift)
-            effort[number] = heard.effort[wanted][order]
+            effort[number] = received.effort[wanted][order]
             return sent, effort
 
-        return Cycles(1e-9 * period, *table(self._states.heard()), *table(self._efforts.heard()))
+        return Cycles(
+            1e-9 * period, *table(self._states.received()), *table(self._efforts.received()))
 
 
 class Cycles:
@@ -190,7 +191,7 @@ class Cycles:
         self.behind = int(np.sum(sent & in_time & np.any(acted[1:] != effort[:-1], axis=1)))
 
     @property
-    def missed_share(self) -> float:
+    def missed_fraction(self) -> float:
         """Return the share of cycles that were missed."""
         return self.missed / self.count
 

@@ -43,7 +43,7 @@ JOINTS = 7
 RATE = 500.0
 SHORT, HOUR = 120_000, 1_800_000
 """States: four minutes at RATE, and sixty."""
-SHARES = (0.05, 0.25, 0.5, 0.75, 1.0)
+FRACTIONS = (0.05, 0.25, 0.5, 0.75, 1.0)
 """Of the states, at which to look."""
 LOOK = 0.05
 """[s] between two looks at how far the loop is."""
@@ -76,14 +76,14 @@ class Progress:
 
     def wait_for(self, states: int) -> int:
         """Return once at least so many states are answered; raise TimeoutError if it stops."""
-        heard_at = time.monotonic()
+        received_at = time.monotonic()
         while self._states < states:
             taken = self._subscription.handle.take_message(JointState, True)
             if taken is not None:
                 stamp = read_message(taken[0], JointState).header.stamp
                 self._states = round(RATE * (stamp.sec + 1e-9 * stamp.nanosec))
-                heard_at = time.monotonic()
-            elif time.monotonic() - heard_at > TIMEOUT:
+                received_at = time.monotonic()
+            elif time.monotonic() - received_at > TIMEOUT:
                 raise TimeoutError(f'no effort in {TIMEOUT:g} s')
             time.sleep(LOOK)
         return self._states
@@ -114,8 +114,8 @@ def _report(states: int) -> None:
             _print_row('at rest', rest, rest)
             begin = time.monotonic()
             follow_slow_motion(node, JOINTS, states / RATE)
-            for share in SHARES:
-                count = progress.wait_for(round(share * states))
+            for fraction in FRACTIONS:
+                count = progress.wait_for(round(fraction * states))
                 _print_row(
                     str(count), {name: memory_of(pid) for name, pid in pids.items()}, rest)
             print(f'  {states / (time.monotonic() - begin):.0f} states a second')

@@ -134,7 +134,7 @@ def _report(node: Node, urdf: str) -> None:
     cycles, cores, _ = measure(node, urdf, RATE, SECONDS)
     print(f'{RATE:g} Hz for {SECONDS:g} s, {JOINTS} joints: {cycles.count} cycles, '
           f'{cycles.states} states sent, {cycles.answered} efforts answered')
-    print(f'  missed cycles: {cycles.missed} ({100.0 * cycles.missed_share:.3f} %): '
+    print(f'  missed cycles: {cycles.missed} ({100.0 * cycles.missed_fraction:.3f} %): '
           f'{cycles.paused} without a state, {cycles.unanswered} without an effort before the '
           'next state')
     print(f'  besides, {cycles.behind} efforts acted a period later than they should, '
@@ -146,7 +146,7 @@ def _report(node: Node, urdf: str) -> None:
             ('state: stamp to effort published', cycles.latency)):
         print(f'  {what:38}{in_microseconds(times)}')
     print('  processor, in cores: ' + ', '.join(
-        f'{name} {share:.2f}' for name, share in cores.items()))
+        f'{name} {fraction:.2f}' for name, fraction in cores.items()))
 
 
 def highest_rate(node: Node, urdf: str) -> float:
@@ -171,12 +171,12 @@ def highest_rate(node: Node, urdf: str) -> float:
 def _holds(node: Node, urdf: str, rate: float) -> bool:
     for _ in range(TRIES):
         cycles, _, late_naps = measure(node, urdf, rate, SHORT)
-        print(f'  {rate:6.0f} Hz: missed {100.0 * cycles.missed_share:7.3f} %, effort a period '
+        print(f'  {rate:6.0f} Hz: missed {100.0 * cycles.missed_fraction:7.3f} %, effort a period '
               f'behind {100.0 * cycles.behind / cycles.count:7.3f} %; naps a period late '
               f'{100.0 * late_naps:.3f} %', flush=True)
-        if not MOST_MISSED <= cycles.missed_share < HOPELESS:
+        if not MOST_MISSED <= cycles.missed_fraction < HOPELESS:
             break
-    return cycles.missed_share < MOST_MISSED
+    return cycles.missed_fraction < MOST_MISSED
 
 
 if __name__ == '__main__':

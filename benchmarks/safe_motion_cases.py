@@ -83,13 +83,13 @@ SPEED = 0.7
 """Largest share of the velocity that a joint can have, in streams and trajectories."""
 RAMP_TIME = 1.0
 """[s] that a stream ramps at least."""
-PATH_TIMES, PATH_SHARES = (0.25, 0.5, 0.75, 1.0), (0.3, 0.5, 0.8, 1.0)
+PATH_TIMES, PATH_FRACTIONS = (0.25, 0.5, 0.75, 1.0), (0.3, 0.5, 0.8, 1.0)
 """Points of a trajectory: shares of its duration, and of the way."""
 PATH_DURATION = 2.0
 """[s] that a trajectory lasts at least."""
 PUSH_BEGIN, PUSH_END = 1.0, 1.2
 """[s]"""
-PUSH_EFFORT, PUSH_SHARE = 80.0, 0.5
+PUSH_EFFORT, PUSH_FRACTION = 80.0, 0.5
 """Largest push [N·m], and share of the effort limit of its joint."""
 PUSH_TIMES = {500: 0.05, 250: 0.05, 100: 0.05, 30: 0.2}
 """
@@ -181,8 +181,8 @@ def motion_of(case: Case) -> Motion:
     arm = arm_named(case.arm)
     start = _start(case.arm)
     direction = np.where(np.arange(arm.joint_count) % 2 == 0, -1.0, 1.0)
-    room = np.where(direction > 0.0, arm.limits.upper - start, start - arm.limits.lower)
-    goal = start + direction * np.minimum(case.size, room - GOAL_MARGIN)
+    free = np.where(direction > 0.0, arm.limits.upper - start, start - arm.limits.lower)
+    goal = start + direction * np.minimum(case.size, free - GOAL_MARGIN)
     if case.motion == SET_POINT:
         return Motion(start, goal, [Message(BEGIN, _set_point(arm, goal))], None, BEGIN)
     if case.motion == STREAM:
@@ -232,11 +232,12 @@ def _stream(arm: ArmModel, start: FloatArray, goal: FloatArray) -> Motion:
 
 
 def _trajectory(arm: ArmModel, start: FloatArray, goal: FloatArray) -> Motion:
-    peak = max(np.diff([0.0, *PATH_SHARES]) / np.diff([0.0, *PATH_TIMES]))
+    peak = max(np.diff([0.0, *PATH_FRACTIONS]) / np.diff([0.0, *PATH_TIMES]))
     duration = _duration(arm, start, goal, peak, PATH_DURATION)
     trajectory = make_trajectory(
-        arm.joint_names, [share * duration for share in PATH_TIMES],
-        [start + share * (goal - start) for share in PATH_SHARES], (), (), arm.joint_names)
+        arm.joint_names, [fraction * duration for fraction in PATH_TIMES],
+        [start + fraction * (goal - start) for fraction in PATH_FRACTIONS], (), (),
+        arm.joint_names)
     return Motion(start, goal, [Message(BEGIN, trajectory)], None, BEGIN + duration)
 
 
@@ -248,5 +249,5 @@ def _push(arm: ArmModel, q: FloatArray, index: int, rate: int) -> Push:
     largest = inertia * v / PUSH_TIMES[rate] + friction.viscous[j] * v + friction.coulomb[j]
     effort = np.zeros(n)
     effort[j] = 0.5**(index // n) * min(
-        PUSH_EFFORT, PUSH_SHARE * arm.limits.effort[j], largest)
+        PUSH_EFFORT, PUSH_FRACTION * arm.limits.effort[j], largest)
     return Push(PUSH_BEGIN, PUSH_END, effort)

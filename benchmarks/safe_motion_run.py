@@ -71,7 +71,7 @@ JUDGED = 1000
 """[ms] at the end of a run in which oscillation and arrival are judged."""
 AMPLITUDE = 0.01
 """Largest peak-to-peak amplitude at the end [rad]."""
-OVERSHOOT, OVERSHOOT_SHARE = 0.01, 0.05
+OVERSHOOT, OVERSHOOT_FRACTION = 0.01, 0.05
 """Largest overshoot [rad], or share of the step if that is more."""
 DISTANCE = 0.02
 """Largest distance of the mean position at the end from the goal [rad]."""
@@ -317,7 +317,7 @@ def judge(case: Case, trace: Trace, seconds: float) -> Outcome:
     amplitude = float(np.ptp(last, axis=0).max())
     distance = float(np.abs(last.mean(axis=0) - motion.goal).max())
     excess = ((q - motion.goal) * np.sign(way)).max(axis=0)
-    allowed = margin.overshoot + np.maximum(OVERSHOOT_SHARE * np.abs(way), OVERSHOOT)
+    allowed = margin.overshoot + np.maximum(OVERSHOOT_FRACTION * np.abs(way), OVERSHOOT)
     judged = v if motion.push is None else v[round(motion.push.end / STEP) + 1:]
     speed = np.abs(judged).max(axis=0)
     return Outcome(

@@ -97,7 +97,7 @@ class BareEngine:
     """One aba of Pinocchio a period, and a step of the semi-implicit Euler method in numpy."""
 
     def __init__(self, arm: ArmModel) -> None:
-        self._model = arm.engine
+        self._model = arm.pinocchio_model
         self._data = self._model.createData()
         self._q, self._v = np.zeros(JOINTS), np.zeros(JOINTS)
 
@@ -127,7 +127,7 @@ class Mujoco:
         self._model.opt.integrator = getattr(self._mj.mjtIntegrator, f'mjINT_{method}')
         self._model.dof_damping[:] = arm.friction.viscous
         self._model.dof_frictionloss[:] = arm.friction.coulomb
-        self._model.dof_armature[:] = arm.engine.armature
+        self._model.dof_armature[:] = arm.pinocchio_model.armature
         data = self._data = self._mj.MjData(self._model)
         self._tau = data.qfrc_applied
         self._state = State(data.qpos, data.qvel)

@@ -88,8 +88,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     arm = arm_from_parameters(urdf, settings.parameters, joints)
     series = series.unwrapped(arm.is_continuous)
     series, wild = _plausible(series, arm, settings.parameters)
-    heard, series = len(series.stamps_ns), series.driven()
-    held = heard - len(series.stamps_ns)
+    received, series = len(series.stamps_ns), series.driven()
+    held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
     if locked:
         remarks.append(f'not recorded, and so locked: {", ".join(locked)}')

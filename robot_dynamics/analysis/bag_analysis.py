@@ -90,9 +90,10 @@ def analyze_recording(
     path: Path, settings: AnalysisSettings, on_step: Callable[[str], None] = lambda _: None,
 ) -> BagAnalysis:
     """
-    Return a recording beside the model; `on_step` hears of each of STEPS when it is done.
+    Return a recording compared with the model.
 
-    Raises RecordingError, ModelError, or InvalidInputError where they do not fit.
+    `on_step` is called with each of STEPS when it is done. Raises RecordingError, ModelError, or
+    InvalidInputError where they do not fit.
     """
     read = read_for_arm(path, settings)
     on_step('read')
@@ -134,7 +135,7 @@ def joint_effort(
 def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> LimitUse:
     limits = arm.limits
 
-    def share(values: FloatArray, limit: FloatArray) -> FloatArray:
+    def ratio(values: FloatArray, limit: FloatArray) -> FloatArray:
         is_limit = np.isfinite(limit) & (limit > 0.0)
         largest = np.abs(values).max(axis=0)
         return np.where(is_limit, largest / np.where(is_limit, limit, 1.0), np.nan)
@@ -142,5 +143,5 @@ def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> Lim
     distance = np.minimum(
         motion.position.min(axis=0) - limits.lower, limits.upper - motion.position.max(axis=0))
     return LimitUse(
-        share(effort, limits.effort), share(motion.velocity, limits.velocity),
+        ratio(effort, limits.effort), ratio(motion.velocity, limits.velocity),
         np.where(np.isfinite(distance), distance, np.nan))

@@ -84,7 +84,7 @@ def run_tasks(
     `workers` processes share the work, one a core by default; with 1, this one does it. With
     `dask`, the address of a scheduler, its workers do, which must see the same files and have
     this package. `cache` is a directory for results, None to keep none; `is_valid` says of a kept
-    one whether it still holds. `on_done` hears of each as it is done. An exception of the
+    one whether it still holds. `on_done` is called with each as it is done. An exception of the
     function, or the end of its process, is the error of its recording.
 
     Raises MissingDependencyError without the library of `dask`, RobotDynamicsError where the

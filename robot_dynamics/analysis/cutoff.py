@@ -34,7 +34,7 @@ MARGIN = 10.0
 """Cut-off over the band of the motion."""
 NOISE = 0.1
 """RMS of noise over that of acceleration that is borne below the cut-off."""
-HIGHEST_SHARE = 0.4
+HIGHEST_FRACTION = 0.4
 """Cut-off over the Nyquist frequency, at most."""
 WINDOW = 8.0
 """[s] of a window of the spectrum, where the recording is that long."""
@@ -65,15 +65,15 @@ def choose_cutoff(accelerations: Sequence[FloatArray], rate_hz: float) -> Cutoff
     if not size.max() > 0.0:
         raise RecordingError('no joint moves in the recording, expected a motion')
     # The joints share one filter, or the equation of motion between them would not be kept.
-    share = np.cumsum(motion, axis=0) / np.where(moving, size, 1.0)
-    band = float(frequency[np.argmax(share >= BAND, axis=0)][moving].max())
-    heard = np.cumsum(power - motion, axis=0) > NOISE**2 * size
-    drowned = np.where(heard.any(axis=0), frequency[np.argmax(heard, axis=0)], np.inf)
+    fraction = np.cumsum(motion, axis=0) / np.where(moving, size, 1.0)
+    band = float(frequency[np.argmax(fraction >= BAND, axis=0)][moving].max())
+    is_noisy = np.cumsum(power - motion, axis=0) > NOISE**2 * size
+    noisy_from = np.where(is_noisy.any(axis=0), frequency[np.argmax(is_noisy, axis=0)], np.inf)
     bounds = (
         (MARGIN * band, f'{MARGIN:g} times the band of the motion, {band:.3g} Hz'),
-        (max(float(drowned[moving].min()), _LEAST_OVER_BAND * band),
+        (max(float(noisy_from[moving].min()), _LEAST_OVER_BAND * band),
          'where noise would reach a tenth of the acceleration'),
-        (HIGHEST_SHARE * rate_hz / 2.0, f'{HIGHEST_SHARE:g} of the Nyquist frequency'))
+        (HIGHEST_FRACTION * rate_hz / 2.0, f'{HIGHEST_FRACTION:g} of the Nyquist frequency'))
     return Cutoff(*min(bounds))
 
 

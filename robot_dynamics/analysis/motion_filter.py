@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_SHARE
+from robot_dynamics.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_FRACTION
 from robot_dynamics.analysis.velocity_check import contradicts_position
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
@@ -113,7 +113,7 @@ def filter_motion(
         chosen = choose_cutoff(
             [_acceleration(series, rows, interval, bad) for rows in segments], rate)
     else:
-        highest = HIGHEST_SHARE * rate / 2.0
+        highest = HIGHEST_FRACTION * rate / 2.0
         given = check_scalar('cutoff', cutoff_hz, 0.0, exclusive_minimum=True)
         if given > highest:
             raise InvalidInputError(
@@ -135,7 +135,7 @@ def filter_motion_below(series: JointSeries, cutoff_hz: float) -> FilteredMotion
     if len(series.stamps_ns) < 2:
         return filter_motion(series)  # which says that these are too few
     rate = 1.0 / float(np.median(np.diff(series.times)))
-    return filter_motion(series, min(cutoff_hz, HIGHEST_SHARE * rate / 2.0))
+    return filter_motion(series, min(cutoff_hz, HIGHEST_FRACTION * rate / 2.0))
 
 
 def _join(

@@ -18,7 +18,7 @@ What the model says of a measured motion, and what it leaves unexplained: measur
 The terms come from the recursive Newton–Euler algorithm alone (R. Featherstone, *Rigid Body
 Dynamics Algorithms*, Springer 2008, section 5.3), τ = ID(q, q̇, q̈): g = ID(q, 0, 0),
 C q̇ = ID(q, q̇, 0) − g and M q̈ = ID(q, q̇, q̈) − ID(q, q̇, 0); kinetic energy is ½ q̇ᵀ M q̇ with
-M q̇ = ID(q, 0, q̇) − g. So the engine's call for many states serves them all.
+M q̇ = ID(q, 0, q̇) − g. So one call of Pinocchio for many states serves them all.
 """
 
 from collections.abc import Sequence
@@ -148,13 +148,13 @@ def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics
         raise InvalidInputError(
             f'residuals to merge are of the joints {names}, expected the same in all')
     counts = np.array([part.sample_count for part in parts], dtype=np.float64)
-    share = counts / counts.sum()
+    weights = counts / counts.sum()
 
     def mean(field: str) -> FloatArray:
-        return np.asarray(share @ np.array([getattr(part, field) for part in parts]))
+        return np.asarray(weights @ np.array([getattr(part, field) for part in parts]))
 
     def root(field: str) -> FloatArray:
-        return np.asarray(np.sqrt(share @ np.array([getattr(part, field)**2 for part in parts])))
+        return np.asarray(np.sqrt(weights @ np.array([getattr(part, field)**2 for part in parts])))
 
     return ResidualStatistics(
         names[0], int(counts.sum()), root('rms_measured'), mean('mean_measured'), root('rms'),

@@ -77,8 +77,8 @@ def limit_use_rows(
     return rows
 
 
-def _of_limit(share: float) -> str:
-    return 'no limit' if np.isnan(share) else f'{100.0 * share:.0f} % of limit'
+def _of_limit(ratio: float) -> str:
+    return 'no limit' if np.isnan(ratio) else f'{100.0 * ratio:.0f} % of limit'
 
 
 def _number(value: float) -> str:

@@ -74,7 +74,7 @@ def analyze_task(
     """
     Analyse a recording, and write the outputs of the task.
 
-    `on_step` hears of the STEPS of `bag_analysis` and of each output when it is done.
+    `on_step` is called with the STEPS of `bag_analysis` and of each output when it is done.
     Raises RobotDynamicsError as `analyze_recording`, and OSError.
     """
     analysis = analyze_recording(bag, task.settings, on_step)

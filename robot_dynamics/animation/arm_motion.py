@@ -40,7 +40,7 @@ CONTROL_PERIOD = 2e-3
 """[s]"""
 DAMPING_TIME = 15.0
 """[s] in which friction that an arm is given would stop it: F_v = the largest M_ii / this."""
-LIFT_SHARE = 0.35
+LIFT_FRACTION = 0.35
 """Of a swing's duration, in which the motors lift the arm."""
 LEAN, FOLD = 1.4, 0.9
 """[rad]: where the arm is lifted to, joint 1 from the upright, and each further joint."""
@@ -103,7 +103,7 @@ def simulate_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
             arm.joint_names, [inertia.max() / DAMPING_TIME]))
     lifted = hanging + FOLD
     lifted[0] = hanging[0] + np.copysign(np.pi, -hanging[0]) + LEAN
-    lift = LIFT_SHARE * duration
+    lift = LIFT_FRACTION * duration
     path = quintic_point_to_point(arm.joint_names, hanging, lifted, lift)
     return _simulate(arm, path, hanging, duration, lift, rate)
 

@@ -99,10 +99,10 @@ class _Animation:
             '', (0.0, 0.0), (-52.0, -36.0), 'axes fraction', 'offset points', ha='left', va='top',
             fontsize=10, linespacing=1.5, annotation_clip=False)
         left, width = side + 0.19, 1.0 - side - 0.19 - 0.03
-        room = (height - 0.45) / (n + 1)
+        row_height = (height - 0.45) / (n + 1)
         panels = [
-            figure.add_axes((left, (height - 0.45 - room * (row + 1) + 0.36) / height,
-                             width, (room - 0.62) / height))
+            figure.add_axes((left, (height - 0.45 - row_height * (row + 1) + 0.36) / height,
+                             width, (row_height - 0.62) / height))
             for row in range(n + 1)]
         self._panels: list[EnergyPanel | EffortPanel] = [
             EnergyPanel(panels[0], self._motion),

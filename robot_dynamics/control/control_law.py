@@ -131,9 +131,9 @@ class ErrorFeedback:
         """Return whether the position error of any joint exceeds its limit."""
         return bool((np.abs(self.position_error(reference, q)) > self.largest_error).any())
 
-    def scaled(self, share: float) -> 'ErrorFeedback':
+    def scaled(self, scale: float) -> 'ErrorFeedback':
         """Return the feedback at this share of its bandwidth, with the same damping ratio."""
-        gains = Gains(share**2 * self.gains.kp, share * self.gains.kd)
+        gains = Gains(scale**2 * self.gains.kp, scale * self.gains.kd)
         scaled = ErrorFeedback(gains, (), self.largest_error)
         scaled.turns, scaled._continuous = self.turns, self._continuous
         return scaled

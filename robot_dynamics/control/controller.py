@@ -366,16 +366,16 @@ class Controller:
 
     @property
     def quality(self) -> str:
-        """A description of the joint states, from which `rate_share` follows."""
+        """A description of the joint states, from which `bandwidth_scale` follows."""
         return str(self._adaptation.quality)
 
     @property
     def knows_quality(self) -> bool:
-        """Whether enough joint states have been received for `rate_share` to be meaningful."""
+        """Whether enough joint states have been received for a meaningful `bandwidth_scale`."""
         return self._adaptation.quality.is_known
 
     @property
-    def rate_share(self) -> float:
+    def bandwidth_scale(self) -> float:
         """Share of the natural frequency that the rate and the noise of the states allow."""
         return self._adaptation.scale
 

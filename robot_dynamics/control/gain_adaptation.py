@@ -70,7 +70,7 @@ class GainAdaptation:
         return v, self._set_scale()
 
     def _set_scale(self, is_forced: bool = False) -> bool:
-        scale = 1.0 if self._gains is None else self.quality.stable_share(
+        scale = 1.0 if self._gains is None else self.quality.stable_scale(
             self._gains, self._mass, self._effort_rate)
         if not is_forced and scale < 1.0 and self.scale < 1.0 and (
                 1.0 / _STEP < scale / self.scale < _STEP):

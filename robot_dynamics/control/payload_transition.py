@@ -56,6 +56,6 @@ class PayloadTransition:
         return loads
 
 
-def scaled(payload: Payload, share: float) -> Payload:
+def scaled(payload: Payload, fraction: float) -> Payload:
     """Return a payload with this share of the mass and inertia, at the same place."""
-    return replace(payload, mass=share * payload.mass, inertia=share * payload.inertia)
+    return replace(payload, mass=fraction * payload.mass, inertia=fraction * payload.inertia)

@@ -61,7 +61,7 @@ class TrackingLaw:
 
     def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> TrackingOutput:
         """Return what tracking asks for at the state (q, v), each (n,), while it is in force."""
-        s = self.segment.share(now_ns)
+        s = self.segment.phase(now_ns)
         a, v_r, largest, is_far = [], [], 0.0, False
         for (p, d, dd, K_p, K_d, ratio, turns, e_max), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):

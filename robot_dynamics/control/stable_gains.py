@@ -84,8 +84,8 @@ class Noise:
         if self._consecutive > 2:
             self._updates += 1
             d = x - 2.0 * last + before
-            share = max(forgetting, 1.0 / self._updates)
-            self._variance = self._variance + share * (d * d / 6.0 - self._variance)
+            weight = max(forgetting, 1.0 / self._updates)
+            self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
 
     @property
     def deviation(self) -> FloatArray:
@@ -156,7 +156,7 @@ class StateQuality:
         """The time [s] from a state to the middle of the period in which its effort acts."""
         return 0.5 * self.period
 
-    def stable_share(
+    def stable_scale(
         self, gains: Gains, mass: FloatArray, effort_rate: FloatArray,
     ) -> float:
         """
@@ -169,7 +169,7 @@ class StateQuality:
         if omega == 0.0:
             return 1.0
 
-        def largest_share(noise: FloatArray) -> float:
+        def largest_scale(noise: FloatArray) -> float:
             effort = np.sqrt((mass * (gains.kd * noise)) ** 2 @ np.ones(len(noise)))
             lag = CROSSOVER * omega * float(np.max(effort / (_SLEW * effort_rate), initial=0.0))
             return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
@@ -179,23 +179,23 @@ class StateQuality:
             self._measured = Noise(len(measured))
             self._count, self.is_known, self.differs = 0, False, False
             measured = self._measured.deviation
-        share, delay = largest_share(measured), 0.5 * self.period + LOOP_DELAY
-        self.is_known = self._count >= (_TURN if share < _QUIET else _FEW)
-        was_noisy, self._is_noisy = self._is_noisy, share < 1.0 or not self.is_known
+        scale, delay = largest_scale(measured), 0.5 * self.period + LOOP_DELAY
+        self.is_known = self._count >= (_TURN if scale < _QUIET else _FEW)
+        was_noisy, self._is_noisy = self._is_noisy, scale < 1.0 or not self.is_known
         if self._is_noisy and not was_noisy:
             self._measured.restart()
             self._difference.restart()
         if not self.is_known:
-            share = math.inf
+            scale = math.inf
         elif self._is_noisy and was_noisy:
-            of_difference = largest_share(self._difference.deviation)
-            self.differs = self.differs or LESS * of_difference**2 > share**2
+            of_difference = largest_scale(self._difference.deviation)
+            self.differs = self.differs or LESS * of_difference**2 > scale**2
             if self.differs:
-                share, delay = of_difference, delay + 0.5 * self.period
+                scale, delay = of_difference, delay + 0.5 * self.period
         else:
             self.differs = False
-        share = max(min(share, DELAY_LAG / (CROSSOVER * omega * delay), 1.0), LEAST)
-        return share if self.is_known else UNKNOWN * share
+        scale = max(min(scale, DELAY_LAG / (CROSSOVER * omega * delay), 1.0), LEAST)
+        return scale if self.is_known else UNKNOWN * scale
 
 
 def longest_period(gains: Gains) -> float:

@@ -262,7 +262,7 @@ class CommandSupervisor:
             return None
         if action == 'hold_gravity_then_ramp' and passed >= 0.0:
             passed = max(passed - self.options.hold_time, 0.0)
-        goal = self._braked if passed < 0.0 else self._share_left(passed) * self._hold
+        goal = self._braked if passed < 0.0 else self._fraction_left(passed) * self._hold
         if action == 'ramp_to_zero' and passed >= 0.0:  # toward zero only
             goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
         effort = self._guard.rate_limited(goal, now - self._last_output)
@@ -272,7 +272,7 @@ class CommandSupervisor:
         self._finish()
         return np.zeros(len(self._names))
 
-    def _share_left(self, passed: float) -> float:
+    def _fraction_left(self, passed: float) -> float:
         """Return the share of an effort that is left so long [s] after its ramp began."""
         if passed <= 0.0:
             return 1.0

@@ -37,30 +37,30 @@ from robot_dynamics.model.pseudo_inertia import (
 )
 
 MOST_EVALUATIONS = 100
-LEAST_PULL = 1.0
+LEAST_REGULARIZATION = 1.0
 """κ, at least: bodies that the data pull to the edge of what is possible are no model."""
 
 
 def consistent_fit(
     factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, pull: float, start: Fit,
+    prior: Prior, regularization: float, start: Fit,
 ) -> Fit:
     """
-    Return the physically consistent fit to factors R (n, k, k), by weights w (n,) and pull κ.
+    Return the physically consistent fit to factors R (n, k, k), by weights w (n,).
 
-    `start` gives friction and rotors to start from. Needs scipy.
+    `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
     p, bodies = prior.count, prior.count // COUNT
-    pull = max(pull, LEAST_PULL)
-    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, pull)
+    regularization = max(regularization, LEAST_REGULARIZATION)
+    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, regularization)
     n, k, _ = factors.shape
-    # the pull on φ itself gives way to the divergence
+    # the regularization of φ itself gives way to the divergence
     A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
     R: FloatArray = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode='r'))
     A, b = np.vstack([R[:, :-1], np.zeros((p, len(low)))]), np.append(R[:, -1], np.zeros(p))
     data = len(R)
-    root = np.sqrt(2.0 * pull)
+    root = np.sqrt(2.0 * regularization)
 
     def bodies_of(x: FloatArray) -> FloatArray:
         return np.concatenate([

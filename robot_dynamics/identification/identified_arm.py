@@ -56,7 +56,7 @@ def parameter_values(
             if not name.startswith('friction.') and not name.startswith('robot_description')}
     values: dict[str, Any] = {
         'joints': list(arm.joint_names),
-        'gravity': [float(x) for x in arm.engine.gravity.linear],
+        'gravity': [float(x) for x in arm.pinocchio_model.gravity.linear],
         **{f'friction.{field.name}': rounded([joint.friction[field.name] for joint in joints])
            for field in FRICTION_FIELDS
            if field.name in joints[0].friction},

@@ -15,8 +15,8 @@
 """
 A URDF with the inertials, and the friction, that were identified; all else stays as it is.
 
-The bodies of the engine are a link that moves and all that is fixed to it. What was identified of
-a body goes to the link that moves; links fixed to it keep their own inertials, as long as the
+The bodies of Pinocchio are a link that moves and all that is fixed to it. The parameters of
+a body go to the link that moves; links fixed to it keep their own inertials, as long as the
 rest is a mass distribution, and give theirs up otherwise.
 """
 
@@ -95,7 +95,7 @@ def _fixed_links(
 ) -> dict[str, FloatArray]:
     """Return φ (10,), in the body's frame, of the links with mass fixed to a body's main link."""
     found: dict[str, FloatArray] = {}
-    for frame in arm.engine.frames:
+    for frame in arm.pinocchio_model.frames:
         body = bodies.get(frame.name)
         if (frame.type != pin.FrameType.BODY or frame.parentJoint != joint or frame.name == main
                 or body is None or not body.mass):

@@ -20,7 +20,7 @@ the others. Blocks are contiguous in time: neighbouring samples are nearly the s
 sample left out of their midst would prove nothing. (P. Burman, E. Chow, D. Nolan, "A
 cross-validatory method for dependent data", Biometrika 81(2), 1994.) Of friction structures that
 predict as well as the best, to within the standard error between blocks, the simplest is taken,
-and of pulls to the URDF the strongest.
+and of the regularizations the strongest.
 """
 
 from collections.abc import Sequence
@@ -36,12 +36,12 @@ from robot_dynamics.identification.friction_regressor import (
 from robot_dynamics.identification.qr_information import BLOCKS, QrInformation
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
 
-PULLS = tuple(10.0**exponent for exponent in range(-3, 7))
+REGULARIZATIONS = tuple(10.0**exponent for exponent in range(-3, 7))
 """κ on offer; the last leaves the URDF as it is."""
 SWEEPS = 2
 LARGEST_LOSS = 0.05
 """By which the residual of a simpler structure may be larger than that of the best."""
-_FIRST_PULL = 1.0
+_FIRST_REGULARIZATION = 1.0
 _FIRST_SIGMA = 0.1
 
 
@@ -50,16 +50,16 @@ class ModelChoice:
     """
     What cross-validation chose.
 
-    `structures` of the n joints, `pull` κ, `weights` (n,) of their residuals, `validated` (n,):
-    the RMS of the residual on blocks left out, relative to that of the effort, and `by_pull`
-    (len(PULLS), n) the same for each κ.
+    `structures` of the n joints, `regularization` κ, `weights` (n,) of their residuals,
+    `validated` (n,): the RMS of the residual on blocks left out, relative to that of the effort,
+    and `by_regularization` (len(REGULARIZATIONS), n) the same for each κ.
     """
 
     structures: tuple[FrictionStructure, ...]
-    pull: float
+    regularization: float
     weights: FloatArray
     validated: FloatArray
-    by_pull: FloatArray
+    by_regularization: FloatArray
 
 
 class CrossValidation:
@@ -76,11 +76,11 @@ class CrossValidation:
         self.rows = max(float(rows), 1.0)
 
     def squares(
-        self, chosen: Sequence[FrictionStructure], weights: FloatArray, pull: float,
+        self, chosen: Sequence[FrictionStructure], weights: FloatArray, regularization: float,
     ) -> FloatArray:
         """Return the sum of squared residuals on each block left out, (BLOCKS, n)."""
         return np.stack([
-            solve(train, chosen, weights, self.prior, pull).squares(block)
+            solve(train, chosen, weights, self.prior, regularization).squares(block)
             for train, block in zip(self._train, self._block)])
 
     def relative(self, squares: FloatArray) -> FloatArray:
@@ -101,47 +101,50 @@ def choose_model(
     information: QrInformation, prior: Prior,
     first: Sequence[FrictionStructure] | None = None,
 ) -> ModelChoice:
-    """Return the structures and the pull that predict best what was left out."""
+    """Return the structures and the regularization that predict the samples left out best."""
     validation = CrossValidation(information, prior)
     n = len(information.joint_names)
     chosen = list(first or [SIMPLEST] * n)
-    pull = _FIRST_PULL
+    regularization = _FIRST_REGULARIZATION
     weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
     for _ in range(SWEEPS):
         for joint in np.flatnonzero(validation.is_measured).tolist():
-            chosen[joint] = _best_structure(validation, chosen, joint, weights, pull)
-        weights = validation.weights(validation.squares(chosen, weights, pull))
-        by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
-        best = _best_pull(by_pull, validation.is_measured)
-        pull, weights = PULLS[best], validation.weights(by_pull[best])
-    by_pull = [validation.squares(chosen, weights, k) for k in PULLS]
-    best = _best_pull(by_pull, validation.is_measured)
+            chosen[joint] = _best_structure(validation, chosen, joint, weights, regularization)
+        weights = validation.weights(validation.squares(chosen, weights, regularization))
+        by_regularization = [validation.squares(chosen, weights, k) for k in REGULARIZATIONS]
+        best = _best_regularization(by_regularization, validation.is_measured)
+        regularization = REGULARIZATIONS[best]
+        weights = validation.weights(by_regularization[best])
+    by_regularization = [validation.squares(chosen, weights, k) for k in REGULARIZATIONS]
+    best = _best_regularization(by_regularization, validation.is_measured)
     return ModelChoice(
-        tuple(chosen), PULLS[best], weights, validation.relative(by_pull[best]),
-        np.stack([validation.relative(squares) for squares in by_pull]))
+        tuple(chosen), REGULARIZATIONS[best], weights,
+        validation.relative(by_regularization[best]),
+        np.stack([validation.relative(squares) for squares in by_regularization]))
 
 
-def _best_pull(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:
-    """Return the number of the strongest pull that predicts as well as the best."""
-    by_pull = [squares[:, is_measured] for squares in every_joint]
-    totals = [np.maximum(squares.sum(axis=0), 1e-300) for squares in by_pull]
+def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:
+    """Return the number of the strongest regularization that predicts as well as the best."""
+    by_regularization = [squares[:, is_measured] for squares in every_joint]
+    totals = [np.maximum(squares.sum(axis=0), 1e-300) for squares in by_regularization]
     # the sum of logarithms over joints: a percent counts the same at each
     best = int(np.argmin([np.log(total).sum() for total in totals]))
-    shares = [(squares / totals[best]).sum(axis=1) for squares in by_pull]
-    return max(i for i in range(best, len(by_pull)) if i == best or (
-        _is_as_good(shares[i], shares[best])))
+    ratios = [(squares / totals[best]).sum(axis=1) for squares in by_regularization]
+    return max(i for i in range(best, len(by_regularization)) if i == best or (
+        _is_as_good(ratios[i], ratios[best])))
 
 
 def _best_structure(
     validation: CrossValidation, chosen: Sequence[FrictionStructure], joint: int,
-    weights: FloatArray, pull: float,
+    weights: FloatArray, regularization: float,
 ) -> FrictionStructure:
     offered: list[tuple[FrictionStructure, FloatArray]] = []
     for structure in structures():
         trial = [*chosen[:joint], structure, *chosen[joint + 1:]]
         if is_physical(_of_joint(
-                solve(validation.all, trial, weights, validation.prior, pull), joint)):
-            offered.append((structure, validation.squares(trial, weights, pull)[:, joint]))
+                solve(validation.all, trial, weights, validation.prior, regularization), joint)):
+            squares = validation.squares(trial, weights, regularization)
+            offered.append((structure, squares[:, joint]))
     if not offered:
         return chosen[joint]
     _, best = min(offered, key=lambda pair: float(pair[1].sum()))

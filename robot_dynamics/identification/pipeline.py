@@ -38,8 +38,8 @@ from robot_dynamics.identification.regularized_fit import (
     Fit,
     make_prior,
     Prior,
-    PULL_OF_URDF,
     solve_bounded,
+    URDF_REGULARIZATION,
 )
 from robot_dynamics.identification.steps import (
     ArmMotion,
@@ -72,7 +72,7 @@ class FittedModels:
     Models of one arm, fitted to the same samples, and how they were chosen.
 
     `urdf` has the bodies of the URDF and no friction, `friction` the bodies of the URDF and
-    friction that was fitted, `base` the pulled base parameters, `consistent` the physically
+    friction that was fitted, `base` the regularized base parameters, `consistent` the physically
     consistent set.
     """
 
@@ -173,10 +173,11 @@ def fit_model(
     choice = choose_model(information, prior, first)
     factors = information.together()
     n = len(information.joint_names)
-    base = solve_bounded(factors, choice.structures, choice.weights, prior, choice.pull)
-    friction = solve_bounded(factors, choice.structures, choice.weights, prior, PULL_OF_URDF)
+    base = solve_bounded(factors, choice.structures, choice.weights, prior, choice.regularization)
+    friction = solve_bounded(
+        factors, choice.structures, choice.weights, prior, URDF_REGULARIZATION)
     consistent = consistent_fit(
-        factors, choice.structures, choice.weights, prior, choice.pull, base)
+        factors, choice.structures, choice.weights, prior, choice.regularization, base)
     urdf = Fit(inertial_parameters(bare_arm(arm)), np.zeros_like(base.joint_values[:n]),
                choice.structures)
     return FittedModels(choice, urdf, friction, base, consistent)

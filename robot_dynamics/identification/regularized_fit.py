@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Least squares with a pull toward the model that is known before: the URDF.
+Least squares with regularization toward the prior model: the URDF.
 
 Minimised is ½ Σ_j w_j |X_j θ_j − y_j|² + ½ κ Σ_b |W_b (φ_b − φ⁰_b)|² + ½ κ Σ_j (I_j / s_j)²: the
 residuals of all joints, each weighted by w_j = 1 / (σ_j² × samples that count as one); the
 entropic divergence of the bodies from the URDF, to second order (`pseudo_inertia`); and reflected
 inertia beside the joint's own inertia s_j. κ = 1 expects the URDF to be wrong by about 100 %, κ =
-10⁴ by 1 %. Source of the pull: T. Lee, F. C. Park, "A geometric algorithm for robust multibody
-inertial parameter identification", IEEE Robotics and Automation Letters 3(3), 2018.
+10⁴ by 1 %. Source of the regularization: T. Lee, F. C. Park, "A geometric algorithm for robust
+multibody inertial parameter identification", IEEE Robotics and Automation Letters 3(3), 2018.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ from robot_dynamics.model.pseudo_inertia import (
     relative_rows,
 )
 
-PULL_OF_URDF = 1e12
+URDF_REGULARIZATION = 1e12
 """κ that leaves the bodies as the URDF has them."""
 _LEAST_MASS = 0.01
 """Share of the arm's mass that a body may be wrong by even where the URDF gives it less."""
@@ -80,11 +80,11 @@ def make_prior(parameters: FloatArray, joint_inertia: FloatArray) -> Prior:
     Return the prior of a URDF's φ⁰ (p,), and the inertia at each joint s (n,).
 
     A body that the URDF makes very light, flat or impossible is given a little mass around the
-    same centre, for the pull alone, so that the data may still say otherwise.
+    same centre, for the regularization alone, so that the data may still say otherwise.
     """
     bodies = parameters.reshape(-1, COUNT)
     total = max(float(np.maximum(bodies[:, 0], 0.0).sum()), 1e-3)
-    roots = np.stack([np.linalg.cholesky(_fit_for_pull(phi, total)) for phi in bodies])
+    roots = np.stack([np.linalg.cholesky(_regularizing_body(phi, total)) for phi in bodies])
     rows = np.zeros((len(parameters), len(parameters)))
     for i, root in enumerate(roots):
         part = slice(COUNT * i, COUNT * (i + 1))
@@ -94,7 +94,7 @@ def make_prior(parameters: FloatArray, joint_inertia: FloatArray) -> Prior:
         np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)))
 
 
-def _fit_for_pull(phi: FloatArray, total: float) -> FloatArray:
+def _regularizing_body(phi: FloatArray, total: float) -> FloatArray:
     P = pseudo_inertia_matrix(phi)
     least_mass = _LEAST_MASS * total
     mass = max(float(P[3, 3]), 0.0)
@@ -147,20 +147,20 @@ def grams_of(factors: FloatArray) -> FloatArray:
 
 def solve(
     grams: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, pull: float,
+    prior: Prior, regularization: float,
 ) -> Fit:
     """
     Return the fit to RᵀR (n, k, k) of each joint, by the normal equations, without bounds.
 
-    `weights` w (n,), `pull` κ. It is quick, for choosing between models.
+    `weights` w (n,), `regularization` κ. It is quick, for choosing between models.
     """
     p = prior.count
     own = [np.array(structure.columns) + p for structure in structures]
     size = p + sum(len(columns) for columns in own)
     H, g = np.zeros((size, size)), np.zeros(size)
     W = prior.rows.T @ prior.rows
-    H[:p, :p] = pull * W
-    g[:p] = pull * W @ prior.parameters
+    H[:p, :p] = regularization * W
+    g[:p] = regularization * W @ prior.parameters
     first = p
     for j, columns in enumerate(own):
         G, part = weights[j] * grams[j], slice(first, first + len(columns))
@@ -170,7 +170,7 @@ def solve(
         H[part, part] = G[np.ix_(columns, columns)]
         g[:p] += G[:p, -1]
         g[part] = G[columns, -1]
-        H[first, first] += pull / prior.inertia[j]**2  # reflected inertia comes first
+        H[first, first] += regularization / prior.inertia[j]**2  # reflected inertia comes first
         first += len(columns)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
@@ -180,7 +180,7 @@ def solve(
 
 def solve_bounded(
     factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, pull: float,
+    prior: Prior, regularization: float,
 ) -> Fit:
     """
     Return the same fit to factors R (n, k, k), with no friction or rotor below 0.
@@ -188,7 +188,7 @@ def solve_bounded(
     By least squares with bounds, without squaring the condition number.
     """
     lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
-    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, pull)
+    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, regularization)
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(
         A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
@@ -197,7 +197,7 @@ def solve_bounded(
 
 def bounded_problem(
     factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, pull: float,
+    prior: Prior, regularization: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, list[FloatArray]]:
     """Return A, b of |A x − b|², the bounds of x, and where the joints' own columns come from."""
     n, k, _ = factors.shape
@@ -211,11 +211,11 @@ def bounded_problem(
         rows, part = slice(j * k, (j + 1) * k), slice(first, first + len(columns))
         root = np.sqrt(weights[j]) * factors[j]
         A[rows, :p], A[rows, part], b[rows] = root[:, :p], root[:, columns], root[:, -1]
-        A[n * k + p + j, first] = np.sqrt(pull) / prior.inertia[j]
+        A[n * k + p + j, first] = np.sqrt(regularization) / prior.inertia[j]
         low[part] = np.where(columns - p == OFFSET, -np.inf, 0.0)
         first += len(columns)
-    A[n * k:n * k + p, :p] = np.sqrt(pull) * prior.rows
-    b[n * k:n * k + p] = np.sqrt(pull) * prior.rows @ prior.parameters
+    A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
+    b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
     return A, b, low, high, own
 
 

@@ -75,10 +75,10 @@ def write_identification(
 
 def _head(found: BagIdentification) -> list[str]:
     tests = found.identification.tests['consistent']
-    shares = ', '.join(f'{100.0 * share:.1f}' for share in tests.relative())
+    ratios = ', '.join(f'{100.0 * ratio:.1f}' for ratio in tests.relative())
     return [
         f'Identified by `identify` from {", ".join(bag.name for bag in found.bags)}.',
-        f'Residual on samples that were not trained with, % of the effort, RMS: {shares}.',
+        f'Residual on samples that were not trained with, % of the effort, RMS: {ratios}.',
         '',
         '  ros2 run robot_dynamics dynamics_node --ros-args --params-file identified.yaml',
         '  ros2 run robot_dynamics simulated_arm --ros-args --params-file identified.yaml',
@@ -106,7 +106,8 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
                 'test_by_sample': _numbers(test.relative('test_by_sample')),
                 'test_rms': _numbers(test.rms())}
             for model, test in identification.tests.items()},
-        'cross_validation': {'relative_residual': _numbers(choice.validated), 'pull': choice.pull},
+        'cross_validation': {
+            'relative_residual': _numbers(choice.validated), 'pull': choice.regularization},
         'rank': identification.base.rank,
         'condition_number': _number(estimate.condition),
         'base_parameters': [

@@ -21,7 +21,7 @@ from robot_dynamics.analysis.summary import Rows
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains
 from robot_dynamics.identification.identified_arm import joint_estimates
-from robot_dynamics.identification.model_selection import PULLS
+from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.joints.parameter_field import ParameterField
@@ -59,7 +59,8 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('base parameters', f'{identification.base.rank} of '
                             f'{identification.base.matrix.shape[1]} parameters (rank)'),
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
-        ('pull to the URDF', f'κ = {choice.pull:g}, chosen on blocks left out of the training'),
+        ('pull to the URDF',
+         f'κ = {choice.regularization:g}, chosen on blocks left out of the training'),
     ]
 
 
@@ -135,7 +136,7 @@ def _of_excitation(identification: Identification) -> Iterator[str]:
         names = ', '.join(estimate.unexcited)
         yield (f'not excited, {len(estimate.unexcited)} of {estimate.base_count} base parameters, '
                f'which stay near the URDF: {names}')
-    if identification.models.choice.pull == PULLS[-1]:
+    if identification.models.choice.regularization == REGULARIZATIONS[-1]:
         yield ('no block of the recording is predicted better with other masses than those of '
                'the URDF: only friction was identified')
 

@@ -15,7 +15,7 @@
 """
 How well each base parameter is known: its standard deviation, and what no sample excites.
 
-Plain weighted least squares over the base parameters and the joints' own columns, with no pull:
+Plain weighted least squares over the base parameters and the joints' own columns, unregularized:
 the covariance is (Σ_j w_j X_jᵀ X_j)⁻¹ with w_j = 1 / (σ_j² s_j). Filtered samples are not
 independent: s_j of them count as one (`motion_regression`). That is exact for noise that is white
 over the band of the regressor.
@@ -45,7 +45,7 @@ wrong by about 100 % would give it.
 @dataclass(frozen=True, eq=False)
 class ParameterEstimate:
     """
-    Base parameters β and the joints' own parameters, k of them, by least squares without a pull.
+    Base parameters β and the joints' own parameters, k of them, by unregularized least squares.
 
     `names`, `values`, `deviations` (standard), `prior` (of the URDF; own parameters 0) are (k,).
     `base_count` of them are base parameters; `condition` is the condition number of their columns,

@@ -66,7 +66,7 @@ class EffortConvention:
         return self.measured_effort == 'joint_torque_without_gravity'
 
     @property
-    def expected_share(self) -> float:
+    def expected_ratio(self) -> float:
         """Return by how much of g(q) the measured effort at rest exceeds the command."""
         return float(self.compensates_gravity) - float(self.lacks_gravity)
 

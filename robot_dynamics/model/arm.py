@@ -58,8 +58,8 @@ class ArmModel:
     """
     An arm with a fixed base and n actuated joints, in the order of `joint_names`.
 
-    It does not change: `with_payload` returns another one. `engine` is Pinocchio's model of the
-    whole tree, whose joints `joint_coordinates` maps to the actuated ones.
+    It does not change: `with_payload` returns another one. `pinocchio_model` holds the whole
+    tree, whose joints `joint_coordinates` maps to the actuated ones.
     """
 
     name: str
@@ -71,7 +71,7 @@ class ArmModel:
     locked_joints: dict[str, float]
     link_names: tuple[str, ...]
     coordinates: JointCoordinates
-    engine: pin.Model
+    pinocchio_model: pin.Model
     unloaded_model: pin.Model
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
@@ -106,7 +106,8 @@ class ArmModel:
         if link not in self.link_names:
             raise InvalidInputError(
                 f'{field} is {link!r}, expected one of the links {list(self.link_names)}')
-        return self.engine.frames[self.engine.getFrameId(link, pin.FrameType.BODY)]
+        model = self.pinocchio_model
+        return model.frames[model.getFrameId(link, pin.FrameType.BODY)]
 
     def with_friction(self, friction: JointFriction) -> 'ArmModel':
         """Return this arm with this friction in place of that of the URDF."""
@@ -123,11 +124,11 @@ class ArmModel:
         return self._with_armature(np.where(apart, 0.0, self.actuators.reflected_inertia))
 
     def _with_armature(self, inertias: FloatArray) -> 'ArmModel':
-        engines = self.engine.copy(), self.unloaded_model.copy()
-        for engine in engines:
+        models = self.pinocchio_model.copy(), self.unloaded_model.copy()
+        for model in models:
             for name, inertia in zip(self.joint_names, inertias):
-                engine.armature[engine.joints[engine.getJointId(name)].idx_v] = inertia
-        return replace(self, engine=engines[0], unloaded_model=engines[1])
+                model.armature[model.joints[model.getJointId(name)].idx_v] = inertia
+        return replace(self, pinocchio_model=models[0], unloaded_model=models[1])
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
         """
@@ -135,13 +136,13 @@ class ArmModel:
 
         Each is added to its link's own inertia. Raises InvalidInputError for an unknown link.
         """
-        engine = self.unloaded_model.copy()
+        model = self.unloaded_model.copy()
         loads = tuple(payload for payload in payloads if payload.mass > 0.0)
         for payload in loads:
             frame = self.link_frame(payload.link, 'payload.header.frame_id')
             load = pin.Inertia(payload.mass, payload.com, payload.inertia)
-            engine.inertias[frame.parentJoint] += frame.placement.act(load)
-        return replace(self, engine=engine, payloads=loads)
+            model.inertias[frame.parentJoint] += frame.placement.act(load)
+        return replace(self, pinocchio_model=model, payloads=loads)
 
 
 def load_arm(
@@ -166,15 +167,15 @@ def load_arm(
         joint.name: float(np.clip(0.0, joint.lower, joint.upper)) for joint in robot.joints
         if joint.moves and joint.mimic is None and joint.name not in index}
     still = _locked_positions(robot, locked)
-    engine = _without_joints(_build_engine(robot), still)
-    engine.gravity.linear = g
-    G, q0 = np.zeros((engine.nv, len(actuated))), np.zeros(engine.nv)
+    model = _without_joints(_build_pinocchio_model(robot), still)
+    model.gravity.linear = g
+    G, q0 = np.zeros((model.nv, len(actuated))), np.zeros(model.nv)
     mimic_joints = []
     viscous, coulomb = np.zeros(len(actuated)), np.zeros(len(actuated))
     for joint in robot.joints:
-        if not joint.moves or not engine.existJointName(joint.name):
+        if not joint.moves or not model.existJointName(joint.name):
             continue
-        row = engine.joints[engine.getJointId(joint.name)].idx_v
+        row = model.joints[model.getJointId(joint.name)].idx_v
         if joint.name in still:
             q0[row] = still[joint.name]
             continue
@@ -200,8 +201,8 @@ def load_arm(
         locked_joints=locked,
         link_names=robot.link_names,
         coordinates=JointCoordinates(G, q0),
-        engine=engine,
-        unloaded_model=engine,
+        pinocchio_model=model,
+        unloaded_model=model,
         reductions=robot.reductions,
     )
 
@@ -232,21 +233,21 @@ def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, f
     return positions
 
 
-def _without_joints(engine: pin.Model, positions: dict[str, float]) -> pin.Model:
+def _without_joints(model: pin.Model, positions: dict[str, float]) -> pin.Model:
     """
-    Return the engine with these joints fixed where they stand; their links keep their mass.
+    Return the model with these joints fixed where they stand; their links keep their mass.
 
     Where Pinocchio cannot do that, as a link has the name of a joint, they stay coordinates.
     """
     if not positions:
-        return engine
-    q = np.zeros(engine.nq)
+        return model
+    q = np.zeros(model.nq)
     for name, position in positions.items():
-        q[engine.joints[engine.getJointId(name)].idx_q] = position
+        q[model.joints[model.getJointId(name)].idx_q] = position
     try:
-        return pin.buildReducedModel(engine, [engine.getJointId(name) for name in positions], q)
+        return pin.buildReducedModel(model, [model.getJointId(name) for name in positions], q)
     except ValueError:
-        return engine
+        return model
 
 
 def _leader_of(joint: UrdfJoint, robot: UrdfRobot) -> tuple[str, float, float]:
@@ -256,9 +257,9 @@ def _leader_of(joint: UrdfJoint, robot: UrdfRobot) -> tuple[str, float, float]:
     return relation.leader, relation.multiplier, relation.offset
 
 
-def _build_engine(robot: UrdfRobot) -> pin.Model:
+def _build_pinocchio_model(robot: UrdfRobot) -> pin.Model:
     try:
-        return pin.buildModelFromXML(robot.engine_xml)
+        return pin.buildModelFromXML(robot.pinocchio_xml)
     except Exception as error:  # Pinocchio raises what its parser raises
         raise ModelError(
             f'robot_description: robot {robot.name!r} was refused by the parser: {error}'

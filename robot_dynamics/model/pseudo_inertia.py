@@ -16,7 +16,7 @@
 The pseudo-inertia of a body, and coordinates of it that are always physically consistent.
 
 A body has the parameters φ = (m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), the tensor about the
-origin of its frame, as the engine orders them. There is a mass distribution with them if and only
+origin of its frame, as Pinocchio orders them. There is a mass distribution with them if and only
 if P = [[Σ, m c], [m cᵀ, m]], Σ = ½ tr(I) 1 − I, is positive definite: P. M. Wensing, S. Kim,
 J.-J. E. Slotine, "Linear matrix inequalities for physically consistent inertial parameter
 identification", IEEE Robotics and Automation Letters 3(1), 2018.

@@ -16,7 +16,7 @@
 The torque regressor: the efforts of rigid bodies as linear in the bodies' inertial parameters.
 
 τ = Y(q, q̇, q̈) φ, φ the ten parameters of each body (`pseudo_inertia`), one body a moving joint of
-the engine, to which the links that are fixed to it belong. Source: C. G. Atkeson, C. H. An,
+Pinocchio, to which the links that are fixed to it belong. Source: C. G. Atkeson, C. H. An,
 J. M. Hollerbach, "Estimation of inertial parameters of manipulator loads and links", Int. J.
 Robotics Research 5(3), 1986. Reflected inertia of rotors is no part of it.
 """
@@ -31,12 +31,12 @@ from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
 
 
 def body_names(arm: ArmModel) -> tuple[str, ...]:
-    """Return the link that moves with each joint of the engine, by which its body is named."""
-    names = list(arm.engine.names)
-    for frame in arm.engine.frames:
+    """Return the link that moves with each joint of Pinocchio, by which its body is named."""
+    names = list(arm.pinocchio_model.names)
+    for frame in arm.pinocchio_model.frames:
         if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(1e-12):
             index = frame.parentJoint
-            if names[index] == arm.engine.names[index]:
+            if names[index] == arm.pinocchio_model.names[index]:
                 names[index] = frame.name
     return tuple(names[1:])
 
@@ -48,7 +48,7 @@ def parameter_names(arm: ArmModel) -> tuple[str, ...]:
 
 def inertial_parameters(arm: ArmModel) -> FloatArray:
     """Return φ (10 × bodies,) of the arm, with its payload."""
-    inertias = list(arm.engine.inertias)[1:]
+    inertias = list(arm.pinocchio_model.inertias)[1:]
     return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
 
 
@@ -59,29 +59,29 @@ def with_inertial_parameters(arm: ArmModel, parameters: FloatArray) -> ArmModel:
     Bodies whose parameters no mass distribution has are kept as they are given: fit to compute
     efforts with, but not to simulate.
     """
-    engine = arm.unloaded_model.copy()
+    model = arm.unloaded_model.copy()
     for i, phi in enumerate(parameters.reshape(-1, COUNT)):
-        engine.inertias[i + 1] = (
+        model.inertias[i + 1] = (
             pin.Inertia.FromDynamicParameters(phi) if is_consistent(phi) or phi[0] != 0.0 else
             pin.Inertia.Zero())
-    return replace(arm, engine=engine, unloaded_model=engine, payloads=())
+    return replace(arm, pinocchio_model=model, unloaded_model=model, payloads=())
 
 
 class TorqueRegressor:
-    """The regressor Y of one arm; not for two threads, as it holds the engine's scratch memory."""
+    """The regressor Y of one arm; not for two threads, as it holds Pinocchio's scratch memory."""
 
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm
-        self.parameter_count = COUNT * (arm.engine.njoints - 1)
-        self._data = arm.engine.createData()
+        self.parameter_count = COUNT * (arm.pinocchio_model.njoints - 1)
+        self._data = arm.pinocchio_model.createData()
 
     def __call__(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return Y, (m, n, parameters), at m samples of shape (m, n)."""
-        x, engine, data = self.arm.coordinates, self.arm.engine, self._data
+        x, model, data = self.arm.coordinates, self.arm.pinocchio_model, self._data
         states = zip(x.position(q), x.rate(v), x.rate(a))
-        tree = np.empty((len(q), engine.nv, self.parameter_count))
+        tree = np.empty((len(q), model.nv, self.parameter_count))
         for row, state in zip(tree, states):
-            row[:] = pin.computeJointTorqueRegressor(engine, data, *state)
+            row[:] = pin.computeJointTorqueRegressor(model, data, *state)
         if x.is_identity:
             return tree
         return np.asarray(np.einsum('mtp,tj->mjp', tree, x.G, optimize=True))

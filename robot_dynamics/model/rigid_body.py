@@ -81,7 +81,7 @@ class UncheckedRigidBody:
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm
         self._x = arm.coordinates
-        self._model = arm.engine
+        self._model = arm.pinocchio_model
         self._data = self._model.createData()
         self._zero = np.zeros(self._model.nv)
         self._weightless = self._model.copy()
@@ -139,7 +139,7 @@ class UncheckedRigidBody:
         v_tree = x.rate(v)
         pin.computeAllTerms(self._model, data, x.position(q), v_tree)
         inertial, gravity = data.M @ x.rate(a), data.g.copy()
-        # The engine rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
+        # Pinocchio rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
         coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
         return RigidBodyTerms(
             x.effort(inertial), x.effort(coriolis), x.effort(gravity),

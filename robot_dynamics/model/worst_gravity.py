@@ -88,8 +88,8 @@ def sample_positions(arm: ArmModel, count: int) -> FloatArray:
         phi = (1.0 + phi) ** (1.0 / (n + 1))
     steps = phi ** -np.arange(1.0, n + 1.0)
     low, high = search_box(arm)
-    share = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
-    return np.asarray(low + share * (high - low))
+    fraction = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
+    return np.asarray(low + fraction * (high - low))
 
 
 def worst_gravity(arm: ArmModel, search: Search = THOROUGH) -> WorstGravity:
@@ -192,10 +192,10 @@ class _Ascent:
 
 def _related(arm: ArmModel) -> BoolArray:
     """Return which g_i may depend on q_j, (n, n): one joint moves the other, or is moved."""
-    engine = arm.engine
-    above = np.zeros((engine.nv, engine.nv))
-    for joint in range(1, engine.njoints):
-        for ancestor in list(engine.supports[joint])[1:]:
-            above[engine.joints[joint].idx_v, engine.joints[ancestor].idx_v] = 1.0
+    model = arm.pinocchio_model
+    above = np.zeros((model.nv, model.nv))
+    for joint in range(1, model.njoints):
+        for ancestor in list(model.supports[joint])[1:]:
+            above[model.joints[joint].idx_v, model.joints[ancestor].idx_v] = 1.0
     used = (arm.coordinates.G != 0.0).astype(np.float64)
     return np.asarray(used.T @ (above + above.T) @ used > 0.0)

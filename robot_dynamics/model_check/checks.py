@@ -42,7 +42,7 @@ LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
 LARGEST_SURVEY = 256
 """Positions at which M(q) is looked at, at most."""
-_LOST_SHARE = 1e-6
+_LOST_FRACTION = 1e-6
 
 
 def check_model(
@@ -71,7 +71,7 @@ def check_model(
     of_bodies = [
         *check_masses(moved), *check_inertias(moved),
         *check_extents(moved, read_joint_origins(urdf)),
-        *check_lost_masses(moved), *_lost_by_the_engine(arm, moved)]
+        *check_lost_masses(moved), *_lost_by_pinocchio(arm, moved)]
     explained = any(finding.level == ERROR for finding in of_bodies)
     findings = [
         *of_bodies,
@@ -108,22 +108,22 @@ def _links_from(robot: UrdfRobot, link: str) -> set[str]:
     return found
 
 
-def _lost_by_the_engine(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
-    """Compare the mass that the engine moves with that of the URDF."""
+def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
+    """Compare the mass that Pinocchio moves with that of the URDF."""
     driven = np.abs(arm.coordinates.G).sum(axis=1) > 0.0
-    carried = np.zeros(arm.engine.njoints, dtype=bool)
-    for joint in range(1, arm.engine.njoints):
+    carried = np.zeros(arm.pinocchio_model.njoints, dtype=bool)
+    for joint in range(1, arm.pinocchio_model.njoints):
         carried[joint] = any(
-            driven[arm.engine.joints[above].idx_v]
-            for above in list(arm.engine.supports[joint])[1:])
-    engine = sum(
+            driven[arm.pinocchio_model.joints[above].idx_v]
+            for above in list(arm.pinocchio_model.supports[joint])[1:])
+    moving_mass = sum(
         inertia.mass for inertia, counts in zip(arm.unloaded_model.inertias, carried) if counts)
     written = sum(body.mass or 0.0 for body in moved)
-    if abs(engine - written) <= _LOST_SHARE * max(written, TINY_MASS):
+    if abs(moving_mass - written) <= _LOST_FRACTION * max(written, TINY_MASS):
         return []
     return [Finding(
         'lost_mass', WARNING, '',
-        f'the links that move have {written:.6g} kg in the URDF, but {engine:.6g} kg in the '
+        f'the links that move have {written:.6g} kg in the URDF, but {moving_mass:.6g} kg in the '
         'model, expected the same')]
 
 
@@ -181,7 +181,7 @@ def _check_limits(arm: ArmModel) -> list[Finding]:
 
 def _check_gravity(arm: ArmModel, search: Search) -> list[Finding]:
     limit = arm.limits.effort
-    if not np.isfinite(limit).any() or not np.any(arm.engine.gravity.linear):
+    if not np.isfinite(limit).any() or not np.any(arm.pinocchio_model.gravity.linear):
         return []
     worst = worst_gravity(arm, search)
     return [

@@ -164,8 +164,8 @@ class GravityCheck:
         beyond = np.where(finite, measured - commands, 0.0)
         used = finite & (np.abs(g) > np.maximum(MIN_GRAVITY, CLEARANCE * self._friction))
         half = len(beyond) // 2
-        if used.any() and abs(
-                _share(g, beyond[:half], used) - _share(g, beyond[half:], used)) > STEADY:
+        if used.any() and abs(_gravity_ratio(g, beyond[:half], used)
+                              - _gravity_ratio(g, beyond[half:], used)) > STEADY:
             self.waiting = STILL  # a command, or what opens brakes, has just begun to act
             return None
         band = self._friction + _deviation(beyond)
@@ -178,7 +178,7 @@ class GravityCheck:
         band = (band + self._gear_loss * np.abs(g))[used]
         widened = float(np.abs(g[used]) @ band / (g[used] @ g[used]))
         return GravityVerdict(
-            _share(g, beyond, used), self._semantics.expected_share,
+            _gravity_ratio(g, beyond, used), self._semantics.expected_ratio,
             TOLERANCE + min(widened, MAX_BAND),
             np.where(finite, _median(measured), np.nan),
             _median(commands), g, used)
@@ -188,7 +188,7 @@ class GravityCheck:
     ) -> bool:
         """Tell whether the measured effort carries the arm, or a command has long been there."""
         missing = g if self._semantics.lacks_gravity else np.zeros_like(g)
-        if _share(g, measured + missing, used) >= UNLOADED:
+        if _gravity_ratio(g, measured + missing, used) >= UNLOADED:
             self._unloaded_since = None
             return True
         self.waiting = UNLOADED_WORDS
@@ -201,7 +201,7 @@ class GravityCheck:
         return last - self._unloaded_since >= UNLOADED_PATIENCE_NS
 
 
-def _share(g: FloatArray, efforts: FloatArray, used: BoolArray) -> float:
+def _gravity_ratio(g: FloatArray, efforts: FloatArray, used: BoolArray) -> float:
     """Return the least squares share of gravity in the median of efforts (samples, n)."""
     return float(g[used] @ _median(efforts)[used] / (g[used] @ g[used]))
 

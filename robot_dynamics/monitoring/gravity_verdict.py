@@ -29,7 +29,7 @@ class GravityVerdict:
     [N], medians over the window; `used` (n,) tells which joints decided.
     """
 
-    share: float
+    ratio: float
     expected: float
     tolerance: float
     measured: FloatArray
@@ -40,7 +40,7 @@ class GravityVerdict:
     @property
     def excess(self) -> float:
         """Return by how much of gravity more is carried than expected."""
-        return self.share - self.expected
+        return self.ratio - self.expected
 
     @property
     def agrees(self) -> bool:
@@ -51,20 +51,20 @@ def verdict_in_words(
     verdict: GravityVerdict, joint_names: tuple[str, ...], semantics: EffortConvention,
 ) -> str:
     """Return one line with the numbers, what they mean, and which parameter says so."""
-    share = (
-        f'in a static hold the measured effort exceeds the command by {verdict.share:.2f} times '
+    comparison = (
+        f'in a static hold the measured effort exceeds the command by {verdict.ratio:.2f} times '
         f'g(q), expected {verdict.expected:.0f} (within {verdict.tolerance:.2f}) from '
         f'measured_effort {semantics.measured_effort!r} and robot_compensates '
         f'{list(semantics.robot_compensates)}')
     if verdict.agrees:
-        return share
+        return comparison
     numbers = '; '.join(
         f'{name}: measured {measured:.3f}, command {command:.3f}, g(q) {gravity:.3f}'
         + ('' if used else ' (not used)')
         for name, measured, command, gravity, used in zip(
             joint_names, verdict.measured.tolist(), verdict.command.tolist(),
             verdict.gravity.tolist(), verdict.used.tolist()))
-    return f'{share}. {numbers}. {_advice(verdict, semantics)}'
+    return f'{comparison}. {numbers}. {_advice(verdict, semantics)}'
 
 
 def _advice(verdict: GravityVerdict, semantics: EffortConvention) -> str:

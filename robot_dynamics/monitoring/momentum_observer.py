@@ -59,7 +59,7 @@ class MomentumObserver:
         over that time, both [N·m·s] or [N·s]. What they leave is the mean of τ_ext; the step is
         the exact solution where τ_ext is constant meanwhile, so that it is stable at any K dt.
         """
-        share = -math.expm1(-self.gain * dt)
+        fraction = -math.expm1(-self.gain * dt)
         mean = (momentum_change - impulse) / dt
-        self.estimate = self.estimate + share * (mean - self.estimate)
+        self.estimate = self.estimate + fraction * (mean - self.estimate)
         return self.estimate

@@ -83,7 +83,7 @@ class StateMonitor:
         """Asked before a state is refused for its age: tells whether stamps have one at all."""
         self._q = np.zeros(len(joint_names))
         self._stamp: int | None = None
-        self._heard = 0
+        self._received = 0
         self._is_same_clock = self._is_unstamped = False
 
     def judge(
@@ -101,9 +101,9 @@ class StateMonitor:
         """
         if self._is_usual(stamp, clock, q):
             dt = 1e-9 * (stamp - self._stamp)  # type: ignore[operator]
-            self._stamp, self._q, self._heard = stamp, q, clock
+            self._stamp, self._q, self._received = stamp, q, clock
             return StateVerdict(True, dt, '', stamp)
-        if self._stamp is not None and not 0 <= clock - self._heard <= _LONGEST_GAP_NS:
+        if self._stamp is not None and not 0 <= clock - self._received <= _LONGEST_GAP_NS:
             self._stamp = None
         is_unstamped, shift = stamp == 0, 0
         if is_unstamped:
@@ -118,7 +118,7 @@ class StateMonitor:
             self._check_age(age)
         judgement = self._follows(stamp, q, v, has_several_publishers)
         if judgement.is_new:
-            self._stamp, self._q, self._heard = stamp, q, clock
+            self._stamp, self._q, self._received = stamp, q, clock
             self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
         is_new, dt, restart, *_ = judgement
         return StateVerdict(is_new, dt, '' if shift else restart, stamp, shift)
@@ -138,7 +138,7 @@ class StateMonitor:
         last = self._stamp
         return (
             last is not None and last < stamp <= last + _LONGEST_GAP_NS and self._is_same_clock
-            and not self._is_unstamped and 0 <= clock - self._heard <= _LONGEST_GAP_NS
+            and not self._is_unstamped and 0 <= clock - self._received <= _LONGEST_GAP_NS
             and (self.max_age <= 0.0 or abs(clock - stamp) <= 1e9 * self.max_age)
             and self._has_hardly_moved(q))
 

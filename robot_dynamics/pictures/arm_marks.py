@@ -29,7 +29,7 @@ from robot_dynamics.pictures.stick_figure import tool_link
 
 FULL_TURN = 1.5 * math.pi
 """[rad] of the arc of an effort that is its limit; a whole turn would not tell its sign."""
-LARGEST_SHARE = 1.2
+LARGEST_RATIO = 1.2
 """Share of the limit beyond which arcs grow no more."""
 _ARC_STEP = 0.15
 """[rad] between two points of an arc."""
@@ -64,25 +64,25 @@ class ArmMarks:
     """The marks of one arm, with the loads that it has. Not for two threads at a time."""
 
     def __init__(self, arm: ArmModel) -> None:
-        self._arm, self._data = arm, arm.engine.createData()
-        self._joints = [arm.engine.getJointId(name) for name in arm.joint_names]
-        self._tool = arm.engine.getFrameId(tool_link(arm), pin.FrameType.BODY)
+        self._arm, self._data = arm, arm.pinocchio_model.createData()
+        self._joints = [arm.pinocchio_model.getJointId(name) for name in arm.joint_names]
+        self._tool = arm.pinocchio_model.getFrameId(tool_link(arm), pin.FrameType.BODY)
         offsets = [float(np.linalg.norm(place.translation))
-                   for place in list(arm.engine.jointPlacements)[2:]]
-        tip = float(np.linalg.norm(arm.engine.frames[self._tool].placement.translation))
+                   for place in list(arm.pinocchio_model.jointPlacements)[2:]]
+        tip = float(np.linalg.norm(arm.pinocchio_model.frames[self._tool].placement.translation))
         self.reach = max(sum(offsets) + tip, _LEAST_SIZE / _MARK_SIZE)
         """The length of the arm from its first joint to its end, stretched out [m]."""
         self.size = min(max(_MARK_SIZE * self.reach, _LEAST_SIZE), _LARGEST_SIZE)
         """Radius of an arc [m]."""
-        mass = sum(inertia.mass for inertia in list(arm.engine.inertias)[1:])
+        mass = sum(inertia.mass for inertia in list(arm.pinocchio_model.inertias)[1:])
         self.weight = 9.81 * mass if mass > 0.0 else 1.0
         """[N] on Earth: the scale of forces."""
 
     def move(self, q: FloatArray) -> None:
         """Take a position q (n,), for all that is asked next."""
-        engine, data = self._arm.engine, self._data
-        pin.computeJointJacobians(engine, data, self._arm.coordinates.position(q))
-        pin.updateFramePlacements(engine, data)
+        model, data = self._arm.pinocchio_model, self._data
+        pin.computeJointJacobians(model, data, self._arm.coordinates.position(q))
+        pin.updateFramePlacements(model, data)
 
     def joints(self) -> list[JointPlace]:
         """Return where the joints are."""
@@ -90,8 +90,8 @@ class ArmMarks:
         for joint, kind in zip(self._joints, self._arm.joint_kinds):
             slides = kind == 'prismatic'
             column = pin.getJointJacobian(
-                self._arm.engine, self._data, joint, pin.LOCAL_WORLD_ALIGNED)[
-                    :, self._arm.engine.joints[joint].idx_v]
+                self._arm.pinocchio_model, self._data, joint, pin.LOCAL_WORLD_ALIGNED)[
+                    :, self._arm.pinocchio_model.joints[joint].idx_v]
             places.append(JointPlace(
                 np.array(self._data.oMi[joint].translation),
                 np.array(column[:3] if slides else column[3:]), slides))
@@ -108,8 +108,8 @@ class ArmMarks:
         It is the smallest of those that explain it best; None where none explains most of it, or
         where it is too small to show.
         """
-        engine, x = self._arm.engine, self._arm.coordinates
-        J = pin.getFrameJacobian(engine, self._data, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
+        model, x = self._arm.pinocchio_model, self._arm.coordinates
+        J = pin.getFrameJacobian(model, self._data, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
         transposed = np.column_stack([x.effort(np.array(row)) for row in J])
         force, *_ = np.linalg.lstsq(transposed, external_effort, rcond=1e-6)
         missed = float(np.linalg.norm(transposed @ force - external_effort))
@@ -122,7 +122,7 @@ class ArmMarks:
         """Return the loads."""
         balls = []
         for load in self._arm.payloads:
-            frame = self._arm.engine.getFrameId(load.link, pin.FrameType.BODY)
+            frame = self._arm.pinocchio_model.getFrameId(load.link, pin.FrameType.BODY)
             radius = (0.75 * load.mass / (math.pi * _PAYLOAD_DENSITY)) ** (1.0 / 3.0)
             balls.append(Ball(np.array(self._data.oMf[frame].act(load.com)), radius))
         return balls
@@ -134,21 +134,21 @@ def effort_scale(effort: FloatArray, limit: FloatArray) -> FloatArray:
     return np.where(np.isfinite(limit) & (limit > 0.0), limit, largest)
 
 
-def effort_line(place: JointPlace, share: float, size: float) -> FloatArray:
+def effort_line(place: JointPlace, ratio: float, size: float) -> FloatArray:
     """
     Return the line (k, 3) of an effort: an arc about the axis, right-handed where it is positive.
 
     It ends in an arrowhead, no longer than itself, and is FULL_TURN long at the limit; along a
     joint that slides it is straight, and 3 sizes long there.
     """
-    share = min(max(share, -LARGEST_SHARE), LARGEST_SHARE)
-    sign = math.copysign(1.0, share)
+    ratio = min(max(ratio, -LARGEST_RATIO), LARGEST_RATIO)
+    sign = math.copysign(1.0, ratio)
     first, second = _across(place.axis)
     if place.slides:
-        length = 3.0 * size * share
+        length = 3.0 * size * ratio
         line = place.origin + np.outer([0.0, length], place.axis)
         return _with_head(line, sign * place.axis, first, min(_HEAD * size, abs(length)))
-    turn = FULL_TURN * share
+    turn = FULL_TURN * ratio
     angles = np.linspace(0.0, turn, max(2, math.ceil(abs(turn) / _ARC_STEP) + 1))
     line = place.origin + size * (
         np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))

@@ -16,7 +16,7 @@
 Any planar chain, out of its URDF, as one sees it who looks along the axes of its joints.
 
 Where `planar.chain` has the recursion for links whose centres of mass lie on them, this takes the
-passes of the general engine (the recursive Newton-Euler algorithm; R. Featherstone, *Rigid Body
+passes of the general algorithm (the recursive Newton-Euler algorithm; R. Featherstone, *Rigid Body
 Dynamics Algorithms*, Springer 2008, section 5.3) and projects them on the plane of motion. For an
 arm of `planar_urdf` both are the same.
 """
@@ -61,7 +61,7 @@ class PlanarView:
     def __init__(self, arm: ArmModel) -> None:
         """Raise ModelError for an arm that is no chain of joints turning about parallel axes."""
         self.arm = arm
-        self._model = arm.engine
+        self._model = arm.pinocchio_model
         self._data = self._model.createData()
         self._count = self._model.njoints - 1
         self._check_chain()
@@ -91,7 +91,7 @@ class PlanarView:
         Return the passes of the Newton-Euler recursion for a motion, each (n,), row i for link i.
 
         Vectors are (x, y) in the plane, from joint 1; moments and rates are positive from up to
-        the side. The engine's own moment is about the joint's origin.
+        the side. Pinocchio's own moment is about the joint's origin.
         """
         x = self.arm.coordinates
         state = x.position(q), x.rate(v), x.rate(a)
@@ -175,8 +175,9 @@ class PlanarView:
             np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())]))
         g = np.asarray(self._model.gravity.linear)
         against = -(g - (g @ axis) * axis)
-        falls = float(np.linalg.norm(against)) > _PARALLEL * max(float(np.linalg.norm(g)), 1.0)
-        up = against if falls else along
+        size = max(float(np.linalg.norm(g)), 1.0)
+        has_gravity = float(np.linalg.norm(against)) > _PARALLEL * size
+        up = against if has_gravity else along
         up = up / np.linalg.norm(up)
         return Plane(np.cross(axis, up), up, axis)
 

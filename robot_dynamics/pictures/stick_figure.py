@@ -25,10 +25,10 @@ _SAME = 1e-6
 
 def tool_link(arm: ArmModel) -> str:
     """Return the link with the most joints that move under it; of several, the last."""
-    engine = arm.engine
+    model = arm.pinocchio_model
 
     def depth(link: str) -> int:
-        return len(engine.supports[arm.link_frame(link).parentJoint])
+        return len(model.supports[arm.link_frame(link).parentJoint])
 
     deepest = max(depth(link) for link in arm.link_names)
     return [link for link in arm.link_names if depth(link) == deepest][-1]
@@ -40,23 +40,23 @@ class StickFigure:
     def __init__(self, arm: ArmModel, link: str) -> None:
         """Raise InvalidInputError for an unknown link."""
         frame = arm.link_frame(link, 'link')
-        self._arm, self._link = arm, arm.engine.getFrameId(link, pin.FrameType.BODY)
-        self._joints = list(arm.engine.supports[frame.parentJoint])[1:]
-        self._data = arm.engine.createData()
+        self._arm, self._link = arm, arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
+        self._joints = list(arm.pinocchio_model.supports[frame.parentJoint])[1:]
+        self._data = arm.pinocchio_model.createData()
 
     def points(self, q: FloatArray) -> FloatArray:
         """Return the joints' origins and that of the link at q (n,), in the base frame (k, 3)."""
-        engine, data = self._arm.engine, self._data
-        pin.framesForwardKinematics(engine, data, self._arm.coordinates.position(q))
+        model, data = self._arm.pinocchio_model, self._data
+        pin.framesForwardKinematics(model, data, self._arm.coordinates.position(q))
         return np.array([
             *(data.oMi[joint].translation for joint in self._joints),
             data.oMf[self._link].translation])
 
     def tip(self, q: FloatArray) -> FloatArray:
         """Return the origin of the link at many positions (m, n), in the base frame (m, 3) [m]."""
-        engine, data = self._arm.engine, self._data
+        model, data = self._arm.pinocchio_model, self._data
         return np.array([
-            _tip(engine, data, row, self._link) for row in self._arm.coordinates.position(q)])
+            _tip(model, data, row, self._link) for row in self._arm.coordinates.position(q)])
 
 
 def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
@@ -65,7 +65,7 @@ def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
 
     Up is against gravity, or along z without it; the side is square to it.
     """
-    g = np.asarray(arm.engine.gravity.linear)
+    g = np.asarray(arm.pinocchio_model.gravity.linear)
     size = float(np.linalg.norm(g))
     up = -g / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
     flat = points.reshape(-1, 3)
@@ -79,6 +79,6 @@ def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
     return np.array([side if side[int(np.abs(side).argmax())] > 0.0 else -side, up])
 
 
-def _tip(engine: pin.Model, data: pin.Data, q: FloatArray, frame: int) -> FloatArray:
-    pin.forwardKinematics(engine, data, q)
-    return np.array(pin.updateFramePlacement(engine, data, frame).translation)
+def _tip(model: pin.Model, data: pin.Data, q: FloatArray, frame: int) -> FloatArray:
+    pin.forwardKinematics(model, data, q)
+    return np.array(pin.updateFramePlacement(model, data, frame).translation)

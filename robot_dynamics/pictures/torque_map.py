@@ -83,9 +83,9 @@ def map_figure(
 
 def even_poses(grid: PositionGrid, count: int) -> FloatArray:
     """Return count × count points in the middle of as many equal fields of the grid, (m, 2)."""
-    share = (np.arange(count) + 0.5) / count
-    x = grid.x[0] + share * (grid.x[-1] - grid.x[0])
-    y = grid.y[0] + share * (grid.y[-1] - grid.y[0])
+    fraction = (np.arange(count) + 0.5) / count
+    x = grid.x[0] + fraction * (grid.x[-1] - grid.x[0])
+    y = grid.y[0] + fraction * (grid.y[-1] - grid.y[0])
     return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
 
 

@@ -54,7 +54,7 @@ class WorkspaceGravity(NamedTuple):
     held: float
 
 
-def limit_shares(arm: ArmModel, efforts: FloatArray) -> FloatArray:
+def limit_ratios(arm: ArmModel, efforts: FloatArray) -> FloatArray:
     """Return the largest |effort| / limit of any joint, (m,) of efforts (m, n); 0 without any."""
     return np.asarray((np.abs(efforts) / arm.limits.effort).max(axis=-1))
 
@@ -74,7 +74,7 @@ def map_gravity(
             f'{list(arm.joint_names)}, expected at least one in its <limit effort="…">')
     q = sample_positions(arm, positions)
     zero = np.zeros_like(q)
-    shares = limit_shares(arm, RigidBody(arm).inverse_dynamics_batch(q, zero, zero))
+    ratios = limit_ratios(arm, RigidBody(arm).inverse_dynamics_batch(q, zero, zero))
     places, is_plane = _places(arm, figure.tip(q))
     low, high = places.min(axis=0), places.max(axis=0)
     size = max(float((high - low).max()) / cells, 1e-9)
@@ -82,13 +82,13 @@ def map_gravity(
     columns, rows = np.clip(((places - low) / size).astype(np.intp), 0, counts - 1).T
     most = np.full((counts[1], counts[0]), -np.inf)
     least = np.full_like(most, np.inf)
-    np.maximum.at(most, (rows, columns), shares)
-    np.minimum.at(least, (rows, columns), shares)
+    np.maximum.at(most, (rows, columns), ratios)
+    np.minimum.at(least, (rows, columns), ratios)
     empty = np.isneginf(most)
     most[empty] = least[empty] = np.nan
     return WorkspaceGravity(
         low[0] + size * np.arange(counts[0] + 1), low[1] + size * np.arange(counts[1] + 1),
-        most, least, is_plane, float((shares <= 1.0).mean()))
+        most, least, is_plane, float((ratios <= 1.0).mean()))
 
 
 def _places(arm: ArmModel, points: FloatArray) -> tuple[FloatArray, bool]:

@@ -61,16 +61,16 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
 
 
 def _draw_places(
-    axes: Any, found: WorkspaceGravity, shares: FloatArray, top: float, title: str,
+    axes: Any, found: WorkspaceGravity, ratios: FloatArray, top: float, title: str,
 ) -> Any:
     image = axes.pcolormesh(
-        found.across, found.up, _PERCENT * shares, cmap=COLOURS, vmin=0.0, vmax=_PERCENT * top,
+        found.across, found.up, _PERCENT * ratios, cmap=COLOURS, vmin=0.0, vmax=_PERCENT * top,
         rasterized=True)
-    beyond = bool(np.nanmax(shares) > 1.0)
+    beyond = bool(np.nanmax(ratios) > 1.0)
     if beyond:
         centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (found.across, found.up)]
-        axes.contourf(*centres, shares, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
-        axes.contour(*centres, shares, levels=[1.0], colors=VERMILION, linewidths=2.4)
+        axes.contourf(*centres, ratios, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
+        axes.contour(*centres, ratios, levels=[1.0], colors=VERMILION, linewidths=2.4)
     axes.set_aspect('equal')
     axes.set(xlabel='x [m]' if found.is_plane else 'distance from the vertical [m]',
              ylabel='height [m]')
@@ -88,23 +88,23 @@ def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
 
 
 def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
-    shares = _PERCENT * efforts / arm.limits.effort
+    ratios = _PERCENT * efforts / arm.limits.effort
     names = arm.joint_names
     places = np.arange(len(names))[::-1]
-    colours = [VERMILION if share > _PERCENT else BLUE for share in shares]
-    axes.barh(places, shares, 0.62, color=colours)
+    colours = [VERMILION if ratio > _PERCENT else BLUE for ratio in ratios]
+    axes.barh(places, ratios, 0.62, color=colours)
     axes.axvline(_PERCENT, color=BLACK, linewidth=1.4, linestyle=(0, (4, 2)))
     axes.set_yticks(places, names)
     axes.set_ylim(len(names) - 0.4 - max(len(names), _FEW), len(names) - 0.4)
     axes.grid(axis='y', visible=False)
-    right = 1.45 * max(float(shares.max()), _PERCENT)
+    right = 1.45 * max(float(ratios.max()), _PERCENT)
     axes.set(xlim=(0.0, right), xlabel='share of the effort limit [%]')
-    for place, share, effort, limit, kind in zip(
-            places, shares, efforts, arm.limits.effort, arm.joint_kinds):
+    for place, ratio, effort, limit, kind in zip(
+            places, ratios, efforts, arm.limits.effort, arm.joint_kinds):
         unit = 'N' if kind == 'prismatic' else 'N·m'
         of = f' of {limit:g} {unit}' if np.isfinite(limit) else f' {unit}, no limit'
         effort = round(float(effort), 6) + 0.0
         axes.text(
-            share + 0.02 * right, place, f'{effort:.3g}{of}', va='center', fontsize=8,
+            ratio + 0.02 * right, place, f'{effort:.3g}{of}', va='center', fontsize=8,
             bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
     title_axes(axes, 'The most that gravity asks of each joint')

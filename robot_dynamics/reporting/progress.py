@@ -42,20 +42,21 @@ class Progress:
     def update(self, done: float) -> None:
         """Show that so much is done; what is beyond the total counts as the total."""
         self._done = done
-        share = min(max(done / self._total, 0.0), 1.0) if self._total > 0.0 else 1.0
+        fraction = min(max(done / self._total, 0.0), 1.0) if self._total > 0.0 else 1.0
         if not self._live:
-            tenth = int(10 * share + 1e-9)
+            tenth = int(10 * fraction + 1e-9)
             if tenth > self._shown:
                 self._shown = tenth
-                print(f'  {10 * tenth:3d} %  {self._figures(share)}', file=self._stream,
+                print(f'  {10 * tenth:3d} %  {self._figures(fraction)}', file=self._stream,
                       flush=True)
             return
         now = time.monotonic()
-        if now - self._drawn >= REDRAW_PERIOD or share == 1.0:
+        if now - self._drawn >= REDRAW_PERIOD or fraction == 1.0:
             self._drawn = now
-            filled = round(WIDTH * share)
+            filled = round(WIDTH * fraction)
             bar = '#' * filled + '.' * (WIDTH - filled)
-            self._stream.write(f'\r  [{bar}] {round(100 * share):3d} %  {self._figures(share)} ')
+            self._stream.write(
+                f'\r  [{bar}] {round(100 * fraction):3d} %  {self._figures(fraction)} ')
             self._stream.flush()
 
     def advance(self, _: object = None) -> None:
@@ -75,6 +76,6 @@ class Progress:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _figures(self, share: float) -> str:
+    def _figures(self, fraction: float) -> str:
         digits = 0 if isinstance(self._total, int) else 1
-        return f'{share * self._total:.{digits}f} / {self._total:.{digits}f} {self._unit}'
+        return f'{fraction * self._total:.{digits}f} / {self._total:.{digits}f} {self._unit}'

@@ -70,6 +70,6 @@ def _text(cell: Cell) -> str:
     return f'{cell:.4f}' if 1e-3 <= abs(cell) < 1e6 else f'{cell:.3e}'
 
 
-def percent(share: float) -> str:
+def percent(fraction: float) -> str:
     """Return a share in percent, a dash for NaN."""
-    return '-' if np.isnan(share) else f'{100.0 * share:.1f} %'
+    return '-' if np.isnan(fraction) else f'{100.0 * fraction:.1f} %'

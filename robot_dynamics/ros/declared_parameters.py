@@ -114,7 +114,7 @@ class DeclaredParameters:
         self._values: dict[str, Any] = {}
         for spec in specs:
             self._values[spec.name] = self._declare(spec)
-        self._tell_unknown()
+        self._log_unknown()
         self._check(self._values)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._take_over)
@@ -144,7 +144,7 @@ class DeclaredParameters:
         spec.check(value)
         return value
 
-    def _tell_unknown(self) -> None:
+    def _log_unknown(self) -> None:
         """Warn of values for parameters that there are not, which ROS passes over in silence."""
         for name in self._node._parameter_overrides:
             if not self._node.has_parameter(name):

@@ -88,7 +88,7 @@ class GuardedCallbacks(Node):
     """Callbacks that failed with an error that nobody foresaw."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
-        self._told: dict[str, float] = {}
+        self._logged_at: dict[str, float] = {}
         self._answers = AnswerDelivery(self)
         super().__init__(*args, **more)
         for service in self.services:  # rclpy makes some past `create_service`
@@ -105,18 +105,18 @@ class GuardedCallbacks(Node):
         """
         Create a subscription whose callback cannot end the node.
 
-        `refuse` hears of messages that cannot be read, or are larger than `largest` bytes;
-        without it they are logged.
+        `refuse` gets the errors of messages that cannot be read, or are larger than `largest`
+        bytes; without it they are logged.
         """
         guarded = self._guarded(callback, topic)
-        tell = refuse or functools.partial(self._unreadable, topic)
+        report = refuse or functools.partial(self._unreadable, topic)
 
         @functools.wraps(callback)
         def read(data: bytes, *info: Any) -> None:
             try:
                 message = read_message(data, msg_type, largest)
             except UnreadableMessageError as error:
-                tell(error)
+                report(error)
             else:
                 guarded(message, *info)
 
@@ -194,8 +194,8 @@ class GuardedCallbacks(Node):
         self.callback_errors += 1
         # Each callback has its own pause, which rclpy's throttle would give all of them together.
         now = time.monotonic()
-        if self.context.ok() and now - self._told.get(what, -math.inf) > LOG_PERIOD:
-            self._told[what] = now
+        if self.context.ok() and now - self._logged_at.get(what, -math.inf) > LOG_PERIOD:
+            self._logged_at[what] = now
             self.get_logger().error(f'The callback of {what} failed: {describe_error(error)}')
 
 

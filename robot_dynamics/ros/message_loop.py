@@ -67,7 +67,7 @@ class MessageLoop:
         """
         Subscribe; `callback` gets what `read` makes of a message, without numpy's warnings.
 
-        `refuse` hears of what `read` calls unreadable. Neither of the two may raise.
+        `refuse` gets what `read` calls unreadable. Neither of the two may raise.
         """
         self._node, self._context, self._message_type = node, node.context, message_type
         self._read, self._callback, self._refuse = read, callback, refuse
@@ -90,7 +90,7 @@ class MessageLoop:
             self._thread.join()
 
     def publisher_count(self) -> int:
-        """Return how many publishers this subscription hears."""
+        """Return how many publishers match this subscription."""
         return int(self._subscription.get_publisher_count())
 
     def _run(self) -> None:

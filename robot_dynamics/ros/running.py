@@ -41,7 +41,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
 
     A node that cannot start says why in one line and gives status 1. One that has a method `begin`
     is called when all is set up, and not held up from then on. One that has a method
-    `request_shutdown` hears at once that it is to stop, in another thread, whatever its
+    `request_shutdown` is called at once when it is to stop, in another thread, whatever its
     callbacks do.
     """
     with ShutdownRequest() as end:
@@ -54,7 +54,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
         try:
             node = make_node()
             executor.add_node(node)
-            end.tell(_when_asked(node))
+            end.when_asked(_when_asked(node))
             limit_memory()
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
@@ -63,7 +63,7 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
         finally:
-            end.tell(lambda: None)
+            end.when_asked(lambda: None)
             if node is not None:
                 node.destroy_node()
             executor.shutdown()  # left to the garbage collector, it may meet its parts destroyed
@@ -77,11 +77,11 @@ def _when_asked(node: Node) -> Callable[[], None]:
     wake = node.create_guard_condition(lambda: None).trigger
     request_shutdown = getattr(node, 'request_shutdown', lambda: None)
 
-    def tell() -> None:
+    def request() -> None:
         wake()
         request_shutdown()
 
-    return tell
+    return request
 
 
 def _refuse_to_start(error: Exception) -> int:

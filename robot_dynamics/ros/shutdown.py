@@ -57,7 +57,7 @@ class ShutdownRequest:
     def __init__(self) -> None:
         self._asked = threading.Event()
         self._lock = threading.Lock()
-        self._tell: Callable[[], object] | None = None
+        self._callback: Callable[[], object] | None = None
         self._reading, self._writing = os.pipe()
         os.set_blocking(self._writing, False)
         self._waiter = threading.Thread(target=self._wait, name='signals', daemon=True)
@@ -67,10 +67,10 @@ class ShutdownRequest:
         """Tell whether the process was asked."""
         return self._asked.is_set()
 
-    def tell(self, callback: Callable[[], object]) -> None:
+    def when_asked(self, callback: Callable[[], object]) -> None:
         """Call this once when asked, in another thread; at once where that was before."""
         with self._lock:
-            self._tell = callback
+            self._callback = callback
             if self.is_made:
                 callback()
 
@@ -78,8 +78,8 @@ class ShutdownRequest:
         os.read(self._reading, 1)
         with self._lock:
             self._asked.set()
-            if self._tell is not None:
-                self._tell()
+            if self._callback is not None:
+                self._callback()
 
     def __enter__(self) -> 'ShutdownRequest':
         # The pipe first: a signal that a handler takes before there is one would be lost.
@@ -94,6 +94,6 @@ class ShutdownRequest:
         for end_signal in END_SIGNALS:  # a handler would be taken off before Python has ended
             signal.signal(end_signal, signal.SIG_IGN)
         with self._lock:
-            self._tell = None
+            self._callback = None
         os.write(self._writing, b'.')
         self._waiter.join()

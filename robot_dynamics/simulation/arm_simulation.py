@@ -16,7 +16,7 @@
 What an arm does under given efforts: forward dynamics, integrated.
 
 Over each step of integration a motor's effort is constant, the mean that its electrical side
-delivers (`drive`); how the arm moves meanwhile is in `motion`.
+delivers (`drive`); how the arm moves meanwhile is in `integrator`.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.current_loop import Drive
-from robot_dynamics.simulation.integrator import Motion
+from robot_dynamics.simulation.integrator import MotionIntegrator
 from robot_dynamics.simulation.joint_forces import MotionState
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
@@ -113,10 +113,11 @@ class ArmSimulation:
         self._motor_acceleration = np.zeros_like(self._now.q)
 
     def place(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Put the arm there, (n,) each; where gears have play, they bear its weight."""
+        """Put the arm there, (n,) each; where gears have backlash, they bear its weight."""
         q, v = position.copy(), velocity.copy()
-        play = Backlash.of(self.arm.actuators)
-        theta = q if play is None else play.resting_side(q, self._dynamics.rigid_body.gravity(q))
+        backlash = Backlash.of(self.arm.actuators)
+        theta = q if backlash is None else backlash.resting_side(
+            q, self._dynamics.rigid_body.gravity(q))
         self._now = MotionState(q, v, theta, v)
 
     def release(self) -> None:
@@ -127,7 +128,7 @@ class ArmSimulation:
         """Close the brakes: joints and motors stand at once, and their motion becomes heat."""
         if self.braked:
             return
-        self.heat += self._motion.kinetic_energy(self._now)
+        self.heat += self._integrator.kinetic_energy(self._now)
         self._now = self._now._replace(
             v=np.zeros_like(self._now.v), omega=np.zeros_like(self._now.omega))
         self._hold()
@@ -145,7 +146,7 @@ class ArmSimulation:
 
     def _use(self, arm: ArmModel) -> None:
         self._dynamics = UncheckedArmDynamics(arm)
-        self._motion = Motion(self._dynamics)
+        self._integrator = MotionIntegrator(self._dynamics)
 
     @property
     def q(self) -> FloatArray:
@@ -169,7 +170,7 @@ class ArmSimulation:
     def energy(self) -> tuple[float, float]:
         """Return the kinetic and the potential energy [J]."""
         now = self._now
-        return (self._motion.kinetic_energy(now),
+        return (self._integrator.kinetic_energy(now),
                 self._dynamics.rigid_body.potential_energy(now.q))
 
     def step(
@@ -201,13 +202,13 @@ class ArmSimulation:
             before = now
             if self._drive is not None:
                 effort = self._driven(tau, effort, before, acceleration, h)
-            self._motion.drive(effort, wrenches)
-            leg = self._motion.step(before, h)
-            now, heat = leg.state, heat + leg.heat
+            self._integrator.drive(effort, wrenches)
+            result = self._integrator.step(before, h)
+            now, heat = result.state, heat + result.heat
             work += float(effort @ (now.theta - before.theta))
             if self._drive is None and now is before:
                 break  # it sticks, and nothing changes any more
-            acceleration = np.zeros_like(effort) if leg.jolted else (
+            acceleration = np.zeros_like(effort) if result.had_impact else (
                 (now.omega - before.omega) / h)
         if not (np.abs(now) <= LARGEST_VALUE).all():  # nor where one is NaN
             raise self._not_finite('the state overflows')
@@ -228,7 +229,7 @@ class ArmSimulation:
         if not (step.damping * moves).any():
             return step.effort
         step = step._replace(damping=step.damping * moves)
-        return step.implicit(effort, self._motion.motor_inertia(now), h)
+        return step.implicit(effort, self._integrator.motor_inertia(now), h)
 
     def _not_finite(self, reason: str) -> InvalidInputError:
         return InvalidInputError(

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Play between the teeth of gears: where motor and joint touch, and what happens when they meet.
+Backlash of gears: where motor and joint touch, and impacts of the teeth.
 
 Seen from the joint, the motor stands at θ (its angle over N), with the inertia J = N² J_r. It may
 be up to half the gap away from the joint's q, |θ − q| ≤ b. In between the two move on their own;
@@ -55,9 +55,9 @@ class ImpactResult(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Backlash:
     """
-    The play of n joints, each (n,), on the joint side.
+    The backlash of n joints, each (n,), on the joint side.
 
-    `half_gap` b [rad] or [m], 0 where there is no play; `restitution` e in [0, 1]; `inertia` J of
+    `half_gap` b [rad] or [m], 0 without backlash; `restitution` e in [0, 1]; `inertia` J of
     the motor [kg·m²] or [kg].
     """
 
@@ -65,11 +65,11 @@ class Backlash:
     restitution: FloatArray
     inertia: FloatArray
     exists: BoolArray = field(init=False)
-    """Which joints have play."""
+    """Which joints have backlash."""
 
     @staticmethod
     def of(actuators: Actuators | None) -> 'Backlash | None':
-        """Return the play of these motors, or None where there is none."""
+        """Return the backlash of these motors, or None without backlash."""
         if actuators is None or not actuators.backlash.any():
             return None
         return Backlash(
@@ -83,13 +83,13 @@ class Backlash:
         return np.asarray(q + np.sign(effort) * self.half_gap)
 
     def touching(self, q: FloatArray, theta: FloatArray) -> FloatArray:
-        """Return the side s (n,) on which teeth touch; 0 in the gap and without play."""
-        play = theta - q
-        touches = self.exists & (self.half_gap - np.abs(play) <= TOUCH)
-        return np.where(touches, np.sign(play), 0.0)
+        """Return the side s (n,) on which teeth touch; 0 in the gap and without backlash."""
+        offset = theta - q
+        touches = self.exists & (self.half_gap - np.abs(offset) <= TOUCH)
+        return np.where(touches, np.sign(offset), 0.0)
 
     def clearance(self, q: FloatArray, theta: FloatArray) -> FloatArray:
-        """Return how far (n,) the nearest tooth is; below 0 once they meet, ∞ without play."""
+        """Return how far (n,) the nearest tooth is; below 0 in contact, ∞ without backlash."""
         distance = self.half_gap + 0.2 * TOUCH - np.abs(theta - q)
         return np.where(self.exists, distance, np.inf)
 
@@ -100,7 +100,7 @@ class Backlash:
         """
         Return the velocities after the teeth of joint j met.
 
-        M (n, n) is the mass matrix without motors that have play. Other motors that touch their
+        M (n, n) is the mass matrix without motors with backlash. Other motors that touch their
         joints at `side` (n,) and move with them go along, unless the impulse lifts them off:
         against `push` (n,), the force that holds them there, over CONTACT_TIME.
         """

@@ -34,13 +34,13 @@ class CommandTimeout:
 
     def reset(self) -> None:
         """Wait for a first command, however long it takes."""
-        self._waits_for_next = self._heard = False
+        self._waits_for_next = self._received = False
         self.silence, self.silent_steps = 0.0, 0
         """[s], and in steps, since the last command."""
 
-    def hear(self) -> None:
+    def receive(self) -> None:
         """Take note of a command, in the step that is under way."""
-        self._waits_for_next = self._heard = True
+        self._waits_for_next = self._received = True
 
     def end_step(self, passed: float, period: float) -> bool:
         """
@@ -48,8 +48,8 @@ class CommandTimeout:
 
         `passed` [s] is the time that the step took, `period` [s] the time that it should take.
         """
-        if self._heard:
-            self._heard, self.silence, self.silent_steps = False, 0.0, 0
+        if self._received:
+            self._received, self.silence, self.silent_steps = False, 0.0, 0
             return False
         if not self._waits_for_next:
             return False

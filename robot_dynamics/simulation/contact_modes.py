@@ -27,7 +27,7 @@ from robot_dynamics.joints.stiction import choose_modes, Modes
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 
 _BOUNCES = 40
-"""Meetings at one time after which teeth stay together."""
+"""Impacts at one time after which teeth stay together."""
 _SLOW = 1e-3
 """[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
 _STRIBECK_RANGE = 4.0
@@ -37,12 +37,12 @@ _SIGMOID_RANGE = 9.0
 _TRIES_PER_JOINT = 4
 
 
-class Met(NamedTuple):
+class ContactResult(NamedTuple):
     """The state after teeth met, the heat [J], and whether any did."""
 
     state: MotionState
     heat: float
-    jolted: bool
+    had_impact: bool
 
 
 class ContactModeSolver:
@@ -54,27 +54,27 @@ class ContactModeSolver:
         n = len(friction.viscous)
         self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
         self._rubs = friction.static > 0.0
-        self._falls_below = np.where(
+        self._stribeck_limit = np.where(
             friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
-        self._rises_below = np.where(
+        self._sigmoid_limit = np.where(
             (friction.sigmoid > 0.0) | (friction.load > 0.0),
             _SIGMOID_RANGE * friction.sigmoid_velocity, 0.0)
-        self.can_be_steep = friction.has_stribeck_effect or bool(self._rises_below.any())
+        self.can_be_steep = friction.has_stribeck_effect or bool(self._sigmoid_limit.any())
         """Whether friction of some joint changes fast with speed, at some speed."""
         self.free = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none, False)
         """Without dry friction and backlash."""
 
     def choose(self, state: MotionState) -> tuple[GearModes, FloatArray]:
         """Return how the joints move on from a state, and their acceleration (n,)."""
-        if self._forces.play is None:
+        if self._forces.backlash is None:
             joints = self._joint_modes(state, self._none)
             is_steep = self.is_steep(joints, state.v, state.v)
             modes = GearModes(joints, self._nowhere, self._none, is_steep)
             return modes, self._forces.acceleration(modes)(state.q, state.v)
-        touching = self._forces.play.touching(state.q, state.theta)
-        parted = self._forces.play.exists & (touching == 0.0)
-        opened = self._forces.play.exists & (touching * (state.omega - state.v) < 0.0) | parted
-        J, tau, tried = self._forces.play.inertia, self._forces.tau, 0
+        touching = self._forces.backlash.touching(state.q, state.theta)
+        parted = self._forces.backlash.exists & (touching == 0.0)
+        opened = self._forces.backlash.exists & (touching * (state.omega - state.v) < 0.0) | parted
+        J, tau, tried = self._forces.backlash.inertia, self._forces.tau, 0
         while True:
             joints = self._joint_modes(state, opened)
             modes = GearModes(
@@ -102,38 +102,38 @@ class ContactModeSolver:
             forces.body_with(opened).mass_matrix(state.q), v, forces.effort(state.q, v, opened),
             forces.friction.dry(v), forces.friction.static)
 
-    def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> Met:
+    def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> ContactResult:
         """
         Return the state after all teeth that touch and approach have met.
 
         `a` (n,) is the acceleration of the joints so far, where it is known.
         """
-        assert self._forces.play is not None
-        play, (q, v, theta, omega) = self._forces.play, state
-        side = play.touching(q, theta)
+        assert self._forces.backlash is not None
+        backlash, (q, v, theta, omega) = self._forces.backlash, state
+        side = backlash.touching(q, theta)
         closing = side * (omega - v)
         if closing.max() <= 0.0:
-            return Met(state, 0.0, False)
-        push = self._nowhere if a is None else side * (self._forces.tau - play.inertia * a)
-        M = self._forces.body_with(play.exists).mass_matrix(q)
-        heat, meetings = 0.0, 0
+            return ContactResult(state, 0.0, False)
+        push = self._nowhere if a is None else side * (self._forces.tau - backlash.inertia * a)
+        M = self._forces.body_with(backlash.exists).mass_matrix(q)
+        heat, impacts = 0.0, 0
         while closing.max() > 0.0:
-            if plastic or closing.max() < _SLOW or meetings > _BOUNCES:
+            if plastic or closing.max() < _SLOW or impacts > _BOUNCES:
                 # All at once: one after the other they would lift each other off without end.
-                v, omega, lost = play.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
+                v, omega, lost = backlash.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
             else:
-                v, omega, lost = play.impact(int(np.argmax(closing)), M, side, v, omega, push)
-            heat, meetings = heat + lost, meetings + 1
+                v, omega, lost = backlash.impact(int(np.argmax(closing)), M, side, v, omega, push)
+            heat, impacts = heat + lost, impacts + 1
             closing = side * (omega - v)
-        theta = np.where(side != 0.0, q + side * play.half_gap, theta)
-        return Met(MotionState(q, v, theta, omega), heat, True)
+        theta = np.where(side != 0.0, q + side * backlash.half_gap, theta)
+        return ContactResult(MotionState(q, v, theta, omega), heat, True)
 
     def is_steep(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
         """Tell whether friction changes fast with speed on the way from velocity v to `after`."""
         if not self.can_be_steep:
             return False
         nearest = np.where(v * after > 0.0, np.minimum(np.abs(v), np.abs(after)), 0.0)
-        if (~joints.stuck & (nearest < self._rises_below)).any():
+        if (~joints.stuck & (nearest < self._sigmoid_limit)).any():
             return True
         slowest = np.minimum(v * joints.direction, after * joints.direction)
-        return bool(((joints.direction != 0.0) & (slowest < self._falls_below)).any())
+        return bool(((joints.direction != 0.0) & (slowest < self._stribeck_limit)).any())

@@ -78,11 +78,11 @@ class Drive:
         wanted = np.clip(
             motors.current(motors.motor_torque(effort, v, unknown)),
             -motors.current_limit, motors.current_limit)
-        mean, share = self._settle(wanted, v, h)
+        mean, fraction = self._settle(wanted, v, h)
         effort = motors.effort(motors.torque_constant * mean, v, unknown)
         with np.errstate(divide='ignore', invalid='ignore'):
             per_ampere = np.where(mean == 0.0, 0.0, effort / mean)
-            damping = np.where(share > 0.0, share * per_ampere * self._back_emf / (
+            damping = np.where(fraction > 0.0, fraction * per_ampere * self._back_emf / (
                 motors.resistance), 0.0)
         return DriveStep(effort, damping)
 
@@ -91,17 +91,17 @@ class Drive:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the mean current (n,) over h [s], and to which share back-EMF reduces it."""
         motors = self.actuators
-        i, charge, rest, share = self._saturated(wanted, v, h)
+        i, charge, rest, fraction = self._saturated(wanted, v, h)
         i, more = _relax(i, wanted, motors.current_time_constant, rest)
         mean = (charge + more) / h
         if self._inert.all():
             self.current = i
-            return np.asarray(mean), share
+            return np.asarray(mean), fraction
         low, high = motors.current_range(v)  # without inductance, at once
         direct = np.clip(wanted, low, high)
         by_voltage = direct != wanted  # which is within the current limit already
         self.current = np.where(self._inert, i, direct)
-        return np.where(self._inert, mean, direct), np.where(self._inert, share, by_voltage)
+        return np.where(self._inert, mean, direct), np.where(self._inert, fraction, by_voltage)
 
     def _saturated(
         self, wanted: FloatArray, v: FloatArray, h: float,
@@ -115,9 +115,9 @@ class Drive:
         back_emf = self._back_emf * v
         demand = motors.resistance * i + back_emf + self._loop_gain * (wanted - i)
         saturated = self._inert & (np.abs(demand) > motors.voltage_limit)
-        charge, rest, share = np.zeros_like(v), np.full_like(v, h), np.zeros_like(v)
+        charge, rest, fraction = np.zeros_like(v), np.full_like(v, h), np.zeros_like(v)
         if not saturated.any():
-            return i, charge, rest, share
+            return i, charge, rest, fraction
         i = i.copy()
         for j in np.flatnonzero(saturated):
             R, gain = motors.resistance[j], self._loop_gain[j]
@@ -129,8 +129,8 @@ class Drive:
             until = min(h, -electric * np.log(rest_of_way)) if 0.0 < rest_of_way < 1.0 else h
             i[j], charge[j] = _relax(i[j], asymptote, electric, until)
             rest[j] = h - until
-            share[j] = (until - electric * (1.0 - np.exp(-until / electric))) / h
-        return i, charge, rest, share
+            fraction[j] = (until - electric * (1.0 - np.exp(-until / electric))) / h
+        return i, charge, rest, fraction
 
 
 def _relax(i: Any, target: Any, time_constant: Any, t: Any) -> tuple[Any, Any]:

@@ -35,15 +35,15 @@ _FINEST = 1e-12
 _NUDGE = 1e-3
 """Share of a step over which accelerations are taken as constant to reach an event exactly."""
 # Kinds of events, and what counts as having reached one.
-_TURN, _SLIP, _MEET, _PART = range(4)
+_TURN, _SLIP, _IMPACT, _PART = range(4)
 _AT_REST = 1e-10
 """[rad/s] or [m/s]"""
-_MET = 0.1 * TOUCH
+_IMPACT_TOLERANCE = 0.1 * TOUCH
 _SLACK = 1e-9
 """Share of an effort."""
 
 
-class End(NamedTuple):
+class StepEnd(NamedTuple):
     """Where a piece of motion ends, the heat on the way [J], and the accelerations `a` (n,)."""
 
     state: MotionState
@@ -51,7 +51,7 @@ class End(NamedTuple):
     a: FloatArray
 
 
-Advance = Callable[[float], End]
+Advance = Callable[[float], StepEnd]
 """From one state, for a time [s], in one mode."""
 
 
@@ -59,7 +59,7 @@ class Event(NamedTuple):
     """The first event of a step: when [s], and the motion up to it."""
 
     time: float
-    end: End
+    end: StepEnd
 
 
 class EventFinder:
@@ -69,7 +69,7 @@ class EventFinder:
         self._forces = forces
 
     def first(
-        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: End,
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: StepEnd,
         advance: Advance,
     ) -> Event | None:
         """
@@ -92,7 +92,7 @@ class EventFinder:
             rate = self._margin_rate(kind, j, end.state, end.a, modes) or (
                 (worth - before[1]) / (time - before[0]))
             guess = time - worth / rate if rate else np.nan
-            near = kind in (_TURN, _MEET) and abs(guess - time) < _NUDGE * h
+            near = kind in (_TURN, _IMPACT) and abs(guess - time) < _NUDGE * h
             if abs(worth) > 1.0 and near and early < guess < late:
                 end = self._nudged(end, guess - time, modes)
                 margins, time = self._margins(end, modes), guess
@@ -108,7 +108,7 @@ class EventFinder:
         return Event(time, end._replace(state=stopped))
 
     def _first_guess(
-        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: End,
+        self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: StepEnd,
         margins: FloatArray,
     ) -> float:
         """Return when [s] the first event happens, by what is known at both ends."""
@@ -119,13 +119,13 @@ class EventFinder:
                 times.append(first_crossing(cubic(
                     h, (way * state.v[j], way * a[j]),
                     (way * after.v[j], way * end.a[j])), h))
-            elif kind == _MEET:
+            elif kind == _IMPACT:
                 side = np.sign(after.theta[j] - after.q[j])
                 times.append(first_crossing(quintic(
                     h, self._distance(j, side, state, a), self._distance(j, side, after, end.a)),
                     h))
             else:
-                at_first = float(self._margins(End(state, 0.0, a), modes)[kind, j])
+                at_first = float(self._margins(StepEnd(state, 0.0, a), modes)[kind, j])
                 times.append(h * max(at_first, 0.0) / (at_first - margins[kind, j]))
         return min(times)
 
@@ -133,10 +133,10 @@ class EventFinder:
         self, j: int, side: float, state: MotionState, a: FloatArray,
     ) -> tuple[float, float, float]:
         """Return how far the teeth of joint j are on that side, and its two derivatives."""
-        assert self._forces.play is not None
+        assert self._forces.backlash is not None
         q, v, theta, omega = (float(x[j]) for x in state)
-        spin_up = float(self._forces.tau[j] / self._forces.play.inertia[j])
-        return (float(self._forces.play.half_gap[j]) - side * (theta - q), -side * (omega - v),
+        spin_up = float(self._forces.tau[j] / self._forces.backlash.inertia[j])
+        return (float(self._forces.backlash.half_gap[j]) - side * (theta - q), -side * (omega - v),
                 -side * (spin_up - float(a[j])))
 
     def _margin_rate(
@@ -145,23 +145,23 @@ class EventFinder:
         """Return how fast a margin changes [1/s], or None where that is not at hand."""
         if kind == _TURN:
             return float(modes.joints.direction[j] * a[j] / _AT_REST)
-        if kind == _MEET:
+        if kind == _IMPACT:
             side = np.sign(state.theta[j] - state.q[j])
-            return self._distance(j, side, state, a)[1] / _MET
+            return self._distance(j, side, state, a)[1] / _IMPACT_TOLERANCE
         return None
 
-    def _nudged(self, end: End, dt: float, modes: GearModes) -> End:
+    def _nudged(self, end: StepEnd, dt: float, modes: GearModes) -> StepEnd:
         """Return what follows so little later or earlier that accelerations stay the same."""
         q, v, theta, omega = end.state
         spin_up = end.a
-        if self._forces.play is not None:
-            spin_up = np.where(modes.open, self._forces.tau / self._forces.play.inertia, end.a)
+        if self._forces.backlash is not None:
+            spin_up = np.where(modes.open, self._forces.tau / self._forces.backlash.inertia, end.a)
         state = MotionState(
             q + v * dt + 0.5 * dt * dt * end.a, v + end.a * dt,
             theta + omega * dt + 0.5 * dt * dt * spin_up, omega + spin_up * dt)
-        return End(state, end.heat + dt * float(self._forces.rubbing(v, modes) @ v), end.a)
+        return StepEnd(state, end.heat + dt * float(self._forces.rubbing(v, modes) @ v), end.a)
 
-    def _margins(self, end: End, modes: GearModes) -> FloatArray:
+    def _margins(self, end: StepEnd, modes: GearModes) -> FloatArray:
         """
         Return how far (4, n) each kind of event is, ∞ where it cannot be, negative where it was.
 
@@ -176,10 +176,11 @@ class EventFinder:
             effort = forces.effort(q, v, modes.open) - direction * forces.friction.dry(v)
             needed = hold(forces.body_with(modes.open).mass_matrix(q), effort, stuck).friction
             margins[_SLIP, stuck] = (static - np.abs(needed[stuck])) / (_SLACK * static) + 2.0
-        if forces.play is not None:
+        if forces.backlash is not None:
             touches = modes.side != 0.0
-            margins[_MEET, modes.open] = forces.play.clearance(q, theta)[modes.open] / _MET
-            push = modes.side * (forces.tau - forces.play.inertia * end.a)
+            clearance = forces.backlash.clearance(q, theta)
+            margins[_IMPACT, modes.open] = clearance[modes.open] / _IMPACT_TOLERANCE
+            push = modes.side * (forces.tau - forces.backlash.inertia * end.a)
             slack = _SLACK * (np.abs(forces.tau) + 1e-3)
             margins[_PART, touches] = (push / slack)[touches] + 2.0
         return margins

@@ -34,7 +34,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
-from robot_dynamics.simulation.events import End, EventFinder
+from robot_dynamics.simulation.events import EventFinder, StepEnd
 from robot_dynamics.simulation.exponential_step import damped_step, damping_rate
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.simulation.runge_kutta import (
@@ -61,15 +61,15 @@ _MAX_PIECES = 10_000
 """Pieces of a step, all trials counted, after which they are no longer cut."""
 
 
-class Leg(NamedTuple):
-    """A piece of motion: its end, the heat on the way [J], and whether teeth met."""
+class StepResult(NamedTuple):
+    """The state after a step, the heat during it [J], and whether teeth had an impact."""
 
     state: MotionState
     heat: float
-    jolted: bool = False
+    had_impact: bool = False
 
 
-class Motion:
+class MotionIntegrator:
     """The motion of one arm, under the efforts and wrenches given last to `current_loop`."""
 
     def __init__(self, dynamics: UncheckedArmDynamics) -> None:
@@ -89,34 +89,35 @@ class Motion:
         """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
         return self._forces.motor_inertia(state)
 
-    def step(self, state: MotionState, h: float) -> Leg:
+    def step(self, state: MotionState, h: float) -> StepResult:
         """Return the state after h [s]; the very same one where the arm sticks."""
         forces = self._forces
         if self._modes.can_be_steep:
             self._root_inertia = np.sqrt(np.diag(forces.body.mass_matrix(state.q)))
         self._pieces = 0
-        if forces.play is None and not forces.is_dry:
+        if forces.backlash is None and not forces.is_dry:
             free = self._modes.free
             end = self._advance(state, h, free._replace(
                 is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
-            return Leg(end.state, end.heat)
-        heat, jolted, a = 0.0, False, None
+            return StepResult(end.state, end.heat)
+        heat, had_impact, a = 0.0, False, None
         for event_count in range(_MAX_EVENTS):
-            if forces.play is not None:
-                met = self._modes.impact(state, a, plastic=event_count >= _MAX_BOUNCES)
-                state, heat, jolted = met.state, heat + met.heat, jolted or met.jolted
+            if forces.backlash is not None:
+                impact = self._modes.impact(state, a, plastic=event_count >= _MAX_BOUNCES)
+                state, heat = impact.state, heat + impact.heat
+                had_impact = had_impact or impact.had_impact
             modes, a = self._modes.choose(state)
             if modes.joints.stuck.all() and not modes.open.any():
-                return Leg(state, heat, jolted)
+                return StepResult(state, heat, had_impact)
             end = self._advance(state, h, modes, a)
             event = self._events.first(
                 state, h, modes, a, end, partial(self._advance, state, modes=modes, a=a))
             passed, end = (h, end) if event is None else event
             state, heat, a, h = end.state, heat + end.heat, end.a, h - passed
             if h <= 0.0:
-                return Leg(state, heat, jolted)
+                return StepResult(state, heat, had_impact)
         end = self._advance(state, h, modes, None)  # a quiver that friction damps anyway
-        return Leg(end.state, heat + end.heat, jolted)
+        return StepResult(end.state, heat + end.heat, had_impact)
 
     # ------------------------------------------------------------------ integration
 
@@ -136,14 +137,14 @@ class Motion:
 
     def _advance(
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
-    ) -> End:
+    ) -> StepEnd:
         """Return the state after h [s] in these modes; `a` (n,) is the acceleration at first."""
         n, alone = len(state.q), np.flatnonzero(modes.open)
         acceleration = self._forces.acceleration(modes)
         q, v = state.q, state.v
         if len(alone):  # motors on their own are coordinates of their own
-            assert self._forces.play is not None
-            spin_up = self._forces.tau[alone] / self._forces.play.inertia[alone]
+            assert self._forces.backlash is not None
+            spin_up = self._forces.tau[alone] / self._forces.backlash.inertia[alone]
             of_joints = acceleration
 
             def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
@@ -172,34 +173,34 @@ class Motion:
     ) -> MotionState:
         """Return the state of joints and motors from the coordinates of `_advance`."""
         n = len(before.q)
-        if self._forces.play is None:
+        if self._forces.backlash is None:
             return MotionState(q, v, q, v)
         joint_q, joint_v = q[:n], v[:n]
-        theta, omega = joint_q + modes.side * self._forces.play.half_gap, joint_v.copy()
+        theta, omega = joint_q + modes.side * self._forces.backlash.half_gap, joint_v.copy()
         theta[modes.open], omega[modes.open] = q[n:], v[n:]
         return MotionState(joint_q, joint_v, theta, omega)
 
     def _damped(
         self, state: MotionState, q: FloatArray, v: FloatArray, h: float,
         acceleration: Acceleration, modes: GearModes,
-    ) -> tuple[End, float]:
+    ) -> tuple[StepEnd, float]:
         """Return the end of an exponential step, and its estimated error of √M q̇ [J^½]."""
         n, alone = len(state.q), modes.open
         M, viscous, free = np.zeros((len(q), len(q))), np.zeros(len(q)), np.ones(len(q), bool)
         M[:n, :n] = self._forces.body_with(alone).mass_matrix(state.q)
         viscous[:n], free[:n] = self._forces.damping(v[:n], modes), ~modes.joints.stuck
         if len(q) > n:
-            assert self._forces.play is not None
-            np.fill_diagonal(M[n:, n:], self._forces.play.inertia[alone])
+            assert self._forces.backlash is not None
+            np.fill_diagonal(M[n:, n:], self._forces.backlash.inertia[alone])
         q, v, correction = damped_step(q, v, h, acceleration, M, viscous, free)
         after = self._gather(state, q, v, modes)
         error = float(np.max(np.sqrt(np.diag(M)) * np.abs(correction)))
-        return End(after, self._lost(state, after), acceleration(q, v)[:n]), error
+        return StepEnd(after, self._lost(state, after), acceleration(q, v)[:n]), error
 
     def _in_pieces(
         self, state: MotionState, q: FloatArray, v: FloatArray, a: FloatArray | None, h: float,
         acceleration: Acceleration, modes: GearModes,
-    ) -> End:
+    ) -> StepEnd:
         """Return the end of steps that are as short as their estimated errors require."""
         weights = np.ones_like(q)
         weights[:len(state.q)] = self._root_inertia
@@ -224,17 +225,17 @@ class Motion:
 
     def _end(
         self, state: MotionState, step: RungeKuttaStep, h: float, modes: GearModes,
-    ) -> End:
+    ) -> StepEnd:
         """Return where a step of h [s] leads, and the heat of friction on the way."""
         n = len(state.q)
         after = self._gather(state, step.position, step.velocity, modes)
         # The last stage is at the end of the step, but for an error of order h⁵.
         a_end = step.accelerations[-1, :n]
         if self._forces.is_frictionless:
-            return End(after, 0.0, a_end)
+            return StepEnd(after, 0.0, a_end)
         v = step.velocities[:, :n]
         friction = self._forces.rubbing(v, modes)
-        return End(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
+        return StepEnd(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
 
     def _lost(self, before: MotionState, after: MotionState) -> float:
         """Return the work less the gain in energy: what friction took, by energy balance [J]."""

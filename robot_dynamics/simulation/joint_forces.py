@@ -65,7 +65,7 @@ class JointForces:
 
     def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
-        self.play = Backlash.of(dynamics.arm.actuators)
+        self.backlash = Backlash.of(dynamics.arm.actuators)
         self.is_damped = bool(self.friction.viscous.any())
         self.is_dry = self.friction.is_dry
         self.is_frictionless = self.friction.is_zero
@@ -80,22 +80,22 @@ class JointForces:
     def kinetic_energy(self, state: MotionState) -> float:
         """Return that of links and rotors [J]."""
         energy = self.body.kinetic_energy(state.q, state.v)
-        if self.play is not None:
-            share = self.play.inertia * (state.omega**2 - state.v**2)
-            energy += 0.5 * float(share @ self.play.exists)
+        if self.backlash is not None:
+            difference = self.backlash.inertia * (state.omega**2 - state.v**2)
+            energy += 0.5 * float(difference @ self.backlash.exists)
         return energy
 
     def motor_inertia(self, state: MotionState) -> FloatArray:
         """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
-        if self.play is None:
+        if self.backlash is None:
             return self.body.mass_matrix(state.q)
-        opened = self.play.exists & (self.play.touching(state.q, state.theta) == 0.0)
+        opened = self.backlash.exists & (self.backlash.touching(state.q, state.theta) == 0.0)
         M = np.where(opened | opened[:, None], 0.0, self.body.mass_matrix(state.q))
-        return np.asarray(M + np.diag(self.play.inertia * opened))
+        return np.asarray(M + np.diag(self.backlash.inertia * opened))
 
     def body_with(self, opened: BoolArray) -> UncheckedRigidBody:
         """Return the rigid bodies without the rotors of motors on their own."""
-        if self.play is None or not opened.any():
+        if self.backlash is None or not opened.any():
             return self.body
         key = opened.tobytes()
         if key not in self._bodies:
@@ -120,7 +120,7 @@ class JointForces:
 
     def after_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
         """Return the efforts at the joints after sliding friction, (..., n), by v."""
-        tau = self.tau if self.play is None else np.where(modes.open, 0.0, self.tau)
+        tau = self.tau if self.backlash is None else np.where(modes.open, 0.0, self.tau)
         return self.friction_with(modes.open).sliding(
             tau, modes.joints.direction, modes.is_steep)
 

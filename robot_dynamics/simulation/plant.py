@@ -74,7 +74,7 @@ class Plant:
     def take_effort(self, effort: FloatArray) -> None:
         """Let this effort act; it opens the brakes."""
         self.effort = effort
-        self.commands.hear()
+        self.commands.receive()
         self.timed_out = False
         self.simulation.release()
 

@@ -53,7 +53,7 @@ def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[
             continue
         result = outcome.result
         relative = 'no effort' if result.statistics is None else ' '.join(
-            f'{percent(share):>8}' for share in result.statistics.relative)
+            f'{percent(ratio):>8}' for ratio in result.statistics.relative)
         rows.append((name, str(result.counted), str(len(result.losses) or '-'),
                      str(len(result.remarks) or '-'), relative))
         arms.setdefault((result.arm, *result.joint_names), []).append(result)

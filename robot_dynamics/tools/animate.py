@@ -27,7 +27,12 @@ import sys
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
-from robot_dynamics.animation.arm_motion import ArmMotion, LIFT_SHARE, motion_of, simulate_motion
+from robot_dynamics.animation.arm_motion import (
+    ArmMotion,
+    LIFT_FRACTION,
+    motion_of,
+    simulate_motion,
+)
 from robot_dynamics.animation.chain_animation import chain_frames
 from robot_dynamics.animation.video import check_format, write_video
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
@@ -110,7 +115,7 @@ def _run(arguments: argparse.Namespace) -> int:
         check_format(arguments.output)
     motion = _recorded_motion(arguments, duration, rate / speed) if recorded else (
         _simulated_motion(arguments, duration, rate / speed))
-    stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_SHARE * duration]
+    stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_FRACTION * duration]
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name

@@ -103,21 +103,21 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.arm_dynamics import ArmDynamics
     from robot_dynamics.reporting.progress import Progress
     from robot_dynamics.trajectories.excitation import find_excitation, GENERATIONS
-    from robot_dynamics.trajectories.excitation_limits import LimitShares, motion_limits
+    from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
     from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
     from robot_dynamics.trajectories.files import write_trajectory
     arm = _arm(arguments)
     dynamics = ArmDynamics(arm)
-    shares = LimitShares(
+    fractions = LimitFractions(
         arguments.position_margin, arguments.velocity_scale, arguments.effort_scale,
         arguments.acceleration)
     start = None if arguments.start is None else np.array(arguments.start)
-    limits = motion_limits(dynamics, shares, start)
+    limits = motion_limits(dynamics, fractions, start)
     print(f'Searching for {arm.name} ({arm.joint_count} joints) ...', flush=True)
     with Progress(GENERATIONS, 'generations') as progress:
         excitation = find_excitation(
             dynamics, limits, arguments.harmonics, arguments.duration, arguments.seed,
-            lambda share: progress.update(share * GENERATIONS))
+            lambda fraction: progress.update(fraction * GENERATIONS))
     found = exciting_trajectory(excitation, dynamics, arguments.lead)
     write_trajectory(arguments.output, found.trajectory)
     _report(arm, excitation, found)
@@ -158,8 +158,8 @@ def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajector
 
 def _effort(effort: float, limit: float, kind: str) -> str:
     unit = 'N' if kind == 'prismatic' else 'N m'
-    share = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
-    return f'{effort:.2f} {unit}{share}'
+    percentage = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
+    return f'{effort:.2f} {unit}{percentage}'
 
 
 if __name__ == '__main__':

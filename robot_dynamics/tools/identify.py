@@ -63,7 +63,7 @@ def _parser() -> Parser:
                'nothing could\nbe identified, 130 interrupted')
     add_recordings(parser, None)
     parser.add_argument(
-        '--train-fraction', type=_share, default=0.6, metavar='SHARE',
+        '--train-fraction', type=_fraction, default=0.6, metavar='SHARE',
         help='of the samples, from the first on, to train with; the rest tests the model '
              '(default: 0.6)')
     add_cutoff(parser)
@@ -97,14 +97,14 @@ def _payload(text: str) -> tuple[str, tuple[float, ...]]:
     return link, values
 
 
-def _share(text: str) -> float:
+def _fraction(text: str) -> float:
     try:
-        share = float(text)
+        fraction = float(text)
     except ValueError:
-        share = float('nan')
-    if not 0.0 < share <= 1.0:
+        fraction = float('nan')
+    if not 0.0 < fraction <= 1.0:
         raise argparse.ArgumentTypeError(f'{text!r}, expected a number in (0, 1]')
-    return share
+    return fraction
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -35,7 +35,7 @@ from robot_dynamics.trajectories.interpolation import (
 )
 from robot_dynamics.validation import check_scalar, check_vector
 
-SHARE_OF_LIMITS = 0.6
+LIMIT_FRACTION = 0.6
 """Of the limits of velocity, and of effort where gravity alone takes less than that."""
 POSITION_MARGIN = 0.05
 """Share of a joint's range that is kept free at either end."""
@@ -78,7 +78,7 @@ def make_reference_motion(
     """
     Return a motion of `duration` [s] for this arm, from `start` (n,) or a pose that it chooses.
 
-    Positions keep POSITION_MARGIN off their limits; velocities stay below SHARE_OF_LIMITS of
+    Positions keep POSITION_MARGIN off their limits; velocities stay below LIMIT_FRACTION of
     theirs, and efforts too, unless gravity at the start pose takes more already: then they stay
     below the middle between that and the limit. Raises InvalidInputError on a duration below
     SHORTEST_DURATION, a start outside the limits, or an arm that cannot hold itself up.
@@ -94,7 +94,7 @@ def make_reference_motion(
             f'arm {arm.name!r} cannot hold itself up: joint {arm.joint_names[worst]!r} needs '
             f'{gravity:.2f} times its effort limit of {arm.limits.effort[worst]:g} at the start '
             'pose, expected less than once')
-    allowed = max(SHARE_OF_LIMITS, 0.5 * (gravity + 1.0) if gravity > SHARE_OF_LIMITS else 0.0)
+    allowed = max(LIMIT_FRACTION, 0.5 * (gravity + 1.0) if gravity > LIMIT_FRACTION else 0.0)
     pattern = _pattern(arm.joint_count, T)
     swing, scale = _swing_within_limits(arm, q0, pattern, T), 1.0
     while True:
@@ -212,7 +212,7 @@ def _swing_within_limits(
     margin = POSITION_MARGIN * np.where(np.isfinite(span), span, 0.0)
     free_above = np.maximum(limits.upper - margin - q0, 0.0)
     free_below = np.maximum(q0 - limits.lower - margin, 0.0)
-    for room, used in ((free_above, x.max(axis=0)), (free_below, -x.min(axis=0))):
-        swing = np.minimum(swing, np.where(used > 0.0, room / np.maximum(used, 1e-12), np.inf))
-    swing = np.minimum(swing, SHARE_OF_LIMITS * limits.velocity / np.abs(v).max(axis=0))
+    for free, used in ((free_above, x.max(axis=0)), (free_below, -x.min(axis=0))):
+        swing = np.minimum(swing, np.where(used > 0.0, free / np.maximum(used, 1e-12), np.inf))
+    swing = np.minimum(swing, LIMIT_FRACTION * limits.velocity / np.abs(v).max(axis=0))
     return np.asarray(np.minimum(swing, LARGEST_ACCELERATION / np.abs(a).max(axis=0)))

@@ -91,22 +91,22 @@ class _Search:
         """Take samples (m, n) at times (m,) into account; return their largest shares, (m,)."""
         if efforts is None:
             efforts = self._dynamics.inverse_dynamics_batch(*motion)
-        shares = self._shares(efforts, motion)
-        ratios = np.array(list(shares.values()))
+        by_limit = self._limit_ratios(efforts, motion)
+        ratios = np.array(list(by_limit.values()))
         limit, i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
         if ratios[limit, i, joint] > self.ratio:
             self.ratio, self.joint = float(ratios[limit, i, joint]), int(joint)
-            self.time, self.limit = float(times[i]), list(shares)[limit]
+            self.time, self.limit = float(times[i]), list(by_limit)[limit]
         return np.asarray(ratios.max(axis=(0, 2)))
 
-    def _shares(self, efforts: FloatArray, motion: Reference) -> dict[str, FloatArray]:
+    def _limit_ratios(self, efforts: FloatArray, motion: Reference) -> dict[str, FloatArray]:
         """Return |value| / limit, (m, n), of all that is limited."""
         arm = self._dynamics.arm
-        shares: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
+        by_limit: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
         if arm.actuators is not None:
             load = arm.actuators.load(efforts, motion.velocity, motion.acceleration)
-            shares.update(current=load.current_ratio, voltage=load.voltage_ratio)
-        return shares
+            by_limit.update(current=load.current_ratio, voltage=load.voltage_ratio)
+        return by_limit
 
 
 def _search_segments(search: _Search, segments: TrajectorySegments) -> None:
@@ -115,22 +115,22 @@ def _search_segments(search: _Search, segments: TrajectorySegments) -> None:
     segment = np.repeat(np.arange(segments.count), intervals + 1)
     first = np.cumsum(intervals + 1) - (intervals + 1)
     width = 1.0 / intervals[segment]
-    share = (np.arange(len(segment)) - first[segment]) * width
+    phase = (np.arange(len(segment)) - first[segment]) * width
 
-    def sampled(segment: IntArray, share: FloatArray) -> FloatArray:
+    def sampled(segment: IntArray, phase: FloatArray) -> FloatArray:
         chunks = (slice(i, i + _CHUNK) for i in range(0, len(segment), _CHUNK))
         return np.concatenate([search.compare(
-            segments.time(segment[chunk], share[chunk]),
-            segments.sample(segment[chunk], share[chunk])) for chunk in chunks])
+            segments.time(segment[chunk], phase[chunk]),
+            segments.sample(segment[chunk], phase[chunk])) for chunk in chunks])
 
-    share = np.minimum(share, 1.0)
-    peaks = _largest_peaks(sampled(segment, share))
-    segment, share, width = segment[peaks], share[peaks], width[peaks]
+    phase = np.minimum(phase, 1.0)
+    peaks = _largest_peaks(sampled(segment, phase))
+    segment, phase, width = segment[peaks], phase[peaks], width[peaks]
     grid = np.linspace(-1.0, 1.0, _REFINED)
     for _ in range(_ROUNDS if len(peaks) else 0):
-        near = np.clip(share[:, np.newaxis] + grid * width[:, np.newaxis], 0.0, 1.0)
+        near = np.clip(phase[:, np.newaxis] + grid * width[:, np.newaxis], 0.0, 1.0)
         ratios = sampled(np.repeat(segment, _REFINED), near.ravel()).reshape(near.shape)
-        share = near[np.arange(len(near)), np.argmax(ratios, axis=1)]
+        phase = near[np.arange(len(near)), np.argmax(ratios, axis=1)]
         width = width * (grid[1] - grid[0])
 
 

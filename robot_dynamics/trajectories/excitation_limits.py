@@ -35,7 +35,7 @@ DEFAULT_ACCELERATION = 6.0
 
 
 @dataclass(frozen=True)
-class LimitShares:
+class LimitFractions:
     """
     How much of the limits a motion may use.
 
@@ -83,7 +83,7 @@ class MotionLimits:
 
 
 def motion_limits(
-    dynamics: ArmDynamics, shares: LimitShares, start: FloatArray | None = None,
+    dynamics: ArmDynamics, fractions: LimitFractions, start: FloatArray | None = None,
 ) -> MotionLimits:
     """
     Return what a motion from `start` (n,), or from a pose that is chosen, may use.
@@ -92,11 +92,11 @@ def motion_limits(
     its limits, and where holding the arm there takes more than the allowed effort.
     """
     arm = dynamics.arm
-    margin = check_scalar('position_margin', shares.position_margin, 0.0, 0.49)
-    velocity = check_scalar('velocity_scale', shares.velocity, 0.0, 1.0, exclusive_minimum=True)
-    effort = check_scalar('effort_scale', shares.effort, 0.0, 1.0, exclusive_minimum=True)
+    margin = check_scalar('position_margin', fractions.position_margin, 0.0, 0.49)
+    velocity = check_scalar('velocity_scale', fractions.velocity, 0.0, 1.0, exclusive_minimum=True)
+    effort = check_scalar('effort_scale', fractions.effort, 0.0, 1.0, exclusive_minimum=True)
     acceleration = check_scalar(
-        'acceleration', shares.acceleration, 0.0, exclusive_minimum=True)
+        'acceleration', fractions.acceleration, 0.0, exclusive_minimum=True)
     limits, n = arm.limits, arm.joint_count
     q0 = start_pose(dynamics) if start is None else check_vector(
         'start', start, n, arm.joint_names)

@@ -99,7 +99,7 @@ class Segment(NamedTuple):
     duration: float
     coefficients: FloatArray
 
-    def share(self, now_ns: int) -> float:
+    def phase(self, now_ns: int) -> float:
         """Return s, how much of the segment has passed, from 0 to 1."""
         return (now_ns - self.begin_ns) / NANOSECONDS_PER_SECOND / self.duration
 
@@ -223,7 +223,7 @@ class ActiveTrajectory:
         """
         segment = self.segment(now_ns)
         if segment is not None:
-            return _evaluate(segment.coefficients, segment.share(now_ns))
+            return _evaluate(segment.coefficients, segment.phase(now_ns))
         return self._final if now_ns >= self.end_ns else self._state_before
 
     def segment(self, now_ns: int) -> Segment | None:

@@ -32,11 +32,11 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import random_states
 
-VELOCITY_SHARE = 0.5
+VELOCITY_FRACTION = 0.5
 """Largest reference velocity as a share of the URDF's limit."""
-EFFORT_SHARE = 0.5
+EFFORT_FRACTION = 0.5
 """β: share of the remaining effort, and of its rate, that acceleration and jerk may take."""
-LEAST_SHARE = 0.1
+LEAST_FRACTION = 0.1
 """
 Share of the effort limit that gravity has to leave; poses in which it does not are left out.
 
@@ -49,7 +49,7 @@ SPEED_UP_TIME = 0.2
 """[s] in which a joint reaches its reference velocity at the earliest."""
 JERK_TIME = 0.05
 """[s] in which a joint reaches its reference acceleration at the earliest."""
-SLOWEST_SHARE = 1e-3
+SLOWEST_FRACTION = 1e-3
 """Smallest acceleration and jerk, as shares of what the two times above give."""
 _POSES = 40
 
@@ -69,20 +69,20 @@ class MotionLimits:
     acceleration: FloatArray
     jerk: FloatArray
 
-    share: float = 1.0
+    scale: float = 1.0
     """Share of the velocities at which the whole motion is possible."""
 
-    def slower(self, share: float) -> 'MotionLimits':
-        """Return the limits of the same motions in 1/share times their duration."""
+    def slower(self, scale: float) -> 'MotionLimits':
+        """Return the limits of the same motions in 1/scale times their duration."""
         return MotionLimits(
-            self.lower, self.upper, share * self.velocity, share**2 * self.acceleration,
-            share**3 * self.jerk, share)
+            self.lower, self.upper, scale * self.velocity, scale**2 * self.acceleration,
+            scale**3 * self.jerk, scale)
 
     @property
     def of_stop(self) -> 'MotionLimits':
-        """The limits of a stop, in 1/share times its duration: its initial velocity is given."""
+        """The limits of a stop, in 1/scale times its duration: its initial velocity is given."""
         return replace(
-            self, acceleration=self.acceleration / self.share, jerk=self.jerk / self.share**2)
+            self, acceleration=self.acceleration / self.scale, jerk=self.jerk / self.scale**2)
 
 
 class WorkspaceInertia:
@@ -122,16 +122,16 @@ class WorkspaceInertia:
         command, infinite for none.
         """
         limits = self.arm.limits
-        remaining = np.maximum(effort - self.gravity, LEAST_SHARE * effort)
-        is_held: BoolArray = np.all(self.gravity <= (1.0 - LEAST_SHARE) * effort, axis=1)
+        remaining = np.maximum(effort - self.gravity, LEAST_FRACTION * effort)
+        is_held: BoolArray = np.all(self.gravity <= (1.0 - LEAST_FRACTION) * effort, axis=1)
         if is_held.any():
             remaining[~is_held] = math.inf
             remaining *= float(is_held.mean())
         velocity = np.where(
-            np.isfinite(limits.velocity), VELOCITY_SHARE * limits.velocity, DEFAULT_VELOCITY)
-        acceleration = self._largest(EFFORT_SHARE * remaining, velocity / SPEED_UP_TIME)
+            np.isfinite(limits.velocity), VELOCITY_FRACTION * limits.velocity, DEFAULT_VELOCITY)
+        acceleration = self._largest(EFFORT_FRACTION * remaining, velocity / SPEED_UP_TIME)
         rate = np.broadcast_to(effort_rate, remaining.shape)
-        jerk = self._largest(EFFORT_SHARE * rate, acceleration / JERK_TIME)
+        jerk = self._largest(EFFORT_FRACTION * rate, acceleration / JERK_TIME)
         return MotionLimits(limits.lower, limits.upper, velocity, acceleration, jerk)
 
     def _largest(self, available: FloatArray, most: FloatArray) -> FloatArray:
@@ -145,5 +145,5 @@ class WorkspaceInertia:
         x = np.minimum(alone, most)
         needed = self.mass @ x
         with np.errstate(divide='ignore', invalid='ignore'):
-            share = np.min(np.where(needed > 0.0, available / needed, math.inf), initial=1.0)
-        return np.asarray(np.maximum(share * x, SLOWEST_SHARE * most))
+            scale = np.min(np.where(needed > 0.0, available / needed, math.inf), initial=1.0)
+        return np.asarray(np.maximum(scale * x, SLOWEST_FRACTION * most))

@@ -41,7 +41,7 @@ _s, _k = np.linspace(0.0, 1.0, _SAMPLES), np.arange(6)
 _V, _A = np.zeros((2, _SAMPLES, 6))
 _V[:, 1:] = _k[1:] * np.vander(_s, 5, increasing=True)
 _A[:, 2:] = _k[2:] * _k[1:-1] * np.vander(_s, 4, increasing=True)
-_RAMP_POINTS, _RAMP_SHARE = 3, 0.8
+_RAMP_POINTS, _RAMP_FRACTION = 3, 0.8
 _TOLERANCE = 1e-6
 _ROUNDS, _MARGIN, SLOWEST = 20, 1.02, 100.0
 """SLOWEST: the largest factor by which a trajectory is slowed down."""
@@ -102,11 +102,11 @@ def _excess(dynamics: ArmDynamics, trajectory: JointTrajectory, effort_scale: fl
 
 def _fastest(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Excess:
     segments = TrajectorySegments(trajectory)
-    k, share = segments.count, np.linspace(0.0, 1.0, _SAMPLES)
-    index, shares = np.repeat(np.arange(k), _SAMPLES), np.tile(share, k)
-    v = np.abs(segments.sample(index, shares).velocity) / dynamics.arm.limits.velocity
+    k, phase = segments.count, np.linspace(0.0, 1.0, _SAMPLES)
+    index, phases = np.repeat(np.arange(k), _SAMPLES), np.tile(phase, k)
+    v = np.abs(segments.sample(index, phases).velocity) / dynamics.arm.limits.velocity
     i, j = np.unravel_index(int(np.argmax(v)), v.shape)
-    time = segments.time(index[i:i + 1], shares[i:i + 1])[0]
+    time = segments.time(index[i:i + 1], phases[i:i + 1])[0]
     return Excess(float(v[i, j]), 'velocity', dynamics.arm.joint_names[j], float(time))
 
 
@@ -182,7 +182,7 @@ def _ramped(t: FloatArray, q: FloatArray, limits: MotionLimits) -> list[_Path]:
 
 
 def _ramp_duration(v: FloatArray, limits: MotionLimits) -> float:
-    return float(max(np.max(1.5 * v / (_RAMP_SHARE * limits.acceleration)),
+    return float(max(np.max(1.5 * v / (_RAMP_FRACTION * limits.acceleration)),
                      np.sqrt(np.max(6.0 * v / limits.jerk))))
 
 

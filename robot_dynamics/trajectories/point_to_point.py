@@ -53,7 +53,7 @@ _J[:, 3:] = _k[3:] * _k[2:-1] * _k[1:-2] * _Q[:, :-3]
 _SERIES = _GROWTH ** np.arange(_DURATIONS)[:, np.newaxis]
 
 
-class _Leg(NamedTuple):
+class _Piece(NamedTuple):
     """One quintic per joint, `start` and `end` (n,) each, from `since` (n,) for `T` (n,) [s]."""
 
     start: Reference
@@ -85,11 +85,11 @@ def goal_points(
     moves = (np.abs(start.velocity) > _AT_REST) | (np.abs(start.acceleration) > _AT_REST)
     T = rest_to_rest_duration(goal - start.position, limits)
     T = np.maximum(T, max(shortest, SHORTEST))
-    legs = _ways(start, rest, limits, T, shortest) if moves.any() else [
-        _Leg(start, rest, np.zeros_like(T), T)]
-    since, T = legs[-1].since, np.where(moves, legs[-1].T, T)
+    pieces = _ways(start, rest, limits, T, shortest) if moves.any() else [
+        _Piece(start, rest, np.zeros_like(T), T)]
+    since, T = pieces[-1].since, np.where(moves, pieces[-1].T, T)
     T[~moves] = max(T[~moves].max(initial=0.0), (since + T)[moves].max(initial=0.0), arrival)
-    return _points([*legs[:-1], legs[-1]._replace(T=T)])
+    return _points([*pieces[:-1], pieces[-1]._replace(T=T)])
 
 
 def meeting_points(
@@ -114,13 +114,13 @@ def stop_points(
     coast, zero = _coast(start, limits), np.zeros_like(start.velocity)
     T = coast.T + _stop_durations(coast.end, limits)
     T = max(shortest, float(T.max(initial=0.0))) - coast.T
-    return _points([coast, _Leg(coast.end, _settled(coast.end, zero, T), coast.T, T)])
+    return _points([coast, _Piece(coast.end, _settled(coast.end, zero, T), coast.T, T)])
 
 
-def _coast(start: Reference, limits: MotionLimits) -> _Leg:
+def _coast(start: Reference, limits: MotionLimits) -> _Piece:
     """Return the way to no acceleration by the largest jerk, of joints that have one."""
     T = _rounded(np.abs(start.acceleration) / limits.jerk)
-    return _Leg(start, _settled(
+    return _Piece(start, _settled(
         start, start.velocity + start.acceleration * T / 2.0, T), np.zeros_like(T), T)
 
 
@@ -139,7 +139,7 @@ def _settled(start: Reference, velocity: FloatArray, T: FloatArray) -> Reference
 
 def _ways(
     start: Reference, goal: Reference, limits: MotionLimits, T: FloatArray, shortest: float,
-) -> list[_Leg]:
+) -> list[_Piece]:
     """
     Return the way of each joint: coasting, a stop, and the motion to the goal, in this order.
 
@@ -149,24 +149,24 @@ def _ways(
     zero = np.zeros_like(T)
     last, direct = _shortest_durations(start, goal, limits, T, shortest)
     coast = _left_out(direct, _coast(start, limits))
-    stop = _Leg(coast.end, coast.end, coast.T, zero)
+    stop = _Piece(coast.end, coast.end, coast.T, zero)
     if not direct.all():
         least = max(shortest - float(coast.T.min()), 0.0)
         T = np.maximum(_rest_durations(coast.end, goal, limits), least)
         after, coasts = _shortest_durations(coast.end, goal, limits, T, least)
         stop_T = _stop_durations(coast.end, limits)
-        stop = _left_out(direct | coasts, _Leg(
+        stop = _left_out(direct | coasts, _Piece(
             coast.end, _settled(coast.end, zero, stop_T), coast.T, stop_T))
         rest = np.maximum(
             _rest_durations(stop.end, goal, limits), shortest - stop.since - stop.T)
         last = np.where(direct, last, np.where(coasts, after, rest))
-    return [coast, stop, _Leg(stop.end, goal, stop.since + stop.T, last)]
+    return [coast, stop, _Piece(stop.end, goal, stop.since + stop.T, last)]
 
 
-def _left_out(which: BoolArray, leg: _Leg) -> _Leg:
-    """Return the leg without duration for `which` (n,) joints."""
-    end = Reference(*(np.where(which, x, y) for x, y in zip(leg.start, leg.end)))
-    return leg._replace(end=end, T=np.where(which, 0.0, leg.T))
+def _left_out(which: BoolArray, piece: _Piece) -> _Piece:
+    """Return the piece without duration for `which` (n,) joints."""
+    end = Reference(*(np.where(which, x, y) for x, y in zip(piece.start, piece.end)))
+    return piece._replace(end=end, T=np.where(which, 0.0, piece.T))
 
 
 def _rest_durations(start: Reference, goal: Reference, limits: MotionLimits) -> FloatArray:
@@ -219,19 +219,19 @@ def _compare(
     return ratio, leaves
 
 
-def _points(legs: list[_Leg]) -> list[TrajectoryPoint]:
-    """Return points at the ends of all legs, between which every joint is one quintic."""
-    legs = [leg._replace(T=_rounded(leg.T)) for leg in legs]
-    ends = np.round(np.concatenate([leg.since + leg.T for leg in legs]), 9)
+def _points(pieces: list[_Piece]) -> list[TrajectoryPoint]:
+    """Return points at the ends of all pieces, between which every joint is one quintic."""
+    pieces = [piece._replace(T=_rounded(piece.T)) for piece in pieces]
+    ends = np.round(np.concatenate([piece.since + piece.T for piece in pieces]), 9)
     times = np.unique(ends[ends > 0.0])
-    states = np.zeros((3, len(times), len(legs[0].T)))
-    states[0] = legs[-1].end.position
-    for leg in reversed(legs):
-        T = np.maximum(leg.T, _RESOLUTION)
-        c = position_coefficients(leg.start, leg.end, T)
-        share = (times[:, np.newaxis] - leg.since) / T
-        s = np.clip(share, 0.0, 1.0)[..., np.newaxis] ** _k
-        inside = (leg.T > 0.0) & (share < 1.0 - 1e-9)
+    states = np.zeros((3, len(times), len(pieces[0].T)))
+    states[0] = pieces[-1].end.position
+    for piece in reversed(pieces):
+        T = np.maximum(piece.T, _RESOLUTION)
+        c = position_coefficients(piece.start, piece.end, T)
+        phase = (times[:, np.newaxis] - piece.since) / T
+        s = np.clip(phase, 0.0, 1.0)[..., np.newaxis] ** _k
+        inside = (piece.T > 0.0) & (phase < 1.0 - 1e-9)
         for order in range(3):
             values = np.einsum('mnk,kn->mn', s, _derivative(c, order)) / T**order
             states[order] = np.where(inside, values, states[order])

@@ -41,7 +41,11 @@ from robot_dynamics.trajectories.interpolation import (
     TrajectoryPoint,
 )
 from robot_dynamics.trajectories.joint_trajectory import nanoseconds
-from robot_dynamics.trajectories.motion_limits import EFFORT_SHARE, MotionLimits, VELOCITY_SHARE
+from robot_dynamics.trajectories.motion_limits import (
+    EFFORT_FRACTION,
+    MotionLimits,
+    VELOCITY_FRACTION,
+)
 from robot_dynamics.trajectories.point_to_point import goal_points, meeting_points, stop_points
 
 LONGEST_PERIOD = 0.5
@@ -196,8 +200,8 @@ class ReferenceGenerator(TrajectoryFollower):
 def whole(limits: MotionLimits) -> MotionLimits:
     """Return the limits of a motion that the sender has planned: the whole, not a share."""
     return replace(
-        limits, velocity=limits.velocity / VELOCITY_SHARE,
-        acceleration=limits.acceleration / EFFORT_SHARE, jerk=limits.jerk / EFFORT_SHARE)
+        limits, velocity=limits.velocity / VELOCITY_FRACTION,
+        acceleration=limits.acceleration / EFFORT_FRACTION, jerk=limits.jerk / EFFORT_FRACTION)
 
 
 def _meeting(

@@ -66,25 +66,25 @@ class TrajectorySegments:
         """The number of segments, k."""
         return len(self._coefficients)
 
-    def time(self, segment: IntArray, share: FloatArray) -> FloatArray:
+    def time(self, segment: IntArray, phase: FloatArray) -> FloatArray:
         """Return the times (m,) [s] from the start of the trajectory."""
-        return (1.0 - share) * self.times[segment] + share * self.times[segment + 1]
+        return (1.0 - phase) * self.times[segment] + phase * self.times[segment + 1]
 
-    def sample(self, segment: IntArray, share: FloatArray) -> Reference:
+    def sample(self, segment: IntArray, phase: FloatArray) -> Reference:
         """
         Return position, velocity and acceleration, (m, n) each.
 
-        Each sample is on a `segment` (m,), of which the `share` (m,) in [0, 1] has passed.
+        Each sample is on a `segment` (m,), of which the `phase` (m,) in [0, 1] has passed.
         """
         T = self._duration[segment]
-        powers = np.vander(share, 6, increasing=True)
+        powers = np.vander(phase, 6, increasing=True)
         first, second = np.zeros_like(powers), np.zeros_like(powers)
         first[:, 1:] = _ORDERS[1:] * powers[:, :-1] / T
         second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2] / T**2
         values = np.stack((powers, first, second), axis=1) @ self._coefficients[segment]
         # Exact at the end: rest is exactly 0 there, which dry friction distinguishes from motion.
         velocity = np.where(
-            share[:, np.newaxis] == 1.0, self._end_velocity[segment], values[:, 1])
+            phase[:, np.newaxis] == 1.0, self._end_velocity[segment], values[:, 1])
         return Reference(values[:, 0], velocity, values[:, 2])
 
 

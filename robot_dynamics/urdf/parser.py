@@ -84,7 +84,7 @@ class UrdfRobot:
     root_link: str
     link_names: tuple[str, ...]
     joints: tuple[UrdfJoint, ...]
-    engine_xml: str
+    pinocchio_xml: str
     """The same tree for Pinocchio: continuous joints as unlimited revolute ones (one coordinate
     each instead of cosine and sine), no geometry, no mimic relations."""
     reductions: Reductions = field(default_factory=dict)

@@ -34,9 +34,9 @@ FRICTION = {
 ARM = load_arm(default_arm_urdf())
 
 
-def with_friction(share: float) -> ArmModel:
+def with_friction(fraction: float) -> ArmModel:
     parameters = {
-        name: value if name == 'stribeck_velocity' else [share * x for x in value]
+        name: value if name == 'stribeck_velocity' else [fraction * x for x in value]
         for name, value in FRICTION.items()}
     return ARM.with_friction(make_friction(ARM.joint_names, **parameters))
 
@@ -52,11 +52,11 @@ class Run(NamedTuple):
 
 
 def run(
-    known_share: float, seconds: float = 6.0, still: float = 0.0, velocity_noise: float = 0.0,
+    known_fraction: float, seconds: float = 6.0, still: float = 0.0, velocity_noise: float = 0.0,
     position_noise: float = 0.0, mode: str = 'reference',
 ) -> Run:
     """Run the default arm with friction in closed loop: a motion, then the reference rests."""
-    model = with_friction(known_share)
+    model = with_friction(known_fraction)
     motion = make_reference_motion(ARM, seconds).trajectory
     controller = Controller(model, ControllerOptions(
         make_gains(ARM.joint_names), friction_compensation=mode))
@@ -95,9 +95,9 @@ def test_known_friction_is_tracked_twenty_times_better() -> None:
 @pytest.mark.soak
 def test_a_fifth_wrong_is_still_stable_and_better_than_nothing() -> None:
     without = rms(run(0.0).error)
-    for share in (0.8, 1.2):
-        errors = run(share).error
-        print(f'RMS error with {share:g} of the friction: {rms(errors)}')
+    for fraction in (0.8, 1.2):
+        errors = run(fraction).error
+        print(f'RMS error with {fraction:g} of the friction: {rms(errors)}')
         assert (rms(errors) < 0.5 * without).all()
         assert np.abs(errors).max() < 0.05
 
@@ -115,7 +115,8 @@ def sign_changes(friction: np.ndarray) -> list[int]:
 
 def test_compensation_at_rest_does_not_add_to_the_noise_of_the_command() -> None:
     commands, bare = (
-        run(share, seconds=3.0, still=2.0, velocity_noise=2e-3).command for share in (1.0, 0.0))
+        run(fraction, seconds=3.0, still=2.0, velocity_noise=2e-3).command
+        for fraction in (1.0, 0.0))
     jumps = np.abs(np.diff(commands[REST], axis=0)).max(axis=0)
     without = np.abs(np.diff(bare[REST], axis=0)).max(axis=0)
     assert (jumps < 1.5 * without + 0.05).all()

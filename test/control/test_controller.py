@@ -179,7 +179,7 @@ def test_efforts_that_are_not_finite_are_refused() -> None:
 # --- limits --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
-def test_the_command_is_clamped_to_a_share_of_the_limits(scale: float) -> None:
+def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> None:
     controller = make_controller(effort_scale=scale)
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([3.0, -2.0]), 0)
@@ -187,8 +187,8 @@ def test_the_command_is_clamped_to_a_share_of_the_limits(scale: float) -> None:
     assert output.clamped.tolist() == [True, True]
     assert output.computed_torque is not None
     assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # as computed, for who asks
-    share = scale * np.array([150.0, 60.0])  # extended to what holds the arm
-    low, high = np.minimum(-share, output.hold), np.maximum(share, output.hold)
+    limit = scale * np.array([150.0, 60.0])  # extended to the holding effort
+    low, high = np.minimum(-limit, output.hold), np.maximum(limit, output.hold)
     assert command(output).tolist() == np.clip(output.computed_torque, low, high).tolist()
     assert output.hold.tolist() == output.gravity_compensation.tolist()
 
@@ -266,9 +266,9 @@ def test_a_continuous_joint_takes_the_short_way() -> None:
     controller.follow(set_point([-3.1, 0.0]), 0)
     output = controller.update(NOW, q, ZERO)
     assert output.computed_torque is not None
-    pull = output.computed_torque - output.gravity_compensation
+    feedback = output.computed_torque - output.gravity_compensation
     M = ArmDynamics(controller.arm).rigid_body.mass_matrix(q)
-    assert np.linalg.solve(M, pull) == pytest.approx([400.0 * (2 * np.pi - 6.2), 0.0])
+    assert np.linalg.solve(M, feedback) == pytest.approx([400.0 * (2 * np.pi - 6.2), 0.0])
 
 
 # --- terms ---------------------------------------------------------------------------------------

@@ -158,7 +158,7 @@ def test_an_effort_that_is_not_finite_is_refused_and_nothing_is_left_of_it(size:
     assert after.command.tolist() == before.hold.tolist()
 
 
-def test_an_energy_that_is_not_finite_is_not_told_and_takes_no_effort_away() -> None:
+def test_an_energy_that_is_not_finite_is_not_reported_and_takes_no_effort_away() -> None:
     one = controller()
     with np.errstate(all='ignore'):
         output = one.update(NOW, Q, np.full(2, 1e200), with_terms=True)

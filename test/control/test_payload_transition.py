@@ -56,11 +56,11 @@ def test_without_a_target_nothing_is_left() -> None:
 
 @laws
 @given(st.floats(0.0, 1.0))
-def test_mass_and_inertia_go_in_a_straight_line(share: float) -> None:
+def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
     way = transition([OLD], NEW)
     way.payloads(0)
-    loads = way.payloads(round(share * 2 * SECOND))
-    s = round(share * 2 * SECOND) / (2 * SECOND)
+    loads = way.payloads(round(fraction * 2 * SECOND))
+    s = round(fraction * 2 * SECOND) / (2 * SECOND)
     assert sum(load.mass for load in loads) == pytest.approx((1 - s) * OLD.mass + s * NEW.mass)
     for load in loads:
         whole = OLD if load.link == OLD.link else NEW
@@ -73,7 +73,7 @@ def test_mass_and_inertia_go_in_a_straight_line(share: float) -> None:
 @given(
     st.floats(0.0, 1.0),
     st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
-def test_efforts_go_in_a_straight_line(share: float, motion: list[float]) -> None:
+def test_efforts_go_in_a_straight_line(fraction: float, motion: list[float]) -> None:
     arm = load_arm(default_arm_urdf())
     q, v, a = np.array(motion).reshape(3, 2)
 
@@ -82,8 +82,8 @@ def test_efforts_go_in_a_straight_line(share: float, motion: list[float]) -> Non
 
     way = transition([OLD], NEW)
     way.payloads(0)
-    s = round(share * 2 * SECOND) / (2 * SECOND)
-    on_the_way = effort(way.payloads(round(share * 2 * SECOND)))
+    s = round(fraction * 2 * SECOND) / (2 * SECOND)
+    on_the_way = effort(way.payloads(round(fraction * 2 * SECOND)))
     assert on_the_way == pytest.approx((1 - s) * effort([OLD]) + s * effort([NEW]), abs=1e-9)
 
 
@@ -102,7 +102,7 @@ def test_stamps_of_today_keep_their_nanoseconds() -> None:
     assert way.payloads(now + 250)[0].mass == pytest.approx(0.25 * NEW.mass)
 
 
-def test_a_share_of_a_load_leaves_the_load() -> None:
+def test_a_fraction_of_a_load_leaves_the_load() -> None:
     half = scaled(OLD, 0.5)
     assert (half.mass, OLD.mass) == (1.5, 3.0)
     assert half.inertia == pytest.approx(0.5 * OLD.inertia)

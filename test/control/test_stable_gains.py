@@ -50,7 +50,7 @@ def observe(
     The error is the standard deviation [rad/s] of the velocity that is used.
     """
     rng, quality = np.random.default_rng(1), StateQuality(ARM.joint_kinds)
-    errors, share, dt = [], 1.0, 1.0 / rate
+    errors, scale, dt = [], 1.0, 1.0 / rate
     for k in range(count):
         t = k * dt
         q, v = np.full(2, 0.5 * math.sin(t)), np.full(2, 0.5 * math.cos(t))
@@ -58,15 +58,15 @@ def observe(
             q = resolution * np.round(q / resolution)
         used = quality.velocity(dt if k else 0.0, q, v + rng.normal(0.0, noise, 2))
         if quality.is_due:
-            share = quality.stable_share(GAINS, WORKSPACE.largest(), RATE)
+            scale = quality.stable_scale(GAINS, WORKSPACE.largest(), RATE)
         if k > count // 2:
             errors.append(used - v)
-    return quality, share, float(np.std(errors))
+    return quality, scale, float(np.std(errors))
 
 
 def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are() -> None:
-    quality, share, error = observe(500.0)
-    assert share == 1.0
+    quality, scale, error = observe(500.0)
+    assert scale == 1.0
     assert not quality.differs
     assert error == 0.0
     assert quality.period == pytest.approx(0.002)
@@ -74,8 +74,8 @@ def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are(
 
 @pytest.mark.parametrize('rate', [10.0, 30.0, 60.0])
 def test_the_phase_lag_of_slow_states_stays_below_its_bound(rate: float) -> None:
-    _, share, _ = observe(rate)
-    crossover = CROSSOVER * 20.0 * share
+    _, scale, _ = observe(rate)
+    crossover = CROSSOVER * 20.0 * scale
     assert crossover * (0.5 / rate + LOOP_DELAY) == pytest.approx(DELAY_LAG)
     assert rate < slowest_rate(GAINS)
 
@@ -89,23 +89,23 @@ def test_the_slowest_rate_is_where_the_gains_begin_to_be_lowered() -> None:
 
 
 def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions() -> None:
-    quality, share, error = observe(500.0, noise=0.2)
+    quality, scale, error = observe(500.0, noise=0.2)
     assert quality.differs
-    assert share > 0.9
+    assert scale > 0.9
     assert error < 0.01
 
 
 def test_if_both_are_noisy_the_gains_are_lowered() -> None:
-    quality, share, _ = observe(500.0, noise=0.2, resolution=2e-3)
+    quality, scale, _ = observe(500.0, noise=0.2, resolution=2e-3)
     assert not quality.differs
-    assert share < 0.5
+    assert scale < 0.5
     assert 'velocity noise of up to 0.2' in str(quality)
 
 
 def test_until_the_quality_is_known_the_gains_are_low() -> None:
-    quality, share, _ = observe(500.0, noise=0.2, count=4)
+    quality, scale, _ = observe(500.0, noise=0.2, count=4)
     assert not quality.is_known
-    assert share <= 0.5
+    assert scale <= 0.5
     assert observe(500.0, count=20)[0].is_known
 
 
@@ -140,7 +140,7 @@ def test_a_continuous_joint_may_wrap() -> None:
         q = np.array([math.pi - (math.pi - 0.02 * k) % (2.0 * math.pi)])
         used = quality.velocity(0.002 if k else 0.0, q, 10.0 + rng.normal(0.0, 0.5, 1))
         if quality.is_due:
-            quality.stable_share(make_gains(['a']), np.ones((1, 1)), np.array([10.0]))
+            quality.stable_scale(make_gains(['a']), np.ones((1, 1)), np.array([10.0]))
         if k > 100:
             assert used == pytest.approx(10.0)
     assert quality.differs
@@ -178,7 +178,7 @@ def test_at_slow_rates_the_terms_sum_to_the_command_for_the_position_ahead() -> 
                                       ARM.joint_names), 0)
     at = q + 20 * period * v
     output = controller.update(round(1e9 * period * 20), at, v, with_terms=True)
-    assert controller.rate_share < 0.5
+    assert controller.bandwidth_scale < 0.5
     assert output.terms is not None
     assert output.command == pytest.approx(output.terms.effort)
     body = ArmDynamics(ARM).rigid_body

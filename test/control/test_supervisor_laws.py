@@ -58,13 +58,13 @@ class Supervised(RuleBasedStateMachine):
     def begin(self, rate: float, chosen: SafetyOptions) -> None:
         self.one = CommandSupervisor(NAMES, limits(rate), chosen)
         self.rate = rate
-        self.now = self.told = 0.0
+        self.now = self.sent_at = 0.0
         self.standing: np.ndarray | None = None  # the effort that the arm was told last
         self.must_be_reset = False
 
     # ------------------------------------------------------------------ what an observer checks
 
-    def hears(self, effort: np.ndarray | None, hold: np.ndarray | None = None) -> None:
+    def receives(self, effort: np.ndarray | None, hold: np.ndarray | None = None) -> None:
         """Take what a call gave; `hold` is given where it answered a state."""
         if effort is not None:
             assert np.isfinite(effort).all()
@@ -73,9 +73,9 @@ class Supervised(RuleBasedStateMachine):
                 assert hold is not None  # an effort begins with a state
                 assert effort.tolist() == hold.tolist()
             else:
-                passed = min(self.now - self.told, LONGEST_STEP)
+                passed = min(self.now - self.sent_at, LONGEST_STEP)
                 assert (np.abs(effort - self.standing) <= self.rate * passed + 1e-9).all()
-            self.standing, self.told = effort, self.now
+            self.standing, self.sent_at = effort, self.now
         if not self.one.is_commanding:
             stops = self.one.mode is Mode.FAULT and (
                 self.one.options.fault_action == 'stop_publishing')
@@ -91,10 +91,10 @@ class Supervised(RuleBasedStateMachine):
         hold: np.ndarray, stamped: bool,
     ) -> None:
         silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
-        since = self.now + pause - self.told
+        since = self.now + pause - self.sent_at
         self.now += pause
         effort = self.one.answer(self.now, q, v, command, hold, since if stamped else None)
-        self.hears(effort, hold)
+        self.receives(effort, hold)
         assert self.one.mode is not Mode.WAITING
         if silent_before and (np.abs(q) > REACH + self.one.options.fault_margin).any():
             assert effort is None
@@ -105,7 +105,7 @@ class Supervised(RuleBasedStateMachine):
         waits = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
         effort = self.one.tick(self.now)
         assert not waits or effort is None
-        self.hears(effort)
+        self.receives(effort)
         assert self.one.mode is not Mode.RUNNING or self.now <= self.one.deadline + 1e-9
 
     @rule(pause=pauses, fault=faults)
@@ -156,7 +156,7 @@ class Supervised(RuleBasedStateMachine):
         begin, step = self.now, max(due / 200.0, 0.002)
         while self.now < begin + 1.1 * due + step:
             self.now += step
-            self.hears(self.one.tick(self.now))
+            self.receives(self.one.tick(self.now))
         if self.rate >= 1000.0:
             assert not self.one.is_commanding
             assert self.one.tick(self.now + 10.0) is None

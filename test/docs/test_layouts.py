@@ -140,9 +140,9 @@ def test_the_parts_of_plotjuggler_fit_together() -> None:
     assert len(splitters) >= 5
     for splitter in splitters:
         assert len(splitter) == int(splitter.attrib['count'])
-        shares = [float(share) for share in splitter.attrib['sizes'].split(';')]
-        assert len(shares) == len(splitter)
-        assert sum(shares) == pytest.approx(1.0, abs=1e-5)
+        fractions = [float(fraction) for fraction in splitter.attrib['sizes'].split(';')]
+        assert len(fractions) == len(splitter)
+        assert sum(fractions) == pytest.approx(1.0, abs=1e-5)
     for plot in PLOTJUGGLER.iter('plot'):
         colours = [curve.attrib['color'] for curve in plot.iter('curve')]
         assert set(colours) <= COLOURS

@@ -157,12 +157,14 @@ def test_every_fault_action_and_mode_is_there() -> None:
 
 def test_the_diagnostics_are_those_of_a_running_node(client: RosClient) -> None:
     table, = (rows for rows in tables() if 'figures' in rows[0])
-    told = {row['status'].strip('`'): re.findall('`([^`]*)`', row['figures']) for row in table}
+    documented = {
+        row['status'].strip('`'): re.findall('`([^`]*)`', row['figures']) for row in table}
     with NodeProcess(DYNAMICS, namespace='/page'):
         report = client.wait_for(
-            DiagnosticArray, '/diagnostics', lambda message: len(message.status) >= len(told))
+            DiagnosticArray, '/diagnostics',
+            lambda message: len(message.status) >= len(documented))
     for status in report.status:
         name = status.name.removeprefix('dynamics: ')
-        figures = told.pop(name)
+        figures = documented.pop(name)
         assert {value.key for value in status.values} <= set(figures), name
-    assert not told
+    assert not documented

@@ -107,7 +107,7 @@ def printed_by(printed: Mapping[str, str], start: str, end: str = '') -> str:
 
 def relative_residuals(out: str) -> list[float]:
     """Return the column `relative` of what analyze_bag prints [%]."""
-    return [float(share) for share in re.findall(
+    return [float(fraction) for fraction in re.findall(
         r'^joint\d +\S+ N·m +\S+ N·m +(\S+) %', out, re.MULTILINE)]
 
 

@@ -66,13 +66,13 @@ def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
     return efforts[first], efforts[first + 1:]
 
 
-def shares(efforts: list[Timed]) -> list[float]:
+def fractions(efforts: list[Timed]) -> list[float]:
     """Return each effort as a share of g(q); fail where one is no such share."""
     found = []
     for _, message in efforts:
-        share = message.effort[0] / G[0]
-        assert message.effort == pytest.approx(share * np.array(G), abs=1e-6)
-        found.append(share)
+        fraction = message.effort[0] / G[0]
+        assert message.effort == pytest.approx(fraction * np.array(G), abs=1e-6)
+        found.append(fraction)
     return found
 
 
@@ -82,15 +82,15 @@ def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
 
     An effort may be published late, and then falls short of what it could have been; how many
     there are, and how late each is, depends on the load of the machine. The course at given times
-    is that of test_fault_actions.py.
+    is that of test_supervisor_actions.py.
     """
-    found = shares(action)
+    found = fractions(action)
     assert found == sorted(found, reverse=True)
     assert found[-1] == 0.0
     earliest = 1e-9 * nanoseconds_of(answer[1].header.stamp) + STATE_TIMEOUT - SLACK
     assert action[0][0] > earliest
-    for (t, _), share in zip(action, found):
-        assert share >= min(1.0, 1.0 - (t - earliest - hold) / RAMP) - 1e-6
+    for (t, _), fraction in zip(action, found):
+        assert fraction >= min(1.0, 1.0 - (t - earliest - hold) / RAMP) - 1e-6
     assert action[-1][0] > earliest + hold + RAMP
 
 
@@ -110,7 +110,7 @@ def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
     answer, action = go_silent(bench)
     check_course(answer, action, HOLD)
     answered, times = answer[0], [t for t, _ in action]
-    held = next(i for i, share in enumerate(shares(action)) if share < 1.0 - 1e-6)
+    held = next(i for i, fraction in enumerate(fractions(action)) if fraction < 1.0 - 1e-6)
     seen(f'{times[0] - answered:.3f} s of silence, {times[held] - times[0]:.3f} s of g(q), '
          f'{times[-1] - times[held]:.3f} s of ramp, with 0.3 s, 0.3 s and 0.1 s set')
     check_return(bench)

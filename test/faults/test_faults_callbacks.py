@@ -33,7 +33,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 GROUP = 'Exceptions inside callbacks'
-TOLD = 'the log has one line in 5 s; control goes on'
+REPORTED = 'the log has one line in 5 s; control goes on'
 CALLS = 10
 
 
@@ -52,7 +52,7 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         one.close()
 
 
-def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
+def check_reported(bench: FaultBench, of: str, words: str, since: float) -> None:
     """Check that the log told of a callback, and not too often since a moment."""
     line = bench.node.wait_for_log(f'The callback of {of} failed: internal error: {words}')
     assert '[ERROR]' in line
@@ -65,7 +65,7 @@ def check_told(bench: FaultBench, of: str, words: str, since: float) -> None:
 
 @pytest.mark.parametrize(('service', 'kind', 'words'), [
     pytest.param(service, kind, words, marks=fault(GROUP, injected, (
-        f'`success` false and what failed; {TOLD}'))) for service, kind, words, injected in (
+        f'`success` false and what failed; {REPORTED}'))) for service, kind, words, injected in (
             ('raises', Trigger, rf"ZeroDivisionError\('{WORDS}'\)", 'a service that raises'),
             ('answers_nothing', SetBool, r"TypeError\('the service .* answered None'\)",
              'a service that answers `None`'),
@@ -79,21 +79,21 @@ def test_a_service_that_fails(
         response = bench.client.call(kind, bench.name(service))
         assert not response.success
         assert re.search(f'^internal error: {words}', response.message), response.message
-    check_told(bench, f'~/{service}', words, begun)
+    check_reported(bench, f'~/{service}', words, begun)
 
 
-@fault(GROUP, 'a subscription that raises', TOLD)
+@fault(GROUP, 'a subscription that raises', REPORTED)
 def test_a_subscription_that_fails(bench: FaultBench) -> None:
     begun = time.monotonic()
     publisher = bench.client.publisher(String, bench.name('raises'))
     for _ in range(CALLS):
         publisher.publish(String())
-    check_told(bench, '~/raises', 'ZeroDivisionError', begun)
+    check_reported(bench, '~/raises', 'ZeroDivisionError', begun)
     bench.client.node.destroy_publisher(publisher)
 
 
 @fault(GROUP, 'a parameter callback that raises',
-       f'refused with what failed, old value kept; {TOLD}')
+       f'refused with what failed, old value kept; {REPORTED}')
 def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
     node = bench.name('').rstrip('/')
     before, begun = bench.client.get_parameter(node, 'hold_time'), time.monotonic()
@@ -102,7 +102,7 @@ def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
         assert not result.successful
         assert result.reason == f"internal error: ZeroDivisionError('{WORDS}')"
     assert bench.client.get_parameter(node, 'hold_time') == before
-    check_told(bench, 'dynamics/set_parameters', 'ZeroDivisionError', begun)
+    check_reported(bench, 'dynamics/set_parameters', 'ZeroDivisionError', begun)
 
 
 @fault(GROUP, 'a lifecycle transition that raises',

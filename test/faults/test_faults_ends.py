@@ -62,7 +62,7 @@ def commanding(client: RosClient, **parameters: Any) -> Iterator[FaultBench]:
         yield bench
 
 
-def check_ended(bench: FaultBench, told: float) -> str:
+def check_ended(bench: FaultBench, sent_at: float) -> str:
     """Check that the node, told to end at a time [s], did so in order; return when, in words."""
     assert bench.node.wait() == 0, bench.node.log
     assert 'Traceback' not in bench.node.log, bench.node.log
@@ -73,16 +73,16 @@ def check_ended(bench: FaultBench, told: float) -> str:
     assert not efforts[-1].any()
     assert (np.diff(np.abs(efforts), axis=0) <= 1e-9).all()
     assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-9
-    assert times[-1] - told >= RAMP
+    assert times[-1] - sent_at >= RAMP
     ramp = times[np.abs(efforts[:, 0]) < abs(G[0]) - 1e-6]
     return f'{len(ramp)} efforts on the way to zero, over {1e3 * (ramp[-1] - ramp[0]):.0f} ms'
 
 
-def tell(node: NodeProcess, end_signal: signal.Signals) -> float:
+def signal_node(node: NodeProcess, end_signal: signal.Signals) -> float:
     """Send a signal; return when [s] that was, by the clock of this computer."""
-    told = time.time()
+    sent_at = time.time()
     os.kill(node.pid, end_signal)
-    return told
+    return sent_at
 
 
 @pytest.mark.parametrize('end_signal', [
@@ -90,16 +90,16 @@ def tell(node: NodeProcess, end_signal: signal.Signals) -> float:
     for one in SIGNALS])
 def test_while_it_commands(client: RosClient, end_signal: signal.Signals, seen: Any) -> None:
     with commanding(client) as bench:
-        seen(check_ended(bench, tell(bench.node, end_signal)))
+        seen(check_ended(bench, signal_node(bench.node, end_signal)))
 
 
 @fault(GROUP, 'SIGINT, and again while efforts ramp to zero', RAMPED)
 def test_twice(client: RosClient) -> None:
     with commanding(client) as bench:
-        told = tell(bench.node, signal.SIGINT)
+        sent_at = signal_node(bench.node, signal.SIGINT)
         bench.efforts.wait_for(lambda m: m.effort[0] > 0.9 * G[0])
-        tell(bench.node, signal.SIGINT)
-        check_ended(bench, told)
+        signal_node(bench.node, signal.SIGINT)
+        check_ended(bench, sent_at)
 
 
 @fault(GROUP, 'SIGINT while it holds the arm after a fault', RAMPED)
@@ -107,7 +107,7 @@ def test_in_a_fault(client: RosClient) -> None:
     with commanding(client, hold_time=60.0) as bench:
         bench.driver.be_quiet()
         bench.wait_state_timeout()
-        check_ended(bench, tell(bench.node, signal.SIGINT))
+        check_ended(bench, signal_node(bench.node, signal.SIGINT))
 
 
 @fault(GROUP, 'SIGINT while it commands and is busy with service calls',
@@ -124,11 +124,11 @@ def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
                 service.call_async(request).add_done_callback(
                     lambda _: answered.append(time.time()))
             wait_until(lambda: bool(answered), 'the answer of the first call')
-            told = tell(bench.node, signal.SIGINT)
-            check_ended(bench, told)
+            sent_at = signal_node(bench.node, signal.SIGINT)
+            check_ended(bench, sent_at)
             ramp = next(t for t, m in bench.efforts.published() if m.effort[0] > G[0] + 1e-6)
             assert len(answered) < CALLS  # else it was no longer busy
-            seen(f'first effort of the ramp {1e3 * (ramp - told):.0f} ms after the signal')
+            seen(f'first effort of the ramp {1e3 * (ramp - sent_at):.0f} ms after the signal')
     finally:
         client.node.destroy_client(service)
 
@@ -143,7 +143,7 @@ def test_before_it_commands(client: RosClient) -> None:
     with client.collect(JointState, '/idle/effort_command') as efforts, running(*nodes):
         efforts.wait_matched(len(nodes))
         for node, end_signal in zip(nodes, 2 * SIGNALS):
-            tell(node, end_signal)
+            signal_node(node, end_signal)
         for node in nodes:
             assert node.wait() == 0, node.log
             assert 'Traceback' not in node.log, node.log
@@ -161,7 +161,7 @@ def test_the_simulated_arm(client: RosClient) -> None:
         states.wait_matched(len(nodes))
         states.wait_for()
         for node, end_signal in zip(nodes, 2 * SIGNALS):
-            tell(node, end_signal)
+            signal_node(node, end_signal)
         for node in nodes:
             assert node.wait() == 0, node.log
             assert 'Traceback' not in node.log, node.log
@@ -219,10 +219,10 @@ def test_an_interrupt_while_it_starts(name: str) -> None:
     whole.wait_until_up()
     duration = time.monotonic() - began
     assert whole.end(signal.SIGINT)[0] == 0
-    for share in (0.0, 0.25, 0.5, 0.75, 0.9):
+    for fraction in (0.0, 0.25, 0.5, 0.75, 0.9):
         one = Executable(name)
         one.wait_for_own_code()
-        threading.Event().wait(share * duration)  # the moment is what is tried
+        threading.Event().wait(fraction * duration)  # the moment is what is tried
         status, output = one.end(signal.SIGINT)
         assert status == 0, output
         assert 'Traceback' not in output, output

@@ -43,22 +43,22 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         yield one
 
 
-@pytest.mark.parametrize(('change', 'told'), [
-    pytest.param(change, told, marks=fault(
+@pytest.mark.parametrize(('change', 'reported'), [
+    pytest.param(change, reported, marks=fault(
         GROUP, f'before any other: {words}', 'dropped and told; not one effort goes out'))
-    for words, change, told in (
+    for words, change, reported in (
         ('an empty message', lambda _: JointState(), ''),
         ('a joint missing', altered(name=NAMES[:1], position=Q[:1], velocity=[]), 'leaves out'),
         ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
         ('a stamp 10 s in the past', shifted(-10.0), 's old'),
         ('a stamp 10 s in the future', shifted(10.0), 's in the future'))])
 def test_nothing_before_the_first_valid_state(
-    bench: FaultBench, change: Change, told: str,
+    bench: FaultBench, change: Change, reported: str,
 ) -> None:
     bench.driver.go_on()
     bench.driver.change = change
-    if told:
-        bench.wait_status('joint states', lambda status: told in status.message)
+    if reported:
+        bench.wait_status('joint states', lambda status: reported in status.message)
     else:
         bench.wait_dropped('other joints')
     wait_states(bench, 20)

@@ -122,21 +122,21 @@ def test_a_position_limit_ahead(
     wait_first(bench, joint, -sign * EFFORT[joint])
 
 
-@pytest.mark.parametrize(('joint', 'position', 'told'), [
-    pytest.param(joint, position, told, id=words, marks=fault(
+@pytest.mark.parametrize(('joint', 'position', 'reported'), [
+    pytest.param(joint, position, reported, id=words, marks=fault(
         GROUP, f'a joint {words}', 'fault `position_limit` that names joint and distance: the arm '
         'is held as long as joint states are valid; ends automatically after five good states'))
-    for words, joint, position, told in (
+    for words, joint, position, reported in (
         ('0.009 rad past its upper limit', 0, UPPER + 0.009,
          "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
         ('0.1 rad past its lower limit', 1, LOWER - 0.1,
          "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087"))])
 def test_a_position_past_its_limit(
-    bench: FaultBench, joint: int, position: float, told: str,
+    bench: FaultBench, joint: int, position: float, reported: str,
 ) -> None:
     before = bench.known('command', 'faults: position_limit')
     bench.driver.q[joint] = position
-    assert told in bench.wait_fault('position_limit').message
+    assert reported in bench.wait_fault('position_limit').message
     wait_effort(bench, gravity(bench.driver.q))
     bench.efforts.clear()
     for message in bench.efforts.wait_count(200):  # for longer than hold_time and ramp_time

@@ -85,10 +85,10 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@pytest.mark.parametrize(('request_', 'told'), [
-    pytest.param(request, told, id=words, marks=fault(
+@pytest.mark.parametrize(('request_', 'reported'), [
+    pytest.param(request, reported, id=words, marks=fault(
         GROUP, words, 'refused with a message that names it; the effort stays as it is'))
-    for words, request, told in (
+    for words, request, reported in (
         ('a negative mass', {'mass': -1.0}, 'payload.inertia.m is -1'),
         ('a mass that is NaN', {'mass': NAN}, 'payload.inertia.m is nan'),
         ('an infinite mass', {'mass': INF}, 'payload.inertia.m is inf'),
@@ -105,11 +105,11 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
         ('a transition without end', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf'),
     )])
 def test_a_payload_that_cannot_be(
-    bench: FaultBench, request_: dict[str, Any], told: str,
+    bench: FaultBench, request_: dict[str, Any], reported: str,
 ) -> None:
     bench.check_alive()
     answer = set_payload(bench, **request_)
     assert not answer.success
-    assert told in answer.message
+    assert reported in answer.message
     assert all(m.effort == pytest.approx(G, abs=1e-6) for m in bench.efforts.messages)
     bench.check_alive()

@@ -92,11 +92,11 @@ def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
         assert not efforts
         return ''
     times = np.array([t for t, _ in efforts]) - 1e-9 * nanoseconds_of(stamp)
-    shares = np.array([m.effort for _, m in efforts]) / G  # 1 holds the arm
-    assert np.ptp(shares, axis=1) == pytest.approx(0.0, abs=1e-6)
-    assert (np.diff(shares[:, 0]) <= 0.0).all()
+    fractions = np.array([m.effort for _, m in efforts]) / G  # 1 holds the arm
+    assert np.ptp(fractions, axis=1) == pytest.approx(0.0, abs=1e-6)
+    assert (np.diff(fractions[:, 0]) <= 0.0).all()
     assert not any(efforts[-1][1].effort)
-    held = shares[:, 0] > 1.0 - 1e-6
+    held = fractions[:, 0] > 1.0 - 1e-6
     hold = HOLD if action == 'hold_gravity_then_ramp' else 0.0
     assert held.any() if hold else held.sum() <= 1
     assert times[0] >= STATE_TIMEOUT
@@ -130,7 +130,7 @@ def test_the_driver_is_stopped_and_continued(bench: FaultBench) -> None:
 def test_the_driver_stalls(bench: FaultBench) -> None:
     before = bench.figure('command', 'faults: state_timeout')
 
-    def stall_is_told() -> bool:
+    def stall_is_reported() -> bool:
         bench.driver.be_quiet()
         pause()
         bench.driver.go_on()
@@ -139,7 +139,7 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
     bench.set_parameters(state_timeout=SHORT_TIMEOUT)
     try:
         # A node that gets no processor during a stall sees none, so that there may be several.
-        wait_until(stall_is_told, 'the fault')
+        wait_until(stall_is_reported, 'the fault')
     finally:
         bench.set_parameters(**STEADY)
     bench.check_alive()

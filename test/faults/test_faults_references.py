@@ -69,9 +69,9 @@ def is_torque(message: Any) -> bool:
     return bool(np.allclose(message.effort, TORQUE, atol=1e-5))
 
 
-@pytest.mark.parametrize(('message', 'told'), [
-    pytest.param(message, told, id=words, marks=fault(GROUP, words, REFUSED))
-    for words, message, told in (
+@pytest.mark.parametrize(('message', 'reported'), [
+    pytest.param(message, reported, id=words, marks=fault(GROUP, words, REFUSED))
+    for words, message, reported in (
         ('no joint names', trajectory(point(), names=[]), 'joint_names is empty'),
         ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
          "joint_names has 'wheel'"),
@@ -118,8 +118,8 @@ def is_torque(message: Any) -> bool:
         ('a start in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
          'expected an end in the future'),
     )])
-def test_a_malformed_reference(bench: FaultBench, message: JointTrajectory, told: str) -> None:
-    check_refused(bench, message, told)
+def test_a_malformed_reference(bench: FaultBench, message: JointTrajectory, reported: str) -> None:
+    check_refused(bench, message, reported)
 
 
 def many_points(count: int) -> JointTrajectory:
@@ -130,20 +130,20 @@ def many_joints(count: int) -> JointTrajectory:
     return trajectory(point(), names=[*NAMES, *(f'other{i}' for i in range(count))])
 
 
-@pytest.mark.parametrize(('make', 'told'), [
-    pytest.param(make, told, id=words, marks=fault(GROUP, words, REFUSED))
-    for words, make, told in (
+@pytest.mark.parametrize(('make', 'reported'), [
+    pytest.param(make, reported, id=words, marks=fault(GROUP, words, REFUSED))
+    for words, make, reported in (
         ('100,000 points', lambda: many_points(100_000), 'bytes, expected at most 1000000'),
         ('5000 points', lambda: many_points(5000), 'points has 5000 points, expected at most'),
         ('200,000 joints', lambda: many_joints(200_000), 'bytes, expected at most 1000000'),
         ('40,000 joints', lambda: many_joints(40_000), "joint_names has 'other0'"))])
 def test_a_reference_that_is_too_large(
-    bench: FaultBench, make: Callable[[], JointTrajectory], told: str,
+    bench: FaultBench, make: Callable[[], JointTrajectory], reported: str,
 ) -> None:
     data = bytes_of(make())  # which may hold up the driver of this process
     bench.check_alive()
     faults = bench.known('command', 'faults: state_timeout')
-    check_refused(bench, data, told)
+    check_refused(bench, data, reported)
     assert bench.figure('command', 'faults: state_timeout') == faults
 
 
@@ -152,7 +152,7 @@ def refusals(bench: FaultBench) -> list[str]:
     return [line for line in bench.node.log.splitlines() if 'Refused a joint traj' in line]
 
 
-def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str) -> None:
+def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported: str) -> None:
     """Check that this is refused in one line that says so, and another one followed on."""
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
@@ -162,7 +162,7 @@ def check_refused(bench: FaultBench, message: JointTrajectory | bytes, told: str
     bench.efforts.clear()
     assert all(map(is_torque, bench.efforts.wait_count(20)))
     words, = refusals(bench)[before:]
-    assert told in words
+    assert reported in words
     assert len(words) < 400
     bench.set_point(Q)
     bench.check_alive()

@@ -89,9 +89,9 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
                if message.header.stamp == stamp_of(stamp)]
     assert len(efforts) > 1
     for effort in efforts:  # what holds the arm where it was then, or a share of it
-        share = np.divide(effort, efforts[0])
-        assert share == pytest.approx([share[0]] * 2, abs=1e-6)
-        assert 0.0 <= share[0] <= 1.0 + 1e-9
+        fraction = np.divide(effort, efforts[0])
+        assert fraction == pytest.approx([fraction[0]] * 2, abs=1e-6)
+        assert 0.0 <= fraction[0] <= 1.0 + 1e-9
     bench.check_alive()
 
 

@@ -38,19 +38,20 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         yield one
 
 
-def check_dropped(bench: FaultBench, change: Change, reason: str, told: str = '') -> None:
+def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str = '') -> None:
     """Let the driver send nothing but this: it is counted and told of, and a fault follows."""
     key = f'dropped: {reason}'
     before = bench.known('joint states', key)
     bench.driver.change = change
     bench.wait_status('joint states', lambda status: (
-        figure_of(status, key) > before and told in status.message))
+        figure_of(status, key) > before and reported in status.message))
     bench.wait_state_timeout()
     bench.check_alive()
 
 
-@pytest.mark.parametrize(('fields', 'told'), [
-    pytest.param(fields, told, marks=fault(GROUP, words, DROPPED)) for words, fields, told in (
+@pytest.mark.parametrize(('fields', 'reported'), [
+    pytest.param(fields, reported, marks=fault(GROUP, words, DROPPED))
+    for words, fields, reported in (
         ('NaN in a position that is used', {'position': [NAN, 0.0]}, "position of 'joint1' is"),
         ('infinity in a position that is used', {'position': [0.0, INF]},
          "position of 'joint2' is"),
@@ -70,9 +71,9 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, told: str = ''
         ('no position', {'position': []}, 'position has 0 values, expected 2'),
     )])
 def test_a_state_that_cannot_be_used(
-    bench: FaultBench, fields: dict[str, Any], told: str,
+    bench: FaultBench, fields: dict[str, Any], reported: str,
 ) -> None:
-    check_dropped(bench, altered(**fields), 'invalid', told)
+    check_dropped(bench, altered(**fields), 'invalid', reported)
 
 
 @pytest.mark.parametrize('change', [

@@ -98,7 +98,7 @@ class RunningNodes:
 
     # ------------------------------------------------------------------ topics
 
-    def hear(self, topic: str, message: Any) -> None:
+    def receive(self, topic: str, message: Any) -> None:
         """Let `dynamics` hear a message; raise RefusalError with what it says of it afterwards."""
         node = self.dynamics
         if topic == 'joint_trajectory':  # it begins where the arm is, which is to be possible

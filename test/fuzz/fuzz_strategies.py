@@ -65,9 +65,9 @@ wild_texts = st.one_of(
 
 @cache
 def mostly(good: st.SearchStrategy[Any], spoiled: st.SearchStrategy[Any],
-           share: float = 0.85) -> st.SearchStrategy[Any]:
+           fraction: float = 0.85) -> st.SearchStrategy[Any]:
     """Draw from `good`, and in the rest of the cases from `spoiled`."""
-    in_20 = round(20 * share)
+    in_20 = round(20 * fraction)
     return st.integers(0, 19).flatmap(lambda ticket: good if ticket < in_20 else spoiled)
 
 
@@ -100,9 +100,9 @@ def good_vectors(length: int, largest: float = 3.0) -> st.SearchStrategy[list[fl
 
 
 @cache
-def vectors(length: int, share: float = 0.85) -> st.SearchStrategy[list[float]]:
+def vectors(length: int, fraction: float = 0.85) -> st.SearchStrategy[list[float]]:
     """Draw numbers for a float64[]."""
-    return mostly(good_vectors(length), spoiled_vectors(length), share)
+    return mostly(good_vectors(length), spoiled_vectors(length), fraction)
 
 
 @cache
@@ -135,7 +135,7 @@ def spoiled_names(draw: Draw, names: Sequence[str]) -> list[str]:
 
 @cache
 def joint_names(
-    names: Sequence[str], may_be_empty: bool = True, share: float = 0.9,
+    names: Sequence[str], may_be_empty: bool = True, fraction: float = 0.9,
 ) -> st.SearchStrategy[list[str]]:
     """Draw joint names in any order, some with the joint that mimics another."""
     good = [st.just(list(names))]
@@ -145,7 +145,7 @@ def joint_names(
         good.append(st.permutations((*names, MIMIC_JOINT)).map(list))
     if may_be_empty:
         good.append(st.just([]))
-    return mostly(st.one_of(good), spoiled_names(names), share)
+    return mostly(st.one_of(good), spoiled_names(names), fraction)
 
 
 def _follow(names: Sequence[str], values: list[float], with_offset: bool) -> list[float]:
@@ -214,7 +214,7 @@ def joint_states(draw: Draw, names: Sequence[str]) -> JointState:
 @st.composite
 def efforts(draw: Draw, names: Sequence[str], largest: float = 100.0) -> JointState:
     """Draw an effort message, as a simulated arm gets it."""
-    given = draw(joint_names(names, may_be_empty=False, share=0.95))
+    given = draw(joint_names(names, may_be_empty=False, fraction=0.95))
     message = JointState(name=given, effort=draw(mostly(
         good_vectors(len(given), largest), spoiled_vectors(len(given)))))
     message.header.stamp = draw(stamps())

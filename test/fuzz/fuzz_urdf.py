@@ -181,9 +181,9 @@ def spoiled_values(draw: Draw, spec: ParameterSpec) -> Any:
     return draw(st.lists(st.one_of(small_numbers, wild_numbers), max_size=9))
 
 
-def values(spec: ParameterSpec, joints: int, share: float = 0.85) -> st.SearchStrategy[Any]:
+def values(spec: ParameterSpec, joints: int, fraction: float = 0.85) -> st.SearchStrategy[Any]:
     """Draw a value of the type of a parameter."""
-    return mostly(good_values(spec, joints), spoiled_values(spec), share)
+    return mostly(good_values(spec, joints), spoiled_values(spec), fraction)
 
 
 def _any_value() -> st.SearchStrategy[ParameterValue]:

@@ -141,7 +141,7 @@ def service(name: str, inputs: Callable[[ArmModel], st.SearchStrategy[Any]], soa
 def topic(name: str, messages: st.SearchStrategy[Any], soak: int) -> Target:
     """Return a topic that `dynamics` hears as a target."""
     return Target(f'topic {name}', st.tuples(st.just(name), messages),
-                  lambda nodes: nodes.hear, soak)
+                  lambda nodes: nodes.receive, soak)
 
 
 def parameters(node: str, specs: Sequence[ParameterSpec], soak: int) -> Target:
@@ -222,8 +222,8 @@ def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counte
 
     law()
     assert outcomes.total() >= count
-    share = outcomes[True] / outcomes.total()
-    assert LEAST_ACCEPTED <= share <= 1.0 - LEAST_REFUSED, f'{share:.0%} were accepted'
+    fraction = outcomes[True] / outcomes.total()
+    assert LEAST_ACCEPTED <= fraction <= 1.0 - LEAST_REFUSED, f'{fraction:.0%} were accepted'
     return outcomes
 
 

@@ -217,7 +217,7 @@ def test_the_gain_of_a_drive_by_the_masses_of_the_urdf():
     assert gains.gain == pytest.approx(K, rel=0.02)
 
 
-def test_a_gain_without_a_load_cannot_be_told():
+def test_a_gain_without_a_load_cannot_be_identified():
     # The last joint of the UR10 turns a body that is round in its URDF: nothing to compare with.
     arm = load_arm(robot_urdf('ur10'))
     states = fourier_motion(arm, 100.0, 20.0)

@@ -237,7 +237,7 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     (['BAG', '--train-fraction', '0.05'], 'samples to train with, expected at least'),
     (['BAG', '--topic', '/else'], "has no topic '/else'"),
 ])
-def test_mistakes_are_told_in_one_line(tmp_path, urdf, capsys, arguments, words):
+def test_mistakes_are_reported_in_one_line(tmp_path, urdf, capsys, arguments, words):
     if 'BAG' in arguments:
         record(tmp_path / 'bag', duration=8.0)
     given = [str(tmp_path / 'bag') if each == 'BAG' else each for each in arguments]

@@ -185,11 +185,11 @@ def test_friction_at_rest_holds_with_all_its_terms() -> None:
 
 # --- sticking ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('share', [0.0, 0.9, 0.9999, -0.9999])
-def test_no_creep_in_ten_minutes(share: float) -> None:
+@pytest.mark.parametrize('fraction', [0.0, 0.9, 0.9999, -0.9999])
+def test_no_creep_in_ten_minutes(fraction: float) -> None:
     simulation = released(one_link(coulomb=1.0, static=1.5), (0.4,))
     for _ in range(10):
-        simulation.step(np.array([share * 1.5]), 60.0)
+        simulation.step(np.array([fraction * 1.5]), 60.0)
     assert simulation.q.tolist() == [0.4]
     assert simulation.v.tolist() == [0.0]
 
@@ -200,8 +200,8 @@ def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
     simulation = released(holds, (0.1,))
     simulation.step(np.zeros(1), 600.0)
     assert simulation.q.tolist() == [0.1]
-    falls = released(one_link(gravity=9.81, coulomb=0.9 * torque, static=0.99 * torque), (0.1,))
-    assert falls.step(np.zeros(1), 0.5).velocity[0] > 0.0
+    falling = released(one_link(gravity=9.81, coulomb=0.9 * torque, static=0.99 * torque), (0.1,))
+    assert falling.step(np.zeros(1), 0.5).velocity[0] > 0.0
 
 
 def test_a_pendulum_comes_to_rest_and_stays() -> None:

@@ -88,7 +88,7 @@ def test_a_moment_that_rounding_left_below_zero_is_a_load_all_the_same(rounded):
     flat = np.diag([rounded, 1.0, 1.0])
     loaded = ARM.with_payloads([make_payload('tool0', 1.0, inertia=flat)])
     plain = ARM.with_payloads([make_payload('tool0', 1.0, inertia=np.diag([0.0, 1.0, 1.0]))])
-    for ours, theirs in zip(loaded.engine.inertias, plain.engine.inertias):
+    for ours, theirs in zip(loaded.pinocchio_model.inertias, plain.pinocchio_model.inertias):
         assert ours.inertia.tolist() == theirs.inertia.tolist()
 
 

@@ -44,7 +44,7 @@ def test_a_mass_distribution_is_consistent_and_comes_back(seed):
     assert parameters_of(pseudo_inertia_matrix(phi)) == pytest.approx(phi, rel=1e-12)
 
 
-def test_impossible_bodies_are_told():
+def test_impossible_bodies_are_reported():
     phi = some_body(0)
     for change in (np.eye(10)[0] * -2.0 * phi[0], np.eye(10)[4] * 100.0):
         assert not is_consistent(phi + change)  # a negative mass; one moment above the others' sum

@@ -256,8 +256,8 @@ def test_real_arms_against_a_hundred_thousand_random_positions(robot):
     low, high = search_box(arm)
     rng = np.random.default_rng(7)
     random = brute_force(arm, low + rng.random((100_000, arm.joint_count)) * (high - low))
-    for search, share in ((QUICK, 0.99), (THOROUGH, 0.999)):
-        assert np.all(worst_gravity(arm, search).effort >= share * random - 1e-9)
+    for search, fraction in ((QUICK, 0.99), (THOROUGH, 0.999)):
+        assert np.all(worst_gravity(arm, search).effort >= fraction * random - 1e-9)
 
 
 def test_its_positions_are_within_the_limits_and_give_its_efforts():
@@ -279,10 +279,10 @@ def test_samples_are_spread_over_the_limits():
     """Each quarter of each joint's range gets its share of them."""
     arm = load_arm(robot_urdf('panda'))
     low, high = search_box(arm)
-    share = (sample_positions(arm, 400) - low) / (high - low)
-    assert share.min() >= 0.0
-    assert share.max() < 1.0
-    for column in share.T:
+    fraction = (sample_positions(arm, 400) - low) / (high - low)
+    assert fraction.min() >= 0.0
+    assert fraction.max() < 1.0
+    for column in fraction.T:
         counts, _ = np.histogram(column, bins=4, range=(0.0, 1.0))
         assert counts.min() >= 90
 

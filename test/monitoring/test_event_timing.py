@@ -27,7 +27,7 @@ laws = settings(deadline=None, derandomize=True)
 intervals = st.lists(st.floats(1e-4, 0.5), min_size=1, max_size=60)
 
 
-def heard(times: np.ndarray) -> EventTiming:
+def timing_of(times: np.ndarray) -> EventTiming:
     timing = EventTiming(START, WINDOW)
     for t in times:
         timing.happened(float(t))
@@ -39,7 +39,7 @@ def heard(times: np.ndarray) -> EventTiming:
 def test_a_window_is_what_numpy_says_of_its_intervals(lengths: list[float]) -> None:
     times = START + np.cumsum(lengths)
     now = START + max(WINDOW, sum(lengths)) + 0.1
-    timing = heard(times).look(now)
+    timing = timing_of(times).look(now)
     between = np.diff(times)
     if between.size == 0:
         assert timing == Timing()
@@ -72,7 +72,7 @@ def test_windows_do_not_mix(first: list[float], second: list[float]) -> None:
 def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(
     first: list[float], second: list[float],
 ) -> None:
-    timing = heard(START + np.cumsum(first))
+    timing = timing_of(START + np.cumsum(first))
     assert timing.late == 0  # nothing is usual yet
     end = START + sum(first)
     usual = np.diff(START + np.cumsum(first)).mean()
@@ -85,7 +85,7 @@ def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(
 
 
 def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
-    timing = heard(START + np.arange(1, 100) * 0.005)
+    timing = timing_of(START + np.arange(1, 100) * 0.005)
     assert timing.look(START + 0.999 * WINDOW) == Timing()
     seen = timing.look(START + WINDOW)
     assert seen.rate == pytest.approx(98.0)
@@ -94,7 +94,7 @@ def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
 
 
 def test_after_a_silence_nothing_is_late_until_something_is_usual() -> None:
-    timing = heard(START + np.arange(1, 201) * 0.005)
+    timing = timing_of(START + np.arange(1, 201) * 0.005)
     timing.look(START + WINDOW)
     timing.look(START + 2.0 * WINDOW)
     timing.happened(START + 3.0)

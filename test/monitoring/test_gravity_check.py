@@ -77,7 +77,7 @@ def hold(
     return None
 
 
-def told(*arguments: Any, **options: Any) -> GravityVerdict:
+def verdict_of(*arguments: Any, **options: Any) -> GravityVerdict:
     verdict = hold(*arguments, **options)
     assert verdict is not None
     return verdict
@@ -85,16 +85,16 @@ def told(*arguments: Any, **options: Any) -> GravityVerdict:
 
 # --- the share -----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('share', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
-def test_the_share_of_gravity_is_exact(share: float) -> None:
+@pytest.mark.parametrize('ratio', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
+def test_the_ratio_of_gravity_is_exact(ratio: float) -> None:
     command = G + [3.0, -2.0]
-    verdict = told(make_check(), command + share * G, command, seconds=4.0)
-    assert verdict.share == pytest.approx(share, abs=1e-12)
-    assert verdict.measured == pytest.approx(command + share * G)
+    verdict = verdict_of(make_check(), command + ratio * G, command, seconds=4.0)
+    assert verdict.ratio == pytest.approx(ratio, abs=1e-12)
+    assert verdict.measured == pytest.approx(command + ratio * G)
     assert verdict.command == pytest.approx(command)
     assert verdict.gravity == pytest.approx(G)
     assert verdict.used.all()
-    assert verdict.agrees == (abs(share) <= 0.5)
+    assert verdict.agrees == (abs(ratio) <= 0.5)
 
 
 @pytest.mark.parametrize(('semantics', 'effort', 'command', 'agrees'), [
@@ -114,13 +114,13 @@ def test_the_share_of_gravity_is_exact(share: float) -> None:
 def test_what_was_declared_agrees_or_not(
     semantics: EffortConvention, effort: Any, command: Any, agrees: bool,
 ) -> None:
-    assert told(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
+    assert verdict_of(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
 
 
-@pytest.mark.parametrize(('share', 'agrees'), [
+@pytest.mark.parametrize(('ratio', 'agrees'), [
     (0.49, True), (0.51, False), (-0.49, True), (-0.51, False)])
-def test_the_tolerance_is_half_of_gravity(share: float, agrees: bool) -> None:
-    verdict = told(make_check(), G + share * G, G)
+def test_the_tolerance_is_half_of_gravity(ratio: float, agrees: bool) -> None:
+    verdict = verdict_of(make_check(), G + ratio * G, G)
     assert verdict.tolerance == 0.5
     assert verdict.agrees == agrees
 
@@ -132,8 +132,8 @@ def test_currents_are_converted_and_gears_widen_the_tolerance(
     actuators = make_actuators(NAMES, [0.1, 0.05], [100.0, -50.0], efficiency=[efficiency])
     current = G / (np.array([0.1, 0.05]) * [100.0, -50.0])
     check = make_check(EffortConvention('motor_current'), actuators=actuators)
-    verdict = told(check, 2.0 * current, G)
-    assert verdict.share == pytest.approx(1.0)
+    verdict = verdict_of(check, 2.0 * current, G)
+    assert verdict.ratio == pytest.approx(1.0)
     assert verdict.measured == pytest.approx(2.0 * G)
     assert verdict.tolerance == pytest.approx(tolerance, abs=1e-3)
     assert not verdict.agrees
@@ -152,7 +152,7 @@ def test_a_continuous_joint_rests_where_its_position_wraps(joint: int, decides: 
         verdict = verdict or found
     assert (verdict is not None) == decides
     if verdict is not None:
-        assert verdict.share == pytest.approx(1.0)
+        assert verdict.ratio == pytest.approx(1.0)
 
 
 # --- friction and noise --------------------------------------------------------------------------
@@ -164,18 +164,18 @@ def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(
 ) -> None:
     friction = make_friction(NAMES, [0.0], [12.0, 2.4])
     held = np.array(sign) * friction.static
-    alone = told(make_check(friction=friction), (1.0 + load) * G + held, G)
+    alone = verdict_of(make_check(friction=friction), (1.0 + load) * G + held, G)
     assert alone.agrees
     assert 0.5 < alone.tolerance <= 0.75
-    assert not told(make_check(friction=friction), (2.0 + load) * G + abs(held), G).agrees
-    assert not told(make_check(friction=friction), 2.0 * G + held * np.sign(-G), G).agrees
+    assert not verdict_of(make_check(friction=friction), (2.0 + load) * G + abs(held), G).agrees
+    assert not verdict_of(make_check(friction=friction), 2.0 * G + held * np.sign(-G), G).agrees
 
 
 def test_a_joint_within_its_friction_is_not_asked() -> None:
     friction = make_friction(NAMES, [0.0], [1.0, 4.0])
-    verdict = told(make_check(friction=friction), G + [0.0, 40.0], G)
+    verdict = verdict_of(make_check(friction=friction), G + [0.0, 40.0], G)
     assert verdict.used.tolist() == [True, False]
-    assert verdict.share == pytest.approx(0.0)
+    assert verdict.ratio == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize('g', [[0.0, 0.0], [0.05, -0.09]])
@@ -183,12 +183,12 @@ def test_in_a_pose_without_gravity_it_does_not_decide(g: list[float]) -> None:
     check = make_check()
     assert hold(check, [5.0, 5.0], g, 3.0, g=g) is None
     assert check.waiting == POSE
-    assert told(check, G, G, start=20.0).agrees  # a better one comes
+    assert verdict_of(check, G, G, start=20.0).agrees  # a better one comes
 
 
 def test_noise_is_averaged_and_drowns_a_small_load() -> None:
-    verdict = told(make_check(), 2.0 * G, G, noise=1.0)
-    assert verdict.share == pytest.approx(1.0, abs=0.02)
+    verdict = verdict_of(make_check(), 2.0 * G, G, noise=1.0)
+    assert verdict.ratio == pytest.approx(1.0, abs=0.02)
     check = make_check()
     assert hold(check, G, G, 3.0, noise=30.0) is None
     assert check.waiting in (POSE, STILL)
@@ -199,7 +199,7 @@ def test_noise_is_averaged_and_drowns_a_small_load() -> None:
 def test_it_takes_half_a_second_and_twenty_states() -> None:
     check = make_check()
     assert hold(check, G, G, 0.495) is None
-    assert told(make_check(), G, G, 0.51).agrees
+    assert verdict_of(make_check(), G, G, 0.51).agrees
     slow = make_check()
     verdicts = [slow.add(k * 100_000_000, Q, ZERO, G, G, G) for k in range(20)]
     assert [verdict is None for verdict in verdicts] == [True] * 19 + [False]
@@ -217,7 +217,7 @@ def test_motion_a_new_command_or_time_that_goes_back_begins_anew(moves: dict[str
 
 
 def test_it_does_without_a_velocity() -> None:
-    assert told(make_check(), G, G, v=None).agrees
+    assert verdict_of(make_check(), G, G, v=None).agrees
 
 
 def test_a_step_within_the_window_is_not_averaged() -> None:
@@ -226,7 +226,7 @@ def test_a_step_within_the_window_is_not_averaged() -> None:
     assert hold(check, ZERO, G, 0.25) is None
     assert hold(check, G, G, 0.27, start=10.25) is None
     assert check.waiting == STILL
-    assert told(check, G, G, start=10.6).agrees
+    assert verdict_of(check, G, G, start=10.6).agrees
 
 
 @pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
@@ -234,8 +234,8 @@ def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
     """The first states of a hold report the effort before the command that answers them."""
     check = make_check()
     assert hold(check, ZERO, G, late) is None
-    verdict = told(check, G, G, start=10.0 + late)
-    assert verdict.share == 0.0
+    verdict = verdict_of(check, G, G, start=10.0 + late)
+    assert verdict.ratio == 0.0
     assert verdict.measured.tolist() == G.tolist()
 
 
@@ -251,16 +251,16 @@ def test_an_arm_on_its_brakes_says_nothing_without_a_command() -> None:
 def test_under_a_command_brakes_get_three_seconds() -> None:
     check = make_check()
     assert hold(check, ZERO, G, 2.9) is None
-    assert told(check, G, G, start=12.9, seconds=2.0).agrees
-    verdict = told(make_check(), ZERO, G, 4.0)
-    assert verdict.share == pytest.approx(-1.0)
+    assert verdict_of(check, G, G, start=12.9, seconds=2.0).agrees
+    verdict = verdict_of(make_check(), ZERO, G, 4.0)
+    assert verdict.ratio == pytest.approx(-1.0)
 
 
 def test_joints_without_a_measurement_are_left_out() -> None:
     nan = float('nan')
-    verdict = told(make_check(), [2.0 * G[0], nan], G)
+    verdict = verdict_of(make_check(), [2.0 * G[0], nan], G)
     assert verdict.used.tolist() == [True, False]
-    assert verdict.share == pytest.approx(1.0)
+    assert verdict.ratio == pytest.approx(1.0)
     check = make_check()
     assert hold(check, [nan, nan], G, 3.0) is None
     assert check.waiting == NO_EFFORT
@@ -282,7 +282,7 @@ def test_a_warning_has_the_numbers_and_the_parameter(
     semantics: EffortConvention, effort: Any, words: list[str],
 ) -> None:
     line = verdict_in_words(
-        told(make_check(semantics), effort, G, seconds=4.0), NAMES, semantics)
+        verdict_of(make_check(semantics), effort, G, seconds=4.0), NAMES, semantics)
     expected = [*words, f'joint1: measured {effort[0]:.3f}, command -50.000, g(q) -50.000',
                 f'joint2: measured {effort[1]:.3f}, command 10.000, g(q) 10.000']
     for part in expected:
@@ -347,7 +347,7 @@ def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
     """The feedback leans against what is too much, and the command says so."""
     verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
     assert verdict is not None
-    assert verdict.share == pytest.approx(1.0, abs=0.05)
+    assert verdict.ratio == pytest.approx(1.0, abs=0.05)
     assert not verdict.agrees
 
 

@@ -29,7 +29,7 @@ GEARED = {
 STEPS = 60
 
 
-def plays(client: RosClient, namespace: str) -> np.ndarray:
+def motor_offsets(client: RosClient, namespace: str) -> np.ndarray:
     """Return how far (steps, 2) the motors are from the joints that are measured, on the way."""
     states = client.collect(JointState, f'{namespace}/joint_states')
     motors = client.collect(JointState, f'{namespace}/simulated_arm/motor_states')
@@ -56,14 +56,14 @@ def plays(client: RosClient, namespace: str) -> np.ndarray:
 def test_joint_and_motor_are_apart_by_the_gap(client: RosClient) -> None:
     """The arm leans on its gears; under a torque the other way its motors cross the gap."""
     with NodeProcess(SIMULATED_ARM, GEARED, namespace='/at_joint'):
-        play = plays(client, '/at_joint')
+        offsets = motor_offsets(client, '/at_joint')
     # It falls forward, g(q) < 0, so that at first the motors lean back.
-    assert play[0] == pytest.approx([-0.5 * GAP] * 2, abs=1e-10)
-    assert play[-1] == pytest.approx([0.5 * GAP] * 2, abs=1e-10)
-    assert np.abs(play).max() <= 0.5 * GAP + 1e-10
-    assert np.abs(play[:, 0]).min() < 0.4 * GAP  # seen on the way across
+    assert offsets[0] == pytest.approx([-0.5 * GAP] * 2, abs=1e-10)
+    assert offsets[-1] == pytest.approx([0.5 * GAP] * 2, abs=1e-10)
+    assert np.abs(offsets).max() <= 0.5 * GAP + 1e-10
+    assert np.abs(offsets[:, 0]).min() < 0.4 * GAP  # seen on the way across
 
 
 def test_encoders_at_the_motor_do_not_see_the_gap(client: RosClient) -> None:
     with NodeProcess(SIMULATED_ARM, {**GEARED, 'encoders': 'motor'}, namespace='/at_motor'):
-        assert np.abs(plays(client, '/at_motor')).max() == 0.0
+        assert np.abs(motor_offsets(client, '/at_motor')).max() == 0.0

@@ -230,7 +230,7 @@ def test_with_0_the_last_effort_acts_for_ever(client: RosClient) -> None:
         arm.close()
 
 
-def test_a_process_that_was_suspended_could_not_hear(client: RosClient) -> None:
+def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> None:
     """It was for longer than the timeout, and yet goes on under the effort that it had."""
     timeout = 2.0
     parameters = {**ARM, 'command_timeout': timeout, 'publish_clock': True}

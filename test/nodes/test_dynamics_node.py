@@ -147,7 +147,7 @@ def test_joint_states_are_matched_by_name(bench: Bench, state: dict[str, Any]) -
     ({'names': ['joint1', 'joint1', 'joint2'], 'q': [0.0] * 3, 'v': []}, "'joint1' twice"),
     ({'names': ['joint1'], 'q': [0.0], 'v': []}, "leaves out ['joint2']"),
 ])
-def test_a_bad_state_is_dropped_alone_and_told(
+def test_a_bad_state_is_dropped_alone_and_reported(
     bench: Bench, state: dict[str, Any], words: str,
 ) -> None:
     bad = bench.state(**state)
@@ -292,7 +292,7 @@ def test_a_continuous_joint_takes_the_short_way_round(tracking: Bench) -> None:
     (JointTrajectory(joint_names=NAMES, points=[JointTrajectoryPoint(positions=[NAN, 0.0])]),
      'points[0].positions[0] (joint1) is nan'),
 ])
-def test_a_refused_trajectory_is_told_and_the_old_one_followed_on(
+def test_a_refused_trajectory_is_reported_and_the_old_one_followed_on(
     tracking: Bench, trajectory: JointTrajectory, words: str,
 ) -> None:
     tracking.follow(JointTrajectoryPoint(positions=Q))

@@ -76,8 +76,8 @@ def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
 
 
 def check_numbers(line: str, k: float, measured: Any, command: Any) -> None:
-    share, joints = numbers(line)
-    assert share == pytest.approx(k, abs=0.02)
+    ratio, joints = numbers(line)
+    assert ratio == pytest.approx(k, abs=0.02)
     for j, name in enumerate(NAMES):
         assert joints[name] == pytest.approx([measured[j], command[j], G[j]], abs=0.05), name
 

@@ -310,8 +310,8 @@ def stop(bench: FaultBench) -> Any:
 
 def is_between(q: Sequence[float], one: Sequence[float], other: Sequence[float]) -> bool:
     """Return whether a position is on the straight path between two others, not at its end."""
-    share = np.subtract(q, one) / np.subtract(other, one)
-    return bool(np.ptp(share) < 1e-3 and 0.0 < share[0] < 0.99)
+    fraction = np.subtract(q, one) / np.subtract(other, one)
+    return bool(np.ptp(fraction) < 1e-3 and 0.0 < fraction[0] < 0.99)
 
 
 SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]

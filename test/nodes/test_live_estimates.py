@@ -161,7 +161,7 @@ def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArra
     return fits
 
 
-def test_what_is_missing_is_told_and_estimates_begin_anew(client: RosClient) -> None:
+def test_what_is_missing_is_reported_and_estimates_begin_anew(client: RosClient) -> None:
     def begun(steps: int) -> Any:
         return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
 
@@ -202,9 +202,9 @@ def test_what_is_missing_is_told_and_estimates_begin_anew(client: RosClient) -> 
             # the load that nobody carries is lifted by the environment from now on
             lift = LIFT + ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(
                 np.array(START)) - GRAVITY
-            share = -math.expm1(-K * STEP)
+            fraction = -math.expm1(-K * STEP)
             assert estimate(robot.stamp) == pytest.approx(
-                before + share * (lift - before), abs=1e-9)
+                before + fraction * (lift - before), abs=1e-9)
             client.call(SetPayload, '/held/dynamics/set_payload')
             robot.say(30)
             assert estimate(robot.stamp) == pytest.approx(LIFT, abs=0.1)

@@ -420,8 +420,8 @@ def test_a_transition_takes_the_time_of_the_joint_states(
             state.header.stamp.sec = 1000 + quarter // 2
             state.header.stamp.nanosec = 500_000_000 * (quarter % 2)
             effort = client.answer_to(states, state, efforts)
-            share = min(quarter / 4, 1.0)
-            assert effort.effort == pytest.approx(bare_g + share * (loaded_g - bare_g))
+            fraction = min(quarter / 4, 1.0)
+            assert effort.effort == pytest.approx(bare_g + fraction * (loaded_g - bare_g))
             announced = [m for m in payloads.messages if m.inertia.m == 2.5]
             assert quarter >= 4 or not announced
         payloads.wait_for(lambda message: message.inertia.m == 2.5)

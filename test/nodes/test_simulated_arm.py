@@ -105,7 +105,7 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
         assert list(state.effort) == effort
 
 
-def test_lock_step_is_no_faster_than_it_is_told(client: RosClient) -> None:
+def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
     parameters = {'lock_step': True, 'rate': 100.0, 'real_time_factor': 0.5}
     with NodeProcess(
             SIMULATED_ARM, parameters, namespace='/paced',

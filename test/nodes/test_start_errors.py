@@ -227,7 +227,7 @@ def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> Non
 
 @fault('Parameters at the start', 'a name that no parameter has: `efort_scale: 0.3`',
        'a warning that says that it is not used, and what may be meant')
-def test_an_unknown_parameter_is_told() -> None:
+def test_an_unknown_parameter_is_reported() -> None:
     with NodeProcess(DYNAMICS, {'efort_scale': 0.3}) as node:
         assert '[WARN]' in node.wait_for_log(
             "There is no parameter 'efort_scale': its value is not used; is 'effort_scale' meant?")

@@ -46,7 +46,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 JOINTS = 7
 NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
-ENGINE = (
+ALGORITHMS = (
     'rnea', 'computeGeneralizedGravity', 'nonLinearEffects', 'computeAllTerms', 'crba', 'aba',
     'computeCoriolisMatrix', 'computeKineticEnergy', 'computePotentialEnergy', 'rneaInParallel')
 CHECKS = {'check_vector', 'check_samples', 'check_states'}
@@ -77,7 +77,7 @@ def calls_of(work: Callable[[], object]) -> Counter[str]:
 
 
 @pytest.fixture
-def engine(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+def pinocchio_calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """Return how often each algorithm of Pinocchio was called, from now on."""
     counts: Counter[str] = Counter()
 
@@ -90,7 +90,7 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
         return call
 
-    for name in ENGINE:
+    for name in ALGORITHMS:
         if hasattr(pin, name):
             monkeypatch.setattr(pin, name, counting(name))
     return counts
@@ -143,14 +143,14 @@ def node(tmp_path: Any) -> Iterator[Node]:
 
 @pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 125, 3), (True, 175, 4)])
 def test_the_calls_of_a_message(
-    node: Node, engine: Counter[str], follows: bool, most: int, published: int,
+    node: Node, pinocchio_calls: Counter[str], follows: bool, most: int, published: int,
 ) -> None:
     if follows:
         node.follow()
     node.take_state()
-    engine.clear()
+    pinocchio_calls.clear()
     calls = calls_of(node.take_state)
-    assert engine == {'computeGeneralizedGravity': 1, **({'rnea': 1} if follows else {})}
+    assert pinocchio_calls == {'computeGeneralizedGravity': 1, **({'rnea': 1} if follows else {})}
     assert calls['filled'] == published
     assert calls['publish'] == 1  # ~/commands; the others go out without the wrapper of rclpy
     assert calls['deserialize_message'] == calls['serialize_message'] == 0
@@ -180,7 +180,7 @@ def state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('n', [2, 7, 60])
-def test_one_call_of_the_engine_for_one_question(engine: Counter[str], n: int) -> None:
+def test_one_call_of_pinocchio_for_one_question(pinocchio_calls: Counter[str], n: int) -> None:
     """Whatever the number of joints, and with few calls around it."""
     body = UncheckedRigidBody(load_arm(chain(n)))
     q, v, a = state(n)
@@ -191,17 +191,17 @@ def test_one_call_of_the_engine_for_one_question(engine: Counter[str], n: int) -
             ('computeCoriolisMatrix', 8, lambda: body.coriolis_matrix(q, v)),
             ('aba', 12, lambda: body.forward_dynamics(q, v, a)),
             ('computeAllTerms', 20, lambda: body.terms(q, v, a))):
-        engine.clear()
+        pinocchio_calls.clear()
         assert calls_of(work).total() <= most, name
-        assert engine == {name: 1}
+        assert pinocchio_calls == {name: 1}
 
 
-def test_a_frictionless_arm_pays_for_no_friction(engine: Counter[str]) -> None:
+def test_a_frictionless_arm_pays_for_no_friction(pinocchio_calls: Counter[str]) -> None:
     dynamics = ArmDynamics(load_arm(chain(JOINTS))).unchecked
     q, v, a = state(JOINTS)
     assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
     assert calls_of(lambda: dynamics.forward_dynamics(q, v, a)).total() <= 14
-    assert engine == {'rnea': 1, 'aba': 1}
+    assert pinocchio_calls == {'rnea': 1, 'aba': 1}
 
 
 def test_estimators_and_simulation_check_no_state() -> None:

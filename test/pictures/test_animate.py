@@ -241,7 +241,7 @@ def test_the_description_in_the_recording_is_used(tmp_path, capsys):
      r"has the joints \['joint1', 'joint2'\], expected \['elbow_joint'\] of 'ur10' too"),
     (['SWING', '--from', '4'], r'--from is 4, expected a number in \[0, '),
 ])
-def test_mistakes_are_told_in_one_line(recorded_swing, tmp_path, capsys, arguments, message):
+def test_mistakes_are_reported_in_one_line(recorded_swing, tmp_path, capsys, arguments, message):
     names = {'UR10': str(robot_path('ur10')), 'SWING': str(recorded_swing)}
     assert main(['-o', str(tmp_path / 'x.gif'), *(names.get(one, one) for one in arguments)]) == 2
     err = capsys.readouterr().err

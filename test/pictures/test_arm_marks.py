@@ -26,7 +26,7 @@ from robot_dynamics.pictures.arm_marks import (
     effort_scale,
     FULL_TURN,
     JointPlace,
-    LARGEST_SHARE,
+    LARGEST_RATIO,
 )
 from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -43,18 +43,18 @@ def turns(line, place):
     return [np.arctan2(np.cross(a, b) @ place.axis, a @ b) for a, b in zip(arms, arms[1:])]
 
 
-@pytest.mark.parametrize('share', [0.01, 0.3, -0.3, 1.0, -1.1])
-def test_an_arc_is_about_the_axis_as_long_as_its_share(share):
-    arc = effort_line(PLACE, share, 0.2)[:-3]  # without the head
+@pytest.mark.parametrize('ratio', [0.01, 0.3, -0.3, 1.0, -1.1])
+def test_an_arc_is_about_the_axis_as_long_as_its_ratio(ratio):
+    arc = effort_line(PLACE, ratio, 0.2)[:-3]  # without the head
     arms = arc - PLACE.origin
     npt.assert_allclose(arms @ AXIS, 0.0, atol=1e-12)
     npt.assert_allclose(np.linalg.norm(arms, axis=1), 0.2)
-    assert sum(turns(arc, PLACE)) == pytest.approx(share * FULL_TURN)
+    assert sum(turns(arc, PLACE)) == pytest.approx(ratio * FULL_TURN)
 
 
 def test_the_head_of_an_arc_ends_at_its_tip_and_points_onward():
-    for share in (0.4, -0.4):
-        line = effort_line(PLACE, share, 0.2)
+    for ratio in (0.4, -0.4):
+        line = effort_line(PLACE, ratio, 0.2)
         one, tip, other = line[-3:]
         npt.assert_allclose(tip, line[-4])
         onward = tip - 0.5 * (one + other)
@@ -68,16 +68,16 @@ def test_no_effort_has_no_head():
 
 def test_an_effort_far_beyond_its_limit_does_not_wind_up():
     arc = effort_line(PLACE, 50.0, 0.2)[:-3]
-    assert sum(turns(arc, PLACE)) == pytest.approx(LARGEST_SHARE * FULL_TURN)
+    assert sum(turns(arc, PLACE)) == pytest.approx(LARGEST_RATIO * FULL_TURN)
 
 
-@pytest.mark.parametrize('share', [0.5, -0.5])
-def test_the_line_of_a_joint_that_slides_is_along_it(share):
-    line = effort_line(PLACE._replace(slides=True), share, 0.2)
-    npt.assert_allclose(line[1] - line[0], 3.0 * 0.2 * share * AXIS, atol=1e-12)
+@pytest.mark.parametrize('ratio', [0.5, -0.5])
+def test_the_line_of_a_joint_that_slides_is_along_it(ratio):
+    line = effort_line(PLACE._replace(slides=True), ratio, 0.2)
+    npt.assert_allclose(line[1] - line[0], 3.0 * 0.2 * ratio * AXIS, atol=1e-12)
 
 
-def test_efforts_without_a_limit_are_shares_of_the_largest():
+def test_efforts_without_a_limit_are_ratios_to_the_largest():
     scale = effort_scale(np.array([-8.0, 2.0, 1.0]), np.array([np.inf, 10.0, 0.0]))
     npt.assert_array_equal(scale, [8.0, 10.0, 8.0])
     npt.assert_array_equal(effort_scale(np.zeros(2), np.full(2, np.inf)), [1.0, 1.0])

@@ -19,7 +19,7 @@ import numpy.testing as npt
 from planar_chains import arm_of, on_a_turned_base, random_chain, urdf_of
 import pytest
 from robot_dynamics.animation.arm_motion import (
-    LIFT_SHARE,
+    LIFT_FRACTION,
     lowest_position,
     motion_of,
     simulate_motion,
@@ -54,7 +54,7 @@ def test_energy_is_what_was_put_in_less_what_became_heat(swing):
 
 
 def test_the_motors_lift_the_arm_and_are_then_off(swing):
-    lift = swing.times < LIFT_SHARE * 4.0
+    lift = swing.times < LIFT_FRACTION * 4.0
     npt.assert_array_equal(swing.driven, lift)
     npt.assert_array_equal(swing.terms['effort'][~lift].round(9), 0.0)
     assert (np.abs(swing.terms['effort'][lift]).max(axis=0) > 1.0).all()

@@ -104,7 +104,7 @@ def test_newton_and_euler_hold_for_each_link(robot):
     for seed in range(10):
         state = motion(seed, n)
         now = view.passes(*state)
-        masses = [inertia.mass for inertia in arm.engine.inertias[1:]]
+        masses = [inertia.mass for inertia in arm.pinocchio_model.inertias[1:]]
         for i in range(n):
             beyond = now.force[i + 1] if i + 1 < n else np.zeros(2)
             total = now.force[i] - beyond + view.weight(i)
@@ -129,10 +129,10 @@ def test_velocities_and_accelerations_are_the_derivatives_of_positions():
     npt.assert_allclose(now.omega_dot, (after.omega - before.omega) / (2.0 * h), atol=1e-6)
 
 
-def test_upright_is_told():
+def test_upright_is_reported():
     assert PlanarView(load_arm(default_arm_urdf())).upright_at_zero
-    leaning = on_a_turned_base(default_arm_urdf(), (0.0, 0.3, 0.0))
-    assert not PlanarView(load_arm(leaning)).upright_at_zero
+    tilted = on_a_turned_base(default_arm_urdf(), (0.0, 0.3, 0.0))
+    assert not PlanarView(load_arm(tilted)).upright_at_zero
 
 
 def test_a_chain_in_a_horizontal_plane_has_no_weight_in_it():

@@ -33,7 +33,7 @@ from robot_dynamics.pictures.torque_grid import (
     make_grid,
     motion_efforts,
 )
-from robot_dynamics.pictures.workspace_gravity import limit_shares, map_gravity
+from robot_dynamics.pictures.workspace_gravity import limit_ratios, map_gravity
 from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
@@ -185,7 +185,7 @@ def loaded():
     return DEFAULT.with_payloads([make_payload('tool0', 8.0)])
 
 
-def test_places_have_the_shares_of_the_poses_that_reach_them(loaded):
+def test_places_have_the_ratios_of_the_poses_that_reach_them(loaded):
     found = map_gravity(loaded, 'tool0', positions=4000, cells=24)
     body, figure = RigidBody(loaded), StickFigure(loaded, 'tool0')
     assert found.is_plane
@@ -199,9 +199,9 @@ def test_places_have_the_shares_of_the_poses_that_reach_them(loaded):
             continue
         if np.isnan(found.most[row, column]):
             continue
-        share = limit_shares(loaded, body.gravity(q)[None])[0]
+        ratio = limit_ratios(loaded, body.gravity(q)[None])[0]
         # Another pose in the same cell may differ by what gravity changes across the cell.
-        assert found.least[row, column] - 0.15 < share < found.most[row, column] + 0.15
+        assert found.least[row, column] - 0.15 < ratio < found.most[row, column] + 0.15
         known += 1
     assert known > 250
 

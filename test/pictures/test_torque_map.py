@@ -181,7 +181,7 @@ def test_without_arguments_it_says_where_the_picture_is(tmp_path, monkeypatch, c
     (['--urdf', 'nowhere.urdf'], "'nowhere.urdf', which cannot be read"),
     (['-o', 'x.gif'], "'x.gif', expected a name that ends in one of"),
 ])
-def test_mistakes_are_told_in_one_line(tmp_path, monkeypatch, capsys, arguments, message):
+def test_mistakes_are_reported_in_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     err = capsys.readouterr().err

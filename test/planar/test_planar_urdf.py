@@ -78,7 +78,7 @@ def motions(draw):
 
 @settings(deadline=None, derandomize=True)
 @given(motion=motions())
-def test_recursion_is_that_of_the_general_engine(motion):
+def test_recursion_is_that_of_pinocchio(motion):
     chain, q, v, a = motion
     model = model_of(urdf_of(chain))
     data = model.createData()
@@ -99,7 +99,7 @@ def test_recursion_is_that_of_the_general_engine(motion):
 
 @settings(deadline=None, derandomize=True)
 @given(motion=motions())
-def test_positions_and_energies_are_those_of_the_general_engine(motion):
+def test_positions_and_energies_are_those_of_pinocchio(motion):
     chain, q, v, _ = motion
     model = model_of(urdf_of(chain))
     data = model.createData()
@@ -237,7 +237,7 @@ def test_tool_writes_the_default_arm(capsys):
     assert captured.err == ''
 
 
-def test_tool_writes_a_file_with_all_that_it_is_told(tmp_path, capsys):
+def test_tool_writes_a_file_with_all_arguments(tmp_path, capsys):
     file = tmp_path / 'arm.urdf'
     status = main([
         '--masses', '1', '2', '3', '--lengths', '1', '1', '0.5', '--com-distances', '0.5', '0.5',
@@ -284,7 +284,7 @@ def test_tool_says_where_it_cannot_write(tmp_path, capsys):
     assert err.count('\n') == 1
 
 
-def test_tool_needs_no_ros_and_no_general_engine():
+def test_tool_needs_no_ros_and_no_pinocchio():
     program = (
         'import sys, robot_dynamics.tools.planar_urdf\n'
         'print(sorted({"rclpy", "pinocchio"} & {name.split(".")[0] for name in sys.modules}))')

@@ -194,14 +194,14 @@ def test_an_empty_file_beside_whole_ones(tmp_path):
 # --- cut off -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('form', FORMATS)
-@pytest.mark.parametrize('share', [0.4, 0.8])
-def test_of_a_cut_off_file_about_its_share_is_read(copied, form, share):
+@pytest.mark.parametrize('fraction', [0.4, 0.8])
+def test_of_a_cut_off_file_about_its_fraction_is_read(copied, form, fraction):
     path = copied(form)
-    file = cut(stored_file(path), share)
+    file = cut(stored_file(path), fraction)
     series, losses, _ = read(path)
     assert_part_of_it(_without_half_written(series))
     # The index of sqlite3 by time takes a part of the file, wherever it happens to be.
-    assert (share - 0.25) * WHOLE < len(series.stamps_ns) <= WHOLE
+    assert (fraction - 0.25) * WHOLE < len(series.stamps_ns) <= WHOLE
     assert losses[0].file == file.name
     assert 'cut off' in ' '.join(loss.reason for loss in losses)
     if len(series.stamps_ns) < WHOLE:  # else nothing but the index was cut off

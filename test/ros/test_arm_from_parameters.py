@@ -77,8 +77,9 @@ def numbers_of(arm: ArmModel) -> dict[str, Any]:
     numbers = {f'{part}.{name}': value.tolist() for part, record in parts.items()
                if record is not None for name, value in vars(record).items()
                if isinstance(value, np.ndarray)}
-    return {**numbers, 'joints': arm.joint_names, 'armature': arm.engine.armature.tolist(),
-            'gravity': arm.engine.gravity.linear.tolist()}
+    return {**numbers, 'joints': arm.joint_names,
+            'armature': arm.pinocchio_model.armature.tolist(),
+            'gravity': arm.pinocchio_model.gravity.linear.tolist()}
 
 
 def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def released(arm: ArmModel, position: object = None, velocity: object = None,
     return simulation
 
 
-def play(simulation: ArmSimulation) -> FloatArray:
+def motor_offset(simulation: ArmSimulation) -> FloatArray:
     """Return θ − q (n,)."""
     return simulation.motor_state.position - simulation.q
 
@@ -87,13 +87,13 @@ def test_motor_and_joint_are_never_further_apart_than_half_the_gap(
     simulation = released(arm, np.full(n, 0.3))
     random = np.random.default_rng(n)
     furthest, crossings = np.zeros(n), np.zeros(n)
-    side = np.sign(play(simulation))
+    side = np.sign(motor_offset(simulation))
     for _ in range(150):
         weight = ArmDynamics(arm).rigid_body.gravity(simulation.q)
         tau = weight + random.normal(0.0, [60.0, 30.0, 8.0][:n])
         for _ in range(5):
             simulation.step(tau, 2e-3)
-            distance = play(simulation)
+            distance = motor_offset(simulation)
             furthest = np.maximum(furthest, np.abs(distance))
             crossings += side * distance < 0.0
             side = np.sign(distance)
@@ -110,7 +110,7 @@ def test_the_gap_holds_in_long_steps(restitution: float) -> None:
     random = np.random.default_rng(0)
     for _ in range(60):
         simulation.step(random.normal(0.0, [60.0, 30.0, 8.0]), 0.05)
-        assert (np.abs(play(simulation)) <= 0.0025 + 1e-10).all()
+        assert (np.abs(motor_offset(simulation)) <= 0.0025 + 1e-10).all()
 
 
 @pytest.mark.parametrize('n', [1, 2, 3])
@@ -118,7 +118,7 @@ def test_an_arm_that_is_let_go_leans_on_its_gears(n: int) -> None:
     arm, at_rest = geared(links(n), backlash=[0.02]), np.array([0.4, -0.7, 0.5])[:n]
     simulation = released(arm, at_rest)
     weight = ArmDynamics(arm).rigid_body.gravity(at_rest)
-    assert play(simulation) == pytest.approx(np.sign(weight) * 0.01)
+    assert motor_offset(simulation) == pytest.approx(np.sign(weight) * 0.01)
     for _ in range(100):
         simulation.step(weight, 1e-3)
     assert simulation.q == pytest.approx(at_rest, abs=1e-12)
@@ -154,7 +154,7 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
     assert simulation.v.tolist() == [0.0]
     momentum, energy = J * simulation.motor_state.velocity[0], sum(simulation.energy())
     assert momentum == pytest.approx(2.0 * 0.05)
-    m, meetings = M * J / (M + J), 0
+    m, impacts = M * J / (M + J), 0
     for _ in range(2000):
         before, heat = closing(simulation)[0], simulation.heat
         simulation.step(np.zeros(1), 1e-3)
@@ -164,13 +164,13 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
         if after == before:
             assert simulation.heat == heat
             continue
-        meetings += 1
+        impacts += 1
         lasting = abs(before) > 1e-3  # slower teeth stay together
         e = restitution if lasting else 0.0
         assert after == pytest.approx(-e * before, abs=1e-9)
         assert simulation.heat - heat == pytest.approx(
             0.5 * (1.0 - e * e) * m * before**2, abs=1e-12)
-    assert meetings >= (1 if restitution == 0.0 else 2)
+    assert impacts >= (1 if restitution == 0.0 else 2)
     assert sum(simulation.energy()) + simulation.heat == pytest.approx(energy, abs=1e-12)
     if restitution == 1.0:
         assert simulation.heat == pytest.approx(0.0, abs=1e-15)
@@ -208,7 +208,7 @@ def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
     impacts, h = 0, 2e-6
     while impacts < 3:
         v, w, before = simulation.v.copy(), closing(simulation), momentum()
-        distance = 0.025 - np.abs(play(simulation))
+        distance = 0.025 - np.abs(motor_offset(simulation))
         near = (distance < 2.0 * np.abs(w) * 1e-4 + 1e-9).any()
         simulation.step(np.zeros(2), h if near else 1e-4)
         if near and (np.abs(closing(simulation) - w) > 0.01).any():
@@ -221,7 +221,7 @@ def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
 
 @pytest.mark.parametrize('restitution', [0.0, 0.5])
 def test_no_energy_comes_or_goes(restitution: float) -> None:
-    """Two links with every kind of friction, motors with inductance, and play."""
+    """Two links with every kind of friction, motors with inductance, and backlash."""
     arm = geared(
         rubbing(links(2), viscous=[1.0, 0.4], coulomb=[2.0, 0.8], static=[3.0, 1.2],
                 stribeck_velocity=[0.05]),
@@ -265,8 +265,8 @@ def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(
         motor = simulation.motor_state
         worst = max(worst, *np.abs([
             simulation.q[0] - exact.q, motor.position[0] - exact.theta]))
-    print(f'{exact.meetings} meetings, {exact.partings} partings, {worst:.3g} rad apart')
-    assert exact.meetings >= 5
+    print(f'{exact.impacts} meetings, {exact.separations} partings, {worst:.3g} rad apart')
+    assert exact.impacts >= 5
     assert worst < accuracy
 
 
@@ -287,9 +287,9 @@ def test_events_do_not_cost_the_method_its_order(restitution: float) -> None:
 
     def run(step: float) -> FloatArray:
         simulation = released(arm, (0.4, 0.6), max_step=step)
-        side = np.sign(play(simulation))
+        side = np.sign(motor_offset(simulation))
         simulation.step(np.array([-15.0, 4.0]), 0.64)
-        assert (side * play(simulation) < 0.0).any()  # teeth met on the other side
+        assert (side * motor_offset(simulation) < 0.0).any()  # teeth met on the other side
         return np.concatenate([simulation.q, simulation.v])
 
     steps = [0.02, 0.01, 0.005, 0.0025]

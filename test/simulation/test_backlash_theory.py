@@ -54,8 +54,8 @@ def test_it_stands_still_while_the_motor_crosses_the_gap(way: Way) -> None:
     assert inside.sum() > 0.2 * len(inside)
     assert (np.diff(settled.q)[inside] == 0.0).all()
     # The motor's way through the gap, from each end of its swing, takes acos(1 − 2b/A)/ω.
-    share = 2.0 * np.arccos(1.0 - 2.0 * HALF_GAP / AMPLITUDE) / (2.0 * np.pi)
-    assert inside.mean() == pytest.approx(share, rel=0.01)
+    fraction = 2.0 * np.arccos(1.0 - 2.0 * HALF_GAP / AMPLITUDE) / (2.0 * np.pi)
+    assert inside.mean() == pytest.approx(fraction, rel=0.01)
 
 
 def test_the_loop_is_the_parallelogram_of_the_gap(way: Way) -> None:

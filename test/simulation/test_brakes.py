@@ -49,11 +49,11 @@ def driven(**changes: list[float]) -> ArmModel:
         'inductance': [4e-4], 'rotor_inertia': [REFLECTED_INERTIA / 1e4], **changes}))
 
 
-def with_play() -> ArmModel:
+def with_backlash() -> ArmModel:
     return driven(backlash=[0.3], restitution=[0.5])
 
 
-ARMS = pytest.mark.parametrize('make_arm', [bare, rubbing, driven, with_play])
+ARMS = pytest.mark.parametrize('make_arm', [bare, rubbing, driven, with_backlash])
 
 
 def moving(arm: ArmModel) -> ArmSimulation:
@@ -96,7 +96,7 @@ def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmM
 
 def test_a_motor_within_its_gap_has_a_motion_of_its_own() -> None:
     """The case above in which motors do not move as their joints do."""
-    simulation = moving(with_play())
+    simulation = moving(with_backlash())
     assert np.abs(simulation.motor_state.velocity - simulation.v).max() > 0.1
 
 

@@ -32,9 +32,9 @@ ENOUGH = 20
 """Steps of silence that make the timeout."""
 
 
-def heard_once(timeout: float = TIMEOUT) -> CommandTimeout:
+def received_once(timeout: float = TIMEOUT) -> CommandTimeout:
     commands = CommandTimeout(timeout)
-    commands.hear()
+    commands.receive()
     assert not commands.end_step(PERIOD, PERIOD)
     return commands
 
@@ -50,7 +50,7 @@ def steps_until_over(commands: CommandTimeout, passed: float, period: float = PE
 # --- silence -------------------------------------------------------------------------------------
 
 def test_it_is_over_after_the_timeout_and_only_once() -> None:
-    commands = heard_once()
+    commands = received_once()
     assert steps_until_over(commands, PERIOD) == pytest.approx(ENOUGH, abs=1)
     assert commands.silence == pytest.approx(TIMEOUT, abs=PERIOD)
     assert commands.silent_steps == pytest.approx(ENOUGH, abs=1)
@@ -62,49 +62,49 @@ def test_nothing_is_missed_before_the_first_command() -> None:
 
 
 def test_with_a_timeout_of_0_nothing_is_ever_missed() -> None:
-    assert steps_until_over(heard_once(0.0), PERIOD) == 0
+    assert steps_until_over(received_once(0.0), PERIOD) == 0
 
 
 def test_each_command_begins_anew() -> None:
-    commands = heard_once()
+    commands = received_once()
     for _ in range(50):
         for _ in range(ENOUGH - 2):
             assert not commands.end_step(PERIOD, PERIOD)
-        commands.hear()
+        commands.receive()
         assert not commands.end_step(PERIOD, PERIOD)
         assert commands.silence == 0.0
     assert steps_until_over(commands, PERIOD) > 0
-    commands.hear()
+    commands.receive()
     assert steps_until_over(commands, PERIOD) > 0  # it is missed again after it came again
 
 
 def test_a_reset_waits_for_a_first_command() -> None:
-    commands = heard_once()
+    commands = received_once()
     commands.end_step(PERIOD, PERIOD)
     commands.reset()
     assert commands.silence == 0.0
     assert steps_until_over(commands, PERIOD) == 0
-    commands.hear()
+    commands.receive()
     commands.reset()  # in the step in which it came
     assert steps_until_over(commands, PERIOD) == 0
 
 
 @pytest.mark.parametrize('stall', [0.25, 10.0, float('inf')])
-def test_a_loop_that_was_held_up_could_not_hear(stall: float) -> None:
+def test_a_loop_that_was_held_up_could_not_receive(stall: float) -> None:
     """A stall longer than the timeout counts as the one step that it was."""
-    commands = heard_once()
+    commands = received_once()
     assert not commands.end_step(stall, PERIOD)
     assert commands.silence == PERIOD
     assert steps_until_over(commands, PERIOD) >= ENOUGH - 2
 
 
 def test_a_loop_that_catches_up_counts_the_time_that_passes() -> None:
-    assert steps_until_over(heard_once(), 0.8 * PERIOD) == pytest.approx(ENOUGH / 0.8, abs=1)
+    assert steps_until_over(received_once(), 0.8 * PERIOD) == pytest.approx(ENOUGH / 0.8, abs=1)
 
 
 @pytest.mark.parametrize('period', [0.1, 1.0])
 def test_a_single_command_may_be_late_where_steps_are_long(period: float) -> None:
-    assert steps_until_over(heard_once(), period, period) == FEWEST_STEPS > 1
+    assert steps_until_over(received_once(), period, period) == FEWEST_STEPS > 1
 
 
 # --- the robot -----------------------------------------------------------------------------------

@@ -38,11 +38,11 @@ ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 
 
-def lift(sigmoid: float, width: float, share: float, offset: float = 0.0,
+def lift(sigmoid: float, width: float, load_fraction: float, offset: float = 0.0,
          viscous: float = 0.0) -> ArmModel:
     arm = load_arm(LIFT)
     return arm.with_friction(make_friction(
-        ['slide'], [viscous], sigmoid=[sigmoid], sigmoid_velocity=[width], load=[share],
+        ['slide'], [viscous], sigmoid=[sigmoid], sigmoid_velocity=[width], load=[load_fraction],
         effort_offset=[offset]))
 
 
@@ -121,13 +121,13 @@ def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width: float, bound:
     assert ends[0] == pytest.approx(ends[1], abs=bound)
 
 
-@pytest.mark.parametrize('play', [None, 0.0, 2e-3])
+@pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
 @pytest.mark.parametrize('width', [[0.05, 0.1], [0.002, 0.001]])
-def test_the_energy_balance_closes(width: list[float], play: float | None) -> None:
-    arm = geared(sigmoid_velocity=width, **({'load': [0.0]} if play else {}))
-    if play is not None:
+def test_the_energy_balance_closes(width: list[float], backlash: float | None) -> None:
+    arm = geared(sigmoid_velocity=width, **({'load': [0.0]} if backlash else {}))
+    if backlash is not None:
         arm = arm.with_actuators(make_actuators(
-            NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[play]))
+            NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
     simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
     at_start, largest, turns, before = sum(simulation.energy()), 1.0, 0, simulation.v.copy()
     for k in range(500):

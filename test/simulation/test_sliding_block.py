@@ -78,18 +78,18 @@ def test_the_time_of_the_stop_is_met_within_a_step() -> None:
     assert q == pytest.approx([way + driving * back**2 / 2.0], rel=1e-11)
 
 
-@pytest.mark.parametrize('share', [0.99, 1.01])
-def test_on_a_slope_it_slides_from_the_angle_of_friction_on(share: float) -> None:
+@pytest.mark.parametrize('fraction', [0.99, 1.01])
+def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction: float) -> None:
     """
     It holds while m g sin(slope) ≤ F_s, and slides with g sin(slope) − F_c/m beyond.
 
     The fall from F_s to F_c lasts about 1e-5 s here.
     """
     static = 1.2 * DRY
-    slope = float(np.arcsin(share * static / (MASS * 9.81)))
+    slope = float(np.arcsin(fraction * static / (MASS * 9.81)))
     simulation = block(slope=slope, coulomb=DRY, static=static, stribeck_velocity=1e-6)
     q, v = simulation.step(np.zeros(1), 0.5)
-    if share < 1.0:
+    if fraction < 1.0:
         assert (q.tolist(), v.tolist()) == ([0.0], [0.0])
     else:
         assert v == pytest.approx([0.5 * (9.81 * np.sin(slope) - DRY / MASS)], rel=1e-4)

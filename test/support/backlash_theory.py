@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One joint with play, as control theory sees it, and as the simulated arm moves it.
+One joint with backlash, as control theory sees it, and as the simulated arm moves it.
 
 A motor whose load is light, and held by dry friction, moves it as the play operator says: the load
 stands still while the motor crosses the gap. Sources: J.-J. E. Slotine and W. Li, *Applied

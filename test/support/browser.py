@@ -119,7 +119,7 @@ class Page:
         """Return all words of the page."""
         return str(self.tab.inner_text('body'))
 
-    def drag(self, slider: int, share: float) -> None:
+    def drag(self, slider: int, fraction: float) -> None:
         """Drag the n-th slider, the speed being number 0, to a share of its way."""
         thumb = self.tab.get_by_role('slider').nth(slider)
         thumb.scroll_into_view_if_needed()
@@ -128,7 +128,7 @@ class Page:
         y = start['y'] + 0.5 * start['height']
         self.tab.mouse.move(start['x'] + 0.5 * start['width'], y)
         self.tab.mouse.down()
-        self.tab.mouse.move(track['x'] + share * track['width'], y, steps=5)
+        self.tab.mouse.move(track['x'] + fraction * track['width'], y, steps=5)
         self.tab.mouse.up()
 
     def value(self, slider: int) -> float:
@@ -156,9 +156,9 @@ class Page:
         rgb = np.array([int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5)])
         return int((np.abs(picture - rgb).max(axis=2) < CLOSE).sum()) > FEWEST_PIXELS
 
-    def differs_from(self, before: NDArray[np.float64], share: float) -> bool:
+    def differs_from(self, before: NDArray[np.float64], fraction: float) -> bool:
         """Tell whether so large a share of the picture changes, soon: it comes with some delay."""
-        return any(difference(before, self.picture()) > share for _ in range(MOST_PICTURES))
+        return any(difference(before, self.picture()) > fraction for _ in range(MOST_PICTURES))
 
 
 def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One joint with play and viscous friction, solved piece by piece, without a method of integration.
+One joint with backlash and viscous friction, solved piece by piece, without numerical integration.
 
 Between events the motion is exponentials and parabolas, and events are found by bracketing.
 """
@@ -40,7 +40,7 @@ class ExactJoint:
         self.q = self.v = self.theta = self.omega = 0.0
         self._side = 0.0
         """Where the teeth stay together, 0 while they do not."""
-        self.meetings = self.partings = 0
+        self.impacts = self.separations = 0
 
     def step(self, tau: float, h: float) -> None:
         """Move on for h [s] under a constant effort of the motor."""
@@ -66,7 +66,7 @@ class ExactJoint:
             self.q, self.v = self._coast(tau, both, until)
             self.theta, self.omega = self.q + self._side * self._b, self.v
         if until < h:
-            self._side, self.partings = 0.0, self.partings + 1
+            self._side, self.separations = 0.0, self.separations + 1
         return until
 
     def _apart(self, tau: float, h: float) -> float:
@@ -79,11 +79,11 @@ class ExactJoint:
         (self.q, self.v), self.theta = self._coast(0.0, self._M, until), motor(until)
         self.omega += tau / self._J * until
         if until < h:
-            self._meet(tau)
+            self._reach_contact(tau)
         return until
 
-    def _meet(self, tau: float) -> None:
-        self._side, self.meetings = np.sign(self.theta - self.q), self.meetings + 1
+    def _reach_contact(self, tau: float) -> None:
+        self._side, self.impacts = np.sign(self.theta - self.q), self.impacts + 1
         self.theta = self.q + self._side * self._b
         w, m = self.omega - self.v, self._M * self._J / (self._M + self._J)
         press = self._side * (tau + self._J * self._F * self.v / self._M)

@@ -98,7 +98,7 @@ def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]
     broken = time.monotonic()
     run('ip', 'link', 'set', 'near', 'down')
     bench.wait_state_timeout()
-    told = time.monotonic()
+    reported = time.monotonic()
     bench.wait_silent()
     topic = f'{bench.namespace}/joint_states'
     if until_forgotten:
@@ -108,7 +108,7 @@ def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]
     bench.wait_running()
     back = time.monotonic()
     bench.check_alive()
-    return {'told': told - broken, 'broken': healed - broken, 'back': back - healed}
+    return {'told': reported - broken, 'broken': healed - broken, 'back': back - healed}
 
 
 def main() -> None:

@@ -109,8 +109,8 @@ def stored_file(recording):
     return file
 
 
-def cut(file, share):
+def cut(file, fraction):
     """Keep this share of a file."""
     data = file.read_bytes()
-    file.write_bytes(data[:int(share * len(data))])
+    file.write_bytes(data[:int(fraction * len(data))])
     return file

@@ -63,7 +63,7 @@ def measure(bag, configuration):
             'process': os.getpid(), 'one_thread': os.environ.get('OMP_NUM_THREADS')}
 
 
-def measure_until_told(bag, configuration):
+def measure_until_file(bag, configuration):
     """Give the first two at once; the others wait until the file `go` appears."""
     go = Path(configuration['log']).with_name('go')
     if bag.name not in ('b0.db3', 'b1.db3'):

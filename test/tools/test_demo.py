@@ -136,9 +136,9 @@ def test_it_tracks_and_says_so(closed_loop):
         assert 0.0 < rms < 0.01
         assert rms <= largest
     assert 'All joints tracked.' in out
-    rate, share = re.search(r'Control rate +(\S+) efforts/s of 500 .*?; (\S+) %', out).groups()
+    rate, fraction = re.search(r'Control rate +(\S+) efforts/s of 500 .*?; (\S+) %', out).groups()
     assert float(rate) > 0.0
-    assert 0.0 < float(share) <= 100.0
+    assert 0.0 < float(fraction) <= 100.0
 
 
 def test_the_recording_contains_the_motion_and_little_else(closed_loop):
@@ -202,9 +202,9 @@ def test_the_picture_is_not_blank(closed_loop):
 
 def test_progress_is_lines_where_there_is_no_terminal(closed_loop):
     _, _, err = closed_loop
-    shares = [int(share) for share in re.findall(r'(\d+) %', err)]
-    assert shares[-1] == 100
-    assert shares == sorted(set(shares))
+    fractions = [int(fraction) for fraction in re.findall(r'(\d+) %', err)]
+    assert fractions[-1] == 100
+    assert fractions == sorted(set(fractions))
     assert '\r' not in err
 
 
@@ -251,7 +251,7 @@ def test_a_node_that_dies_is_named_with_its_log(tmp_path):
 def relative_residuals(out):
     found = re.findall(r'^(joint\d) .*?([\d.]+) % ', out, re.MULTILINE)
     assert [name for name, _ in found] == ['joint1', 'joint2']
-    return {name: float(share) for name, share in found}
+    return {name: float(fraction) for name, fraction in found}
 
 
 def test_replay_of_its_own_recording(closed_loop, tmp_path):
@@ -318,7 +318,7 @@ def test_replay_of_a_real_arm(tmp_path):
         tmp_path, '--replay', UR10, '--robot', robot_path('ur10'), '--no-plot', '--out', 'here')
     assert status == 0, out + err
     assert '3441 states played' in out
-    relative = [float(share) for share in re.findall(
+    relative = [float(fraction) for fraction in re.findall(
         r'^\w+_joint .*?([\d.]+) % ', out, re.MULTILINE)]
     assert len(relative) == 6
     # What the description of this robot leaves unexplained: friction, and motors.

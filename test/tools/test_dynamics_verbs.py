@@ -118,7 +118,7 @@ def test_joints_left_out_have_the_rest() -> None:
     ('1 x', "position is 'x', expected a number"),
     ('a=nan b=1', "position of a is 'nan', expected a number"),
 ])
-def test_what_is_typed_wrong_is_told_with_the_names(typed: str, words: str) -> None:
+def test_what_is_typed_wrong_is_reported_with_the_names(typed: str, words: str) -> None:
     with pytest.raises(InvalidInputError, match=re.escape(words)):
         joint_values('position', typed.split(), ['a', 'b'])
 

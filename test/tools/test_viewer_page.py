@@ -204,8 +204,8 @@ def test_a_load_is_attached_and_taken_off(default_arm, client):
     page, _ = default_arm
     with client.collect(InertiaStamped, '/default_arm/dynamics/payload', LATCHED) as payloads:
         page.press('Attach')
-        heard = payloads.wait_for(lambda payload: payload.inertia.m == 1.0)
-        assert heard.header.frame_id == 'tool0'
+        attached = payloads.wait_for(lambda payload: payload.inertia.m == 1.0)
+        assert attached.header.frame_id == 'tool0'
         page.wait_for_words('the controller knows of 1 kg on tool0')
         payloads.clear()
         page.press('Take off')
@@ -236,7 +236,7 @@ def test_a_reset_puts_the_simulated_arm_back(default_arm, client):
         wait_for_position(states, 'joint1', 0.785)
 
 
-def test_the_arcs_have_the_colour_of_their_share_of_the_limit(default_arm):
+def test_the_arcs_have_the_colour_of_their_ratio_to_the_limit(default_arm):
     """At the start joints take 33 and 19 % of their limits; with 6 kg at the tool, 91 and 95 %."""
     page, _ = default_arm
     assert page.shows(BLUE)

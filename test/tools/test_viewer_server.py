@@ -162,7 +162,7 @@ def test_two_servers_at_once_and_nothing_of_others_is_changed(capsys):
 
 @pytest.mark.parametrize(('host', 'reason'), [
     ('127.0.0.1', errno.EADDRINUSE), ('203.0.113.1', errno.EADDRNOTAVAIL)])
-def test_a_port_that_cannot_be_had_is_told(server, host, reason):
+def test_a_port_that_cannot_be_had_is_reported(server, host, reason):
     with pytest.raises(InvalidInputError) as error:
         start_server(host, server.get_port(), 'another')
     assert str(error.value) == (
@@ -263,7 +263,7 @@ def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(
         page.wait_for('**first**', without=['well-formed'])
 
 
-def test_a_description_that_is_none_is_told_while_states_come(client):
+def test_a_description_that_is_none_is_reported_while_states_come(client):
     states = client.publisher(JointState, '/broken/joint_states', subscribers=0)
     state = JointState(name=['joint1', 'joint2'], position=[0.2, 0.1])
     with described(client, '/broken') as publish, \
@@ -275,7 +275,7 @@ def test_a_description_that_is_none_is_told_while_states_come(client):
                       meanwhile=lambda: states.publish(state))
 
 
-def test_a_file_of_another_computer_is_told_until_the_topic_has_the_arm(client, tmp_path):
+def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(client, tmp_path):
     file = tmp_path / 'arm.urdf'
     file.write_text(one_link('elsewhere'))
     parameters = {'robot_description_file': str(file)}
@@ -306,7 +306,7 @@ def test_a_robot_that_is_named_is_shown_whatever_others_say(client, tmp_path):
     ([], [], "joint_states lack ['joint1', 'joint2']"),
     (['joint1', 'joint2'], [0.1], "joint_states lack ['joint2']"),
     (['joint1', 'joint2'], [0.1, float('nan')], "no finite position of ['joint2']")])
-def test_states_that_cannot_be_shown_are_told_until_others_come(
+def test_states_that_cannot_be_shown_are_reported_until_others_come(
         client, tmp_path, names, position, words):
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
     states = client.publisher(JointState, '/stated/joint_states', subscribers=0)
@@ -354,8 +354,8 @@ def test_mistakes_in_the_arguments(arguments, capsys):
     with pytest.raises(SystemExit) as left:
         main(arguments)
     assert left.value.code == 2
-    told = r'viewer: [^\n]+ \(viewer --help lists the options\)\n'
-    assert re.fullmatch(told, capsys.readouterr().err)
+    line = r'viewer: [^\n]+ \(viewer --help lists the options\)\n'
+    assert re.fullmatch(line, capsys.readouterr().err)
 
 
 @pytest.mark.parametrize('robot', ['gone.urdf', 'package://no_such_package/a.urdf', 'ftp://a'])
@@ -366,7 +366,7 @@ def test_a_robot_that_is_not_there_is_one_line(robot, tmp_path):
 
 @pytest.mark.parametrize('arguments', [
     ('--dynamics', 'no name'), ('--simulated-arm', '7'), ('--ros-args', '-r', '__ns:=no-name')])
-def test_names_that_are_none_are_told(arguments):
+def test_names_that_are_none_are_reported(arguments):
     done = run('--port', '0', *arguments)
     assert (done.returncode, done.stdout, done.stderr.count('Traceback')) == (1, '', 0)
     assert done.stderr.splitlines()[-1].startswith('viewer: ')  # rcl may have said it before

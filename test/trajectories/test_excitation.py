@@ -41,7 +41,7 @@ from robot_dynamics.trajectories.excitation import (
     find_excitation,
     Motion,
 )
-from robot_dynamics.trajectories.excitation_limits import LimitShares, motion_limits
+from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
 from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
 from robot_dynamics.trajectories.fourier_series import series_basis
@@ -85,8 +85,8 @@ def dynamics() -> ArmDynamics:
 @pytest.fixture(scope='module')
 def excitation(dynamics: ArmDynamics) -> Excitation:
     """Return a motion that effort limits too, as the arm is to use little of it."""
-    shares = LimitShares(velocity=0.5, effort=0.4, acceleration=20.0)
-    return find_excitation(dynamics, motion_limits(dynamics, shares), HARMONICS, DURATION)
+    fractions = LimitFractions(velocity=0.5, effort=0.4, acceleration=20.0)
+    return find_excitation(dynamics, motion_limits(dynamics, fractions), HARMONICS, DURATION)
 
 
 def test_no_limit_is_passed_anywhere(dynamics: ArmDynamics, excitation: Excitation) -> None:
@@ -177,26 +177,26 @@ def test_rounded_angles_of_a_urdf_tell_no_parameters() -> None:
     assert ConditionNumber(arm)(Motion(q, v, a)) < 1e3
 
 
-@pytest.mark.parametrize(('shares', 'start', 'words'), [
-    (LimitShares(velocity=0.0), None, 'velocity_scale is 0'),
-    (LimitShares(effort=1.5), None, 'effort_scale is 1.5'),
-    (LimitShares(position_margin=0.5), None, 'position_margin is 0.5'),
-    (LimitShares(acceleration=-1.0), None, 'acceleration is -1'),
-    (LimitShares(effort=0.1), [1.5, 0.0], "'joint1' needs .* to hold the arm at the start"),
-    (LimitShares(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
-    (LimitShares(), [0.0], 'start has 1 values, expected 2'),
+@pytest.mark.parametrize(('fractions', 'start', 'words'), [
+    (LimitFractions(velocity=0.0), None, 'velocity_scale is 0'),
+    (LimitFractions(effort=1.5), None, 'effort_scale is 1.5'),
+    (LimitFractions(position_margin=0.5), None, 'position_margin is 0.5'),
+    (LimitFractions(acceleration=-1.0), None, 'acceleration is -1'),
+    (LimitFractions(effort=0.1), [1.5, 0.0], "'joint1' needs .* to hold the arm at the start"),
+    (LimitFractions(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
+    (LimitFractions(), [0.0], 'start has 1 values, expected 2'),
 ])
 def test_limits_that_make_no_sense_are_refused(
-    dynamics: ArmDynamics, shares: LimitShares, start: list[float] | None, words: str,
+    dynamics: ArmDynamics, fractions: LimitFractions, start: list[float] | None, words: str,
 ) -> None:
     with pytest.raises(InvalidInputError, match=words):
-        motion_limits(dynamics, shares, None if start is None else np.array(start))
+        motion_limits(dynamics, fractions, None if start is None else np.array(start))
 
 
 def test_a_start_that_leaves_no_room_is_refused() -> None:
     arm = load_arm(robot_urdf('ur10'))
     with pytest.raises(InvalidInputError, match="start of 'shoulder_pan_joint' is .* can move"):
-        motion_limits(ArmDynamics(arm), LimitShares(), arm.limits.upper)
+        motion_limits(ArmDynamics(arm), LimitFractions(), arm.limits.upper)
 
 
 # ------------------------------------------------------------------------------ the file

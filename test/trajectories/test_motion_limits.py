@@ -27,7 +27,11 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories import motion_limits
-from robot_dynamics.trajectories.motion_limits import EFFORT_SHARE, LEAST_SHARE, WorkspaceInertia
+from robot_dynamics.trajectories.motion_limits import (
+    EFFORT_FRACTION,
+    LEAST_FRACTION,
+    WorkspaceInertia,
+)
 from robots import robot_urdf
 
 ARMS = ('default', 'ur10', 'panda')
@@ -55,12 +59,12 @@ def rate(name: str) -> FloatArray:
 
 def available(effort: FloatArray, gravity: FloatArray) -> FloatArray:
     """Return the effort that acceleration may take, infinite where the arm cannot be held."""
-    rest = EFFORT_SHARE * (effort - np.abs(gravity))
+    rest = EFFORT_FRACTION * (effort - np.abs(gravity))
     return np.where(can_hold(effort, gravity)[..., np.newaxis], rest, np.inf)
 
 
 def can_hold(effort: FloatArray, gravity: FloatArray) -> BoolArray:
-    return np.asarray((np.abs(gravity) <= (1.0 - LEAST_SHARE) * effort).all(axis=-1))
+    return np.asarray((np.abs(gravity) <= (1.0 - LEAST_FRACTION) * effort).all(axis=-1))
 
 
 @pytest.mark.parametrize('name', ARMS)
@@ -68,24 +72,24 @@ def test_limits_are_within_the_effort_at_every_sampled_pose(name: str) -> None:
     effort, at = arm_of(name).limits.effort, workspace(name)
     limits = at.motion_limits(effort, rate(name))
     assert (at.mass @ limits.acceleration <= (1.0 + 1e-9) * available(effort, at.gravity)).all()
-    assert (at.mass @ limits.jerk <= (1.0 + 1e-9) * EFFORT_SHARE * rate(name)).all()
+    assert (at.mass @ limits.jerk <= (1.0 + 1e-9) * EFFORT_FRACTION * rate(name)).all()
 
 
 @pytest.mark.parametrize('name', ARMS)
 @settings(laws, max_examples=30)
 @given(seed=st.integers(1, 2**31))
-def test_any_acceleration_within_the_limits_needs_at_most_its_share(
+def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(
     name: str, seed: int,
 ) -> None:
     body, effort = ArmDynamics(arm_of(name)).rigid_body, arm_of(name).limits.effort
     limits = workspace(name).motion_limits(effort, rate(name))
     signs = np.random.default_rng(seed).uniform(-1.0, 1.0, (5, arm_of(name).joint_count))
-    for q, share in zip(random_states(arm_of(name), 5, seed)[0], signs):
+    for q, fraction in zip(random_states(arm_of(name), 5, seed)[0], signs):
         M, g = body.mass_matrix(q), body.gravity(q)
         most = ELSEWHERE * available(effort, g)
-        assert (np.abs(M @ (share * limits.acceleration)) <= most).all()
+        assert (np.abs(M @ (fraction * limits.acceleration)) <= most).all()
         assert (np.abs(M) @ limits.acceleration <= most).all()
-        assert (np.abs(M) @ limits.jerk <= ELSEWHERE * EFFORT_SHARE * rate(name)).all()
+        assert (np.abs(M) @ limits.jerk <= ELSEWHERE * EFFORT_FRACTION * rate(name)).all()
 
 
 @pytest.mark.parametrize('name', ARMS)
@@ -116,7 +120,7 @@ def test_without_limits_the_times_of_acceleration_and_jerk_apply() -> None:
     none = np.full(2, np.inf)
     limits = workspace('default').motion_limits(none, none)
     assert limits.velocity == pytest.approx(
-        motion_limits.VELOCITY_SHARE * arm_of('default').limits.velocity)
+        motion_limits.VELOCITY_FRACTION * arm_of('default').limits.velocity)
     assert limits.acceleration == pytest.approx(limits.velocity / motion_limits.SPEED_UP_TIME)
     assert limits.jerk == pytest.approx(limits.acceleration / motion_limits.JERK_TIME)
 

@@ -192,8 +192,8 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
     assert found.duration == pytest.approx(slowness * sent.duration)
     for p0, p1, r0, r1 in zip(
             sent.points, sent.points[1:], found.points, found.points[1:]):
-        for share in np.linspace(0.0, 1.0, 7).tolist():
-            t = (1.0 - share) * p0.time_from_start + share * p1.time_from_start
+        for phase in np.linspace(0.0, 1.0, 7).tolist():
+            t = (1.0 - phase) * p0.time_from_start + phase * p1.time_from_start
             expected = sample_segment(t, p0.time_from_start, p0, p1.time_from_start, p1)
             actual = sample_segment(
                 slowness * t, r0.time_from_start, r0, r1.time_from_start, r1)

@@ -70,8 +70,8 @@ def distance_to_curve(q: FloatArray, curve: FloatArray) -> FloatArray:
     """Return the distances (m,) of points (m, 2) to the line through `curve` (k, 2)."""
     d = np.diff(curve, axis=0)
     rest = q[:, np.newaxis] - curve[:-1]
-    share = np.clip((rest * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-30), 0.0, 1.0)
-    away = np.linalg.norm(rest - share[..., np.newaxis] * d, axis=2)
+    fraction = np.clip((rest * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-30), 0.0, 1.0)
+    away = np.linalg.norm(rest - fraction[..., np.newaxis] * d, axis=2)
     return np.asarray(away.min(axis=1))
 
 
@@ -107,13 +107,13 @@ def test_a_stop_stays_on_a_curved_path_and_only_slows_down(t: float) -> None:
 @laws
 @given(st.floats(0.2, 3.5), st.floats(0.05, 0.95))
 def test_a_second_stop_during_a_stop_ends_no_later_than_twice_as_long(
-    t: float, share: float,
+    t: float, fraction: float,
 ) -> None:
     one = ReferenceGenerator(NAMES, (), LIMITS)
     one.start(CURVE, NOW, ZERO, ZERO)
     one.stop(ns(t), ZERO, ZERO)
     first = end_of(one)
-    again = t + share * (first - t)
+    again = t + fraction * (first - t)
     one.stop(ns(again), ZERO, ZERO)
     assert end_of(one) - t <= 2.0 * (first - t) + 0.1
     found = samples(one, np.linspace(again, end_of(one), 100))

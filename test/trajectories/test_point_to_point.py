@@ -68,8 +68,8 @@ def cases(draw: Any) -> Case:
     j = a / draw(vectors(st.floats(0.05, 0.15)))
     a0 = a * draw(vectors(unit))
     # What the acceleration adds to the velocity before it can end is within the limit as well.
-    room = np.maximum(v - a0**2 / (2.0 * j), 0.0)
-    start = Reference(0.75 * BOX * draw(vectors(unit)), room * draw(vectors(unit)), a0)
+    largest = np.maximum(v - a0**2 / (2.0 * j), 0.0)
+    start = Reference(0.75 * BOX * draw(vectors(unit)), largest * draw(vectors(unit)), a0)
     box = np.full(N, BOX)
     return Case(MotionLimits(-box, box, v, a, j), start, 0.75 * BOX * draw(vectors(unit)))
 

@@ -71,17 +71,17 @@ def densely(path: JointTrajectory, count: int) -> tuple[np.ndarray, ...]:
     return tuple(np.concatenate(parts) for parts in zip(*rows))
 
 
-def dense_shares(
+def dense_ratios(
     dynamics: ArmDynamics, path: JointTrajectory, count: int = 4000,
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return times and |value| / limit, (m, n) each, of an independent interpolation."""
     t, q, v, a = densely(path, count)
     effort = dynamics.inverse_dynamics_batch(q, v, a)
-    shares = {'effort': np.abs(effort) / dynamics.arm.limits.effort}
+    ratios = {'effort': np.abs(effort) / dynamics.arm.limits.effort}
     if dynamics.arm.actuators is not None:
         load = dynamics.arm.actuators.load(effort, v, a)
-        shares.update(current=load.current_ratio, voltage=load.voltage_ratio)
-    return t, shares
+        ratios.update(current=load.current_ratio, voltage=load.voltage_ratio)
+    return t, ratios
 
 
 def random_path(random: np.random.Generator, points: int, fields: int) -> JointTrajectory:
@@ -107,17 +107,17 @@ def test_the_worst_place_is_that_of_the_whole_motion(
     for _ in range(10):
         path = random_path(random, points, fields)
         result = efforts_along(dynamics, path)
-        t, shares = dense_shares(dynamics, path)
+        t, ratios = dense_ratios(dynamics, path)
         # A point whose acceleration no segment takes up, and the rest at the end, count too.
         at_points = np.abs(result.efforts) / LIMITS
         rest = np.abs(dynamics.rigid_body.gravity(path.points[-1].position)) / LIMITS
-        worst = max(shares['effort'].max(), at_points.max(), rest.max())
+        worst = max(ratios['effort'].max(), at_points.max(), rest.max())
         # With dry friction the largest effort is a limit that no sample reaches.
         assert result.worst_ratio == pytest.approx(worst, rel=1e-3 if dry else 1e-5)
         assert result.feasible == (result.worst_ratio <= 1.0)
-        if fields == 3 and not dry and worst == shares['effort'].max():  # smooth
+        if fields == 3 and not dry and worst == ratios['effort'].max():  # smooth
             j = NAMES.index(result.worst_joint)
-            at = np.interp(result.worst_time, t, shares['effort'][:, j])
+            at = np.interp(result.worst_time, t, ratios['effort'][:, j])
             assert at == pytest.approx(worst, rel=1e-4)
 
 
@@ -126,10 +126,10 @@ def test_a_motion_that_is_slow_only_at_its_points_is_not_feasible() -> None:
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [0.0, 1.5], 0.3)
     result = efforts_along(DYNAMICS, path)
     assert (np.abs(result.efforts) / LIMITS).max() < 0.2
-    t, shares = dense_shares(DYNAMICS, path)
-    i, j = np.unravel_index(np.argmax(shares['effort']), shares['effort'].shape)
+    t, ratios = dense_ratios(DYNAMICS, path)
+    i, j = np.unravel_index(np.argmax(ratios['effort']), ratios['effort'].shape)
     assert not result.feasible
-    assert result.worst_ratio == pytest.approx(shares['effort'].max(), rel=1e-5)
+    assert result.worst_ratio == pytest.approx(ratios['effort'].max(), rel=1e-5)
     assert result.worst_time == pytest.approx(t[i], abs=1e-3)
     assert result.worst_joint == NAMES[j]
 
@@ -137,9 +137,9 @@ def test_a_motion_that_is_slow_only_at_its_points_is_not_feasible() -> None:
 def test_many_turns_in_one_segment() -> None:
     """Gravity takes the arm's joints through 60 maxima, of which one is the largest."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [200.0, 37.0], 400.0)
-    _, shares = dense_shares(DYNAMICS, path, 400_000)
+    _, ratios = dense_ratios(DYNAMICS, path, 400_000)
     assert efforts_along(DYNAMICS, path).worst_ratio == pytest.approx(
-        shares['effort'].max(), rel=1e-5)
+        ratios['effort'].max(), rel=1e-5)
 
 
 def test_one_quick_segment_among_thousands() -> None:
@@ -153,8 +153,8 @@ def test_one_quick_segment_among_thousands() -> None:
         NAMES, times.tolist(), q.tolist(), v.tolist(), np.zeros_like(q).tolist(), NAMES)
     result = efforts_along(DYNAMICS, path)
     assert (np.abs(result.efforts[2990:]) / LIMITS).max() < 0.5 * result.worst_ratio
-    _, shares = dense_shares(DYNAMICS, JointTrajectory(NAMES, path.points[2990:3010]))
-    assert result.worst_ratio == pytest.approx(shares['effort'].max(), rel=1e-5)
+    _, ratios = dense_ratios(DYNAMICS, JointTrajectory(NAMES, path.points[2990:3010]))
+    assert result.worst_ratio == pytest.approx(ratios['effort'].max(), rel=1e-5)
     assert times[2999] < result.worst_time < times[3000]
 
 
@@ -251,9 +251,9 @@ def test_what_motors_lack_counts_too(
     actuators = make_actuators(NAMES, **{**AMPLE, **changes})
     dynamics = ArmDynamics(DYNAMICS.arm.with_actuators(actuators))
     result = efforts_along(dynamics, PATH)
-    t, shares = dense_shares(dynamics, PATH, 20_000)
-    worst = max(rows.max() for rows in shares.values())
-    i, j = np.argwhere(shares[limit] == worst)[0]
+    t, ratios = dense_ratios(dynamics, PATH, 20_000)
+    worst = max(rows.max() for rows in ratios.values())
+    i, j = np.argwhere(ratios[limit] == worst)[0]
     assert (result.worst_limit, result.feasible) == (limit, feasible)
     assert result.worst_ratio == pytest.approx(worst, rel=1e-4)
     assert result.worst_joint == NAMES[j]

@@ -109,7 +109,7 @@ class SafeCommand:
         self._thread.start()
 
     def _publisher(self, message_type: type, topic: str, qos: QoSProfile) -> Any:
-        def tell(event: Any) -> None:
+        def report(event: Any) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
             self.counters.incompatible[topic] = event.total_count
             self._node.get_logger().warning(
@@ -119,7 +119,7 @@ class SafeCommand:
 
         return self._node.create_publisher(
             message_type, topic, qos, event_callbacks=PublisherEventCallbacks(
-                incompatible_qos=tell))
+                incompatible_qos=report))
 
     # ------------------------------------------------------------------ what it serves
 

@@ -122,7 +122,7 @@ class ControlPath:
         self.command = SafeCommand(
             node, NEWEST_ONLY, self._interrupt, self._resume, when_changed)
         self._was_interrupted = False
-        self._share = self._reported_share = 1.0
+        self._bandwidth_scale = self._reported_scale = 1.0
 
     def use(
         self, controller: Controller, watch: StateMonitor, check: EffortCheck,
@@ -270,8 +270,8 @@ class ControlPath:
         if v is None and served.controller.has_reference:
             self.counters.interruption = 'the joint states have no velocity'
         output = served.controller.answer(judgement.stamp, q, v)
-        if served.controller.rate_share != self._share:
-            self._report_share(served.controller)
+        if served.controller.bandwidth_scale != self._bandwidth_scale:
+            self._report_scale(served.controller)
         # A simulation in lock-step repeats its state until an effort lets it go on.
         waits = not judgement.is_new and self.command.is_waiting and served.watch.is_other_clock
         if judgement.is_new or waits:
@@ -310,17 +310,17 @@ class ControlPath:
                 f'expected at most {limit[j]:.3g} (external_effort_limit)',
                 recovery=EXTERNAL_RECOVERY))
 
-    def _report_share(self, controller: Controller) -> None:
+    def _report_scale(self, controller: Controller) -> None:
         """Log how far the gains are lowered, when that has changed much."""
-        share = self._share = controller.rate_share
+        scale = self._bandwidth_scale = controller.bandwidth_scale
         if not controller.knows_quality or (
-                0.8 < share / self._reported_share < 1.25 and share < 1.0):
+                0.8 < scale / self._reported_scale < 1.25 and scale < 1.0):
             return
-        if share != self._reported_share:
+        if scale != self._reported_scale:
             self._node.get_logger().info(
-                f'Gains and references at {share:.2f} of their bandwidth: {controller.quality}.',
+                f'Gains and references at {scale:.2f} of their bandwidth: {controller.quality}.',
                 throttle_duration_sec=LOG_PERIOD)
-        self._reported_share = share
+        self._reported_scale = scale
 
     def _has_several_publishers(self) -> bool:
         return self._count_publishers() > 1

@@ -90,7 +90,7 @@ class EffortCheck:
             return Status(NAME, OK, self._words, {})
         return Status(
             NAME, OK if verdict.agrees else WARN, self._words,
-            {'k': f'{verdict.share:.3f}', 'expected k': f'{verdict.expected:.0f}',
+            {'k': f'{verdict.ratio:.3f}', 'expected k': f'{verdict.expected:.0f}',
              'tolerance': f'{verdict.tolerance:.3f}'})
 
     def _wait(self, reason: str) -> None:

@@ -45,7 +45,7 @@ DEFAULT_BANDWIDTH = 10.0
 LONGEST_STEP = 0.1
 """[s] from one state to the next after which estimates begin anew: it is not known what was."""
 NEWEST_ONLY = QoSProfile(depth=1)
-UNHEARD = 'nobody listens'
+NO_SUBSCRIBERS = 'nobody listens'
 
 ESTIMATE_SPECS = (
     ParameterSpec(
@@ -129,7 +129,7 @@ class LiveEstimates:
         self._counts = [one.handle.get_subscription_count for one in self._publishers]
         self._estimates: Estimates | None = None
         self._is_on = self._is_lacking = False
-        self._words = UNHEARD
+        self._words = NO_SUBSCRIBERS
         self._stamp = 0
         self.external_effort: FloatArray | None = None
         """That of the newest state (n,), where it is estimated."""
@@ -152,9 +152,9 @@ class LiveEstimates:
     ) -> None:
         """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
         count_external, count_residual = self._counts
-        is_heard = count_external() > 0
+        has_subscribers = count_external() > 0
         is_limited = self.external_limit is not None
-        wanted = is_heard or is_limited or self._is_external_wanted(), count_residual() > 0
+        wanted = has_subscribers or is_limited or self._is_external_wanted(), count_residual() > 0
         estimates = self._estimates
         if estimates is None or not any(wanted):
             self._rest()
@@ -162,9 +162,9 @@ class LiveEstimates:
             try:
                 self._take(estimates, wanted, reader, state, q, v, judgement, robot_gravity)
             except RobotDynamicsError as error:
-                self._lack(str(error), is_heard or is_limited or wanted[1])
+                self._lack(str(error), has_subscribers or is_limited or wanted[1])
             except Exception as error:  # an estimate may fail, the control path may not
-                self._lack(repr(error), is_heard or is_limited or wanted[1])
+                self._lack(repr(error), has_subscribers or is_limited or wanted[1])
 
     def excess(self) -> int | None:
         """Return the joint whose external effort exceeds its limit most, None for none."""
@@ -175,7 +175,7 @@ class LiveEstimates:
         return j if ratio[j] > 1.0 else None
 
     def _rest(self) -> None:
-        self._is_on, self._is_lacking, self._words = False, False, UNHEARD
+        self._is_on, self._is_lacking, self._words = False, False, NO_SUBSCRIBERS
         self.external_effort = None
 
     def _take(
@@ -215,10 +215,10 @@ class LiveEstimates:
         self._is_on, self._is_lacking, self._words = True, False, 'made'
         return dt
 
-    def _lack(self, words: str, is_heard: bool) -> None:
+    def _lack(self, words: str, has_subscribers: bool) -> None:
         """Make no estimate of this state, and begin anew with the next; tell who listens."""
         self._rest()
-        if not is_heard:
+        if not has_subscribers:
             return
         self._is_lacking, self._words = True, f'none: {words}'
         self._node.get_logger().warning(

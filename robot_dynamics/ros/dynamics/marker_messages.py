@@ -45,16 +45,16 @@ def drawn(
     places, limit = marks.joints(), arm.limits.effort
     full = effort_scale(effort, limit)
     markers = []
-    for i, (place, share) in enumerate(zip(places, (effort / full).tolist())):
+    for i, (place, ratio) in enumerate(zip(places, (effort / full).tolist())):
         unit = 'N' if place.slides else 'N m'
-        colour = _colour_of(abs(share), bool(np.isfinite(limit[i])))
-        markers.append(_line('effort', i, effort_line(place, share, marks.size), marks, colour))
+        colour = _colour_of(abs(ratio), bool(np.isfinite(limit[i])))
+        markers.append(_line('effort', i, effort_line(place, ratio, marks.size), marks, colour))
         markers.append(_text(
             i, place.origin + 1.2 * marks.size * place.axis,
             f'{round(effort[i], 1) + 0.0:.1f} {unit}', marks))
     if external is not None:
-        for i, (place, share) in enumerate(zip(places, (external / full).tolist())):
-            line = effort_line(place, share, 1.3 * marks.size)
+        for i, (place, ratio) in enumerate(zip(places, (external / full).tolist())):
+            line = effort_line(place, ratio, 1.3 * marks.size)
             markers.append(_line('external effort', i, line, marks, PURPLE))
         force = marks.tool_force(external)
         if force is not None:
@@ -68,10 +68,10 @@ def drawn(
     return MarkerArray(markers=markers)
 
 
-def _colour_of(share: float, has_limit: bool) -> str:
+def _colour_of(ratio: float, has_limit: bool) -> str:
     if not has_limit:
         return GREY
-    return BLUE if share < WARM else ORANGE if share < HOT else VERMILION
+    return BLUE if ratio < WARM else ORANGE if ratio < HOT else VERMILION
 
 
 def _line(namespace: str, i: int, line: FloatArray, marks: ArmMarks, colour: str) -> Marker:

@@ -36,7 +36,7 @@ from visualization_msgs.msg import MarkerArray
 
 PERIOD = 1.0 / 30.0
 """[s] between two pictures, on the steady clock."""
-SHARE_OF_TIME = 0.1
+TIME_FRACTION = 0.1
 """Share of the time that drawing may take; arms of many joints are drawn less often."""
 
 
@@ -108,4 +108,4 @@ class LiveMarkers:
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp
         self._publisher.publish(message)
-        self._rests_until = began + (time.monotonic() - began) / SHARE_OF_TIME
+        self._rests_until = began + (time.monotonic() - began) / TIME_FRACTION

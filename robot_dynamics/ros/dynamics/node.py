@@ -363,7 +363,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             'streams that paused': counters.paused_streams,
             'slowed down by': 1.0 if controller is None else round(controller.slowness, 3),
             'share of the gains that the state rate allows':
-                1.0 if controller is None else round(controller.rate_share, 3)})
+                1.0 if controller is None else round(controller.bandwidth_scale, 3)})
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -75,7 +75,7 @@ class DynamicsServices:
     def __init__(
         self, node: GuardedCallbacks, payload_done: Callable[[Payload | None], None],
     ) -> None:
-        """`payload_done` hears of each payload when it is in force."""
+        """`payload_done` is called with each payload when it is active."""
         self._node = node
         self._served: ServedArm | None = None
         self._payload_done = payload_done

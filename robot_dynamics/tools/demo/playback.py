@@ -64,7 +64,7 @@ class Playback:
         """
         Play all samples, at most `rate` a second [Hz] (None: as fast as they are answered).
 
-        `on_progress` hears how many are done; `check` is called while an answer is waited for,
+        `on_progress` gets how many are done; `check` is called while an answer is waited for,
         and may raise. Raises RecordingError where a state gets no answer.
         """
         start, resent = time.monotonic(), 0

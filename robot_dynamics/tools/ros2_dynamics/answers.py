@@ -181,7 +181,7 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     command = client.parameters(['command'])['command']
     joints = client.joint_names() if state in ('active', 'inactive') else []
     payload = _payload_in_force(client) if joints else None
-    checks = client.hear(DiagnosticArray, '/diagnostics', 10, lambda message: [
+    checks = client.receive(DiagnosticArray, '/diagnostics', 10, lambda message: [
         status for status in message.status if status.hardware_id == name.strip('/')] or None)
     if checks is None:
         raise NoAnswerError(f'{name} sends no /diagnostics')
@@ -250,7 +250,7 @@ def _payload_to_ros(arguments: Namespace) -> InertiaStamped:
 
 
 def _payload_in_force(client: DynamicsClient) -> dict[str, Any] | None:
-    message = client.hear(InertiaStamped, f'{client.name}/payload', LATCHED, lambda m: m)
+    message = client.receive(InertiaStamped, f'{client.name}/payload', LATCHED, lambda m: m)
     if message is None:
         return None
     inertia = message.inertia

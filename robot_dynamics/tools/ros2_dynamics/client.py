@@ -139,7 +139,7 @@ class DynamicsClient:
         return {name: parameter_value_to_python(value)
                 for name, value in zip(names, response.values)}
 
-    def hear(
+    def receive(
         self, message_type: type, topic: str, qos: Any,
         take: Callable[[Any], Answer | None],
     ) -> Answer | None:
@@ -187,7 +187,7 @@ class DynamicsClient:
         if xml is None:
             topic = f'{self.name.rpartition("/")[0]}/robot_description'
             if self._wait(lambda: self._node.count_publishers(topic), _GLANCE):
-                xml = self.hear(String, topic, LATCHED, lambda message: str(message.data))
+                xml = self.receive(String, topic, LATCHED, lambda message: str(message.data))
         return embedded_description() if xml is None else xml
 
     def joint_kinds(self) -> dict[str, str]:

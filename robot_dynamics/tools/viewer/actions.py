@@ -85,7 +85,7 @@ class PageActions:
 
     # ------------------------------------------------------------------ references
 
-    def hear(self, trajectory: JointTrajectory) -> None:
+    def receive(self, trajectory: JointTrajectory) -> None:
         """Take a reference that went out, of this page or of others."""
         self.is_own = trajectory.header.frame_id == self._sender
 
@@ -140,8 +140,8 @@ class PageActions:
         self._set_load(ball(self._shown.panel.load[1], 0.0))
 
     def _set_load(self, load: InertiaStamped) -> None:
-        is_told, is_carried = self._shown.panel.load_is_for
-        if is_told:  # both at once, where a simulated arm is to carry it, which does so at once
+        is_for_controller, is_carried = self._shown.panel.load_is_for
+        if is_for_controller:  # both at once if a simulated arm is to carry it, without a ramp
             self._node.set_payload(
                 self._node.dynamics, load, 0.0 if is_carried else LOAD_TIME, self._take_answer)
         if is_carried:

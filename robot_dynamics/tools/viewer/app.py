@@ -32,7 +32,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer.actions import PageActions, Shown
-from robot_dynamics.tools.viewer.node import Heard, ViewerNode, worst_words
+from robot_dynamics.tools.viewer.node import Received, ViewerNode, worst_words
 from robot_dynamics.tools.viewer.panel import ArmPanel
 from robot_dynamics.tools.viewer.scene import ArmScene
 from robot_dynamics.tools.viewer.source import ArmSource, Description
@@ -76,7 +76,7 @@ class Viewer:
         """Keep the page up to date until it is over."""
         while not is_over():
             began = time.monotonic()
-            self._take(self._node.hear())
+            self._take(self._node.receive())
             self._turn()
             while (left := began + PERIOD - time.monotonic()) > 0.0:
                 try:
@@ -122,32 +122,32 @@ class Viewer:
         camera.look_at = (0.0, 0.0, 0.3 * reach)
         scene.move(np.clip(np.zeros(arm.joint_count), arm.limits.lower, arm.limits.upper))
 
-    # ------------------------------------------------------------------ what is heard
+    # ------------------------------------------------------------------ what is received
 
-    def _take(self, heard: Heard) -> None:
+    def _take(self, received: Received) -> None:
         now = time.monotonic()
-        if heard.description is not None:
-            self._source.hear_topic(heard.description.data)
-        if heard.diagnostics is not None:
-            self._warnings = worst_words(heard.diagnostics)
-        if heard.payload is not None:
-            inertia, link = heard.payload.inertia, heard.payload.header.frame_id
+        if received.description is not None:
+            self._source.take_topic(received.description.data)
+        if received.diagnostics is not None:
+            self._warnings = worst_words(received.diagnostics)
+        if received.payload is not None:
+            inertia, link = received.payload.inertia, received.payload.header.frame_id
             self._load = f'{inertia.m:.3g} kg on {link}' if inertia.m > 0.0 else ''
-        if heard.trajectory is not None and self._actions is not None:
-            self._actions.hear(heard.trajectory)
-        if heard.reference is not None:
+        if received.trajectory is not None and self._actions is not None:
+            self._actions.receive(received.trajectory)
+        if received.reference is not None:
             self._reference_time = now
         shown = self._shown
         if shown is None:
             return
-        if heard.state is not None:
-            self._take_state(shown, heard.state)
-        if heard.markers is not None:
+        if received.state is not None:
+            self._take_state(shown, received.state)
+        if received.markers is not None:
             self._marks_time = now
-            shown.scene.mark(heard.markers.markers)
+            shown.scene.mark(received.markers.markers)
         elif now - self._marks_time > SILENCE:
             shown.scene.mark(())
-        self._plot(shown, heard)
+        self._plot(shown, received)
 
     def _take_state(self, shown: Shown, state: JointState) -> None:
         q = values_of(shown.arm, state)
@@ -158,13 +158,13 @@ class Viewer:
         self._v = values_of(shown.arm, state, 'velocity')
         shown.scene.move(q)
 
-    def _plot(self, shown: Shown, heard: Heard) -> None:
+    def _plot(self, shown: Shown, received: Received) -> None:
         arm, panel = shown.arm, shown.panel
-        for message in (heard.state, heard.terms):
+        for message in (received.state, received.terms):
             if message is not None:
                 self._newest_stamp = 1e-9 * stamp_from_ros(message.header.stamp)
         name = arm.joint_names[panel.shown_joint]
-        terms, reference, state = heard.terms, heard.reference, heard.state
+        terms, reference, state = received.terms, received.reference, received.state
         if terms is not None and name in terms.joint_names:
             i = list(terms.joint_names).index(name)
             panel.plot_terms(1e-9 * stamp_from_ros(terms.header.stamp), {

@@ -15,7 +15,7 @@
 """
 What the viewer hears and says on ROS: the newest of each topic, and requests that do not wait.
 
-Everything happens in the thread that calls `hear`. Topics are looked at a few times a second, and
+Everything happens in the thread that calls `receive`. Topics are read a few times a second, and
 keep only their newest message, so that states of any rate cost the same.
 """
 
@@ -47,7 +47,7 @@ DESCRIBING = ('robot_description', 'robot_description_file', 'joints')
 
 
 @dataclass
-class Heard:
+class Received:
     """The newest message of each topic that arrived since the last look; None where none did."""
 
     state: JointState | None = None
@@ -74,7 +74,7 @@ class ViewerNode:
 
     def __init__(self, node: Node, dynamics: str, simulated_arm: str) -> None:
         self.node = node
-        self._heard = Heard()
+        self._received = Received()
         self._turned = False
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
@@ -104,7 +104,7 @@ class ViewerNode:
             self._turned = True
             if field == 'diagnostics' and not self._is_of_dynamics(message):
                 return  # of another node
-            setattr(self._heard, field, message)
+            setattr(self._received, field, message)
 
         return keep
 
@@ -112,15 +112,15 @@ class ViewerNode:
         name = self.dynamics.rpartition('/')[2]
         return any(status.name.startswith(f'{name}:') for status in message.status)
 
-    def hear(self) -> Heard:
+    def receive(self) -> Received:
         """Return what has arrived; answers of services are handed on meanwhile."""
         for _ in range(MOST_TURNS):
             self._turned = False
             self._executor.spin_once(timeout_sec=0.0)
             if not self._turned:
                 break
-        heard, self._heard = self._heard, Heard()
-        return heard
+        received, self._received = self._received, Received()
+        return received
 
     def close(self) -> None:
         """Leave ROS."""
@@ -146,11 +146,11 @@ class ViewerNode:
 
     # ------------------------------------------------------------------ requests
 
-    def ask_description(self, tell: Callable[[Described], None]) -> None:
-        """Ask `dynamics` for its arm; `tell` is called in a later `hear`."""
+    def ask_description(self, report: Callable[[Described], None]) -> None:
+        """Ask `dynamics` for its arm; `report` is called in a later `receive`."""
         def answered(values: dict[str, Any]) -> None:
             joints = values.get('joints') or ()
-            tell(Described(
+            report(Described(
                 str(values.get('robot_description') or ''),
                 str(values.get('robot_description_file') or ''), tuple(joints)))
 
@@ -160,25 +160,25 @@ class ViewerNode:
             for name, value in zip(DESCRIBING, response.values)})))
 
     def set_payload(
-        self, name: str, payload: InertiaStamped, seconds: float, tell: Callable[[str], None],
+        self, name: str, payload: InertiaStamped, seconds: float, report: Callable[[str], None],
     ) -> None:
-        """Put a load on the arm of node `name`, or of m = 0 take it off; `tell` what it says."""
+        """Put a load on the arm of node `name`, or of m = 0 take it off; `report` the answer."""
         client = self._payloads[name]
         if not client.service_is_ready():
-            tell(f'{name} is not there')
+            report(f'{name} is not there')
             return
         future = client.call_async(
             SetPayload.Request(payload=payload, transition_time=seconds))
         future.add_done_callback(lambda done: self._hand_on(
-            done, lambda response: tell(f'{name}: {response.message or "done"}')))
+            done, lambda response: report(f'{name}: {response.message or "done"}')))
 
-    def reset_simulated_arm(self, tell: Callable[[str], None]) -> None:
-        """Put the simulated arm back to where it began; `tell` what it says."""
+    def reset_simulated_arm(self, report: Callable[[str], None]) -> None:
+        """Put the simulated arm back to where it began; `report` the answer."""
         if not self._reset.service_is_ready():
-            tell(f'{self.simulated_arm} is not there')
+            report(f'{self.simulated_arm} is not there')
             return
         self._reset.call_async(Trigger.Request()).add_done_callback(
-            lambda done: self._hand_on(done, lambda response: tell(
+            lambda done: self._hand_on(done, lambda response: report(
                 f'{self.simulated_arm}: {response.message or "done"}')))
 
     def _hand_on(self, future: Any, answered: Callable[[Any], None]) -> None:

@@ -174,7 +174,7 @@ class ArmPanel:
             self._mass = self._gui.add_number('mass [kg]', 1.0, min=0.001, max=1000.0, step=0.1)
             self._load_link = self._gui.add_dropdown(
                 'link', self._arm.link_names, initial_value=hand_of(self._arm))
-            self._is_told = self._gui.add_checkbox(
+            self._is_for_controller = self._gui.add_checkbox(
                 'the controller knows', True, hint='Calls set_payload of dynamics')
             self._is_carried = self._gui.add_checkbox(
                 'the simulated arm carries it', True, hint='Calls set_payload of simulated_arm')
@@ -189,8 +189,8 @@ class ArmPanel:
 
     @property
     def load_is_for(self) -> tuple[bool, bool]:
-        """Whether the controller and the simulated arm are told of the load."""
-        return bool(self._is_told.value), bool(self._is_carried.value)
+        """Whether the load is for the controller, and for the simulated arm."""
+        return bool(self._is_for_controller.value), bool(self._is_carried.value)
 
     def _add_push(self) -> Any:
         with self._gui.add_folder('Simulated arm') as folder:
@@ -223,12 +223,13 @@ def hand_of(arm: ArmModel) -> str:
     """Return the link at the end of an arm; of a gripper, the hand that has the fingers."""
     link = tool_link(arm)
     grips = {name for mimic in arm.mimic_joints for name in (mimic.name, mimic.leader)}
+    model = arm.pinocchio_model
     fingers = {
-        arm.engine.getJointId(name) for name in grips if arm.engine.existJointName(name)
-        and arm.engine.joints[arm.engine.getJointId(name)].shortname().startswith('JointModelP')}
+        model.getJointId(name) for name in grips if model.existJointName(name)
+        and model.joints[model.getJointId(name)].shortname().startswith('JointModelP')}
     joint = arm.link_frame(link).parentJoint
     while joint in fingers:
-        joint = arm.engine.parents[joint]
+        joint = model.parents[joint]
     if joint == arm.link_frame(link).parentJoint:
         return link
     return [name for name in arm.link_names if arm.link_frame(name).parentJoint == joint][-1]

@@ -44,7 +44,7 @@ _STILL = 1e-6
 
 
 class _Part(NamedTuple):
-    """A link that is drawn: its frame in the engine, and the handle of the node that has it."""
+    """A link that is drawn: its frame in Pinocchio, and the handle of the node that has it."""
 
     frame: int
     handle: Any
@@ -56,7 +56,7 @@ class ArmScene:
     def __init__(self, server: Any, arm: ArmModel, xml: str, directory: Path) -> None:
         """`directory` is that of the URDF, whose meshes are looked for there."""
         self._server, self._scene = server, server.scene
-        self._arm, self._data = arm, arm.engine.createData()
+        self._arm, self._data = arm, arm.pinocchio_model.createData()
         self._marks: dict[tuple[str, int, int], Any] = {}
         self.size = ArmMarks(arm).size
         """Radius of the arcs of effort [m]."""
@@ -79,8 +79,8 @@ class ArmScene:
 
     def move(self, q: FloatArray) -> None:
         """Show the arm at q (n,)."""
-        engine, data = self._arm.engine, self._data
-        pin.framesForwardKinematics(engine, data, self._arm.coordinates.position(q))
+        model, data = self._arm.pinocchio_model, self._data
+        pin.framesForwardKinematics(model, data, self._arm.coordinates.position(q))
         with self._server.atomic():
             for frame, handle in self._parts:
                 place = data.oMf[frame]
@@ -90,7 +90,7 @@ class ArmScene:
 
     def rotation(self, link: str) -> FloatArray:
         """Return the rotation (3, 3) of a link in the base frame, where it was shown last."""
-        frame = self._arm.engine.getFrameId(link, pin.FrameType.BODY)
+        frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
         return np.array(self._data.oMf[frame].rotation)
 
     def _draw_links(self, xml: str, directory: Path) -> list[_Part]:
@@ -103,7 +103,8 @@ class ArmScene:
                      for k, visual in enumerate(own)]
             if not any(drawn):
                 self._draw_bones(node, bones.get(link, []))
-            parts.append(_Part(self._arm.engine.getFrameId(link, pin.FrameType.BODY), handle))
+            frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
+            parts.append(_Part(frame, handle))
         return parts
 
     def _draw_visual(self, node: str, visual: Visual, directory: Path) -> bool:

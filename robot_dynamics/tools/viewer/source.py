@@ -52,7 +52,7 @@ class ArmSource:
         self.problem = ''
         """Why the arm of `dynamics` cannot be shown."""
 
-    def hear_topic(self, xml: str) -> None:
+    def take_topic(self, xml: str) -> None:
         """Take what the topic robot_description says."""
         self._topic_xml = xml
         if self._described is not None:

@@ -317,7 +317,7 @@ def test_deactivation_does_not_heed_what_comes() -> None:
 
 @pytest.mark.parametrize(('rate', 'ramp_time', 'expected'), [
     (RATE, 0.5, 0.5), (RATE, 0.0, 0.05), (10.0, 0.5, 5.0)])
-def test_the_time_to_stop_is_told(rate: float, ramp_time: float, expected: float) -> None:
+def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: float) -> None:
     one = running(rate=rate, ramp_time=ramp_time)
     assert one.time_to_stop == expected
     one.deactivate(START)

@@ -140,7 +140,7 @@ def test_what_stands_before_the_robot_is_passed_over(prefix):
 def test_a_default_namespace_is_passed_over():
     parsed = parse_urdf(robot(LINKS + JOINT, 'name="bot" xmlns="http://example.org/urdf"'))
     assert (parsed.name, parsed.link_names) == ('bot', ('base', 'arm'))
-    assert pin.buildModelFromXML(parsed.engine_xml).nv == 1
+    assert pin.buildModelFromXML(parsed.pinocchio_xml).nv == 1
 
 
 def test_a_robot_may_be_without_a_name():
@@ -149,8 +149,8 @@ def test_a_robot_may_be_without_a_name():
 
 # --- for the engine ------------------------------------------------------------------------------
 
-def engine_inertia(xml):
-    return pin.buildModelFromXML(parse_urdf(xml).engine_xml).inertias[1]
+def pinocchio_inertia(xml):
+    return pin.buildModelFromXML(parse_urdf(xml).pinocchio_xml).inertias[1]
 
 
 @pytest.mark.parametrize(('plain', 'unusual'), [
@@ -158,37 +158,37 @@ def engine_inertia(xml):
     ('ixx="1"', 'ixx="1\n"'), ('xyz="0.1 0.2 0.3"', 'xyz="0.1\t0.2\n0.3"'),
     ('xyz="0.1 0.2 0.3"', 'xyz="  0.1  0.2 .3 "'), ('rpy="0 0 1"', 'rpy="0\n0\n1"'),
 ])
-def test_numbers_with_unusual_space_reach_the_engine(plain, unusual):
+def test_numbers_with_unusual_space_reach_pinocchio(plain, unusual):
     # Its own parser would drop the whole inertia of the link, and go on.
     xml = link_of(
         '<inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 1"/><mass value="1.5"/>'
         f'{INERTIA}</inertial>')
     assert plain in xml
-    ours, expected = engine_inertia(xml.replace(plain, unusual)), engine_inertia(xml)
+    ours, expected = pinocchio_inertia(xml.replace(plain, unusual)), pinocchio_inertia(xml)
     assert ours.mass == expected.mass == 1.5
     npt.assert_array_equal(ours.lever, expected.lever)
     npt.assert_array_equal(ours.inertia, expected.inertia)
 
 
-def test_the_engine_reads_the_element_that_was_checked():
+def test_pinocchio_reads_the_element_that_was_checked():
     second = '<inertial><mass value="heavy"/></inertial>'
-    inertia = engine_inertia(link_of(INERTIAL + second))
+    inertia = pinocchio_inertia(link_of(INERTIAL + second))
     assert inertia.mass == 1.5
 
 
-def test_the_engine_sees_no_limits_no_mimics_and_one_coordinate_a_joint():
+def test_pinocchio_sees_no_limits_no_mimics_and_one_coordinate_a_joint():
     parsed = parse_urdf(mimics('<mimic joint="turn" multiplier="2"/>', kind='continuous'))
-    model = pin.buildModelFromXML(parsed.engine_xml)
+    model = pin.buildModelFromXML(parsed.pinocchio_xml)
     assert (model.nq, model.nv) == (2, 2)
-    assert 'mimic' not in parsed.engine_xml
+    assert 'mimic' not in parsed.pinocchio_xml
     assert (model.upperPositionLimit > 1e29).all()
     assert (model.lowerPositionLimit < -1e29).all()
 
 
 @pytest.mark.parametrize('name', ROBOTS)
-def test_the_engine_reads_the_same_bodies_from_real_robots(name):
+def test_pinocchio_reads_the_same_bodies_from_real_robots(name):
     urdf = robot_urdf(name)
-    ours = pin.buildModelFromXML(parse_urdf(urdf).engine_xml)
+    ours = pin.buildModelFromXML(parse_urdf(urdf).pinocchio_xml)
     plain = pin.buildModelFromXML(urdf)
     assert list(ours.names) == list(plain.names)
     for joint, other in zip(ours.inertias, plain.inertias):

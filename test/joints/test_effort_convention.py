@@ -90,10 +90,10 @@ def test_gravity_and_nothing_may_be_reported() -> None:
     ('joint_torque', (), 0.0), ('joint_torque', ALL, 1.0), ('motor_current', ('friction',), 0.0),
     ('joint_torque_without_gravity', (), -1.0), ('joint_torque_without_gravity', ALL, 0.0),
 ])
-def test_the_expected_share_of_gravity(
+def test_the_expected_ratio_of_gravity(
     measured: str, compensates: tuple[str, ...], expected: float,
 ) -> None:
-    assert make_effort_convention(measured, compensates, True).expected_share == expected
+    assert make_effort_convention(measured, compensates, True).expected_ratio == expected
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [

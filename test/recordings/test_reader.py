@@ -206,7 +206,7 @@ def test_the_first_seconds(tmp_path):
 @pytest.mark.parametrize(('braked', 'left'), [
     ([], 100), (range(10), 90), (range(90, 100), 90), (range(40, 50), 90), (range(40, 44), 100),
     (range(100), 100)])
-def test_brakes_are_told_by_an_effort_of_nothing(braked, left):
+def test_brakes_are_recognized_by_an_effort_of_nothing(braked, left):
     """At an end, or for more than 0.06 s; with no effort at all, none was measured."""
     effort = np.ones((100, 2))
     effort[:, 0] = 0.0  # one joint alone says nothing

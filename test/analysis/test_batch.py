@@ -50,15 +50,15 @@ def calls(configuration):
 
 
 def test_results_come_in_order_and_failures_are_listed(bags, configuration):
-    heard = []
+    reported = []
     outcomes = run_tasks(
         tasks.measure, bags('one', 'refuse', 'three', 'fail'), configuration, workers=1,
-        on_done=heard.append)
+        on_done=reported.append)
     assert [outcome.error for outcome in outcomes] == [
         '', 'this one cannot be read', '', 'ZeroDivisionError: an accident']
     assert [outcome.result and outcome.result['size'] for outcome in outcomes] == [
         3, None, 5, None]
-    assert heard == outcomes
+    assert reported == outcomes
 
 
 def test_processes_share_the_work_and_one_that_dies_harms_only_its_own(bags, configuration):
@@ -132,7 +132,7 @@ if __name__ == '__main__':
     import tasks
     directory = Path({str(tmp_path)!r})
     run_tasks(
-        tasks.measure_until_told, sorted(directory.glob('*.db3')), {configuration!r}, 2,
+        tasks.measure_until_file, sorted(directory.glob('*.db3')), {configuration!r}, 2,
         directory / 'kept', on_done=lambda outcome: print(outcome.bag.name, flush=True))
 """
     script = tmp_path / 'run.py'
@@ -147,7 +147,7 @@ if __name__ == '__main__':
     (tmp_path / 'b2.db3').unlink()
     (tmp_path / 'b3.db3').unlink()
     again = run_tasks(
-        tasks.measure_until_told, sorted(tmp_path.glob('*.db3')), configuration, 1,
+        tasks.measure_until_file, sorted(tmp_path.glob('*.db3')), configuration, 1,
         tmp_path / 'kept')
     assert [outcome.resumed for outcome in again] == [True, True]
 
@@ -165,7 +165,7 @@ def test_the_key_depends_on_all_that_counts(tmp_path):
 
     assert not is_new(task_key(tasks.measure, bag, {'a': 1}))
     assert is_new(task_key(tasks.measure, bag, {'a': 2}))
-    assert is_new(task_key(tasks.measure_until_told, bag, {'a': 1}))
+    assert is_new(task_key(tasks.measure_until_file, bag, {'a': 1}))
     assert is_new(task_key(tasks.measure, bag, {'a': 1}, 'other code'))
     (bag / 'bag_1.mcap').write_bytes(b'')
     assert is_new(task_key(tasks.measure, bag, {'a': 1}))
@@ -195,17 +195,17 @@ def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):
     with distributed.LocalCluster(
             n_workers=1, threads_per_worker=1, dashboard_address=None,
             host='127.0.0.1') as cluster:
-        heard = []
+        reported = []
         outcomes = run_tasks(
             tasks.measure, paths, configuration, dask=cluster.scheduler_address,
-            cache=tmp_path / 'kept', on_done=heard.append)
+            cache=tmp_path / 'kept', on_done=reported.append)
         again = run_tasks(
             tasks.measure, paths, configuration, dask=cluster.scheduler_address,
             cache=tmp_path / 'kept')
     assert [outcome.bag for outcome in outcomes] == paths
     assert [outcome.error for outcome in outcomes] == ['', 'this one cannot be read', '']
     assert [outcome.result and outcome.result['size'] for outcome in outcomes] == [3, None, 5]
-    assert len(heard) == 3
+    assert len(reported) == 3
     assert [outcome.resumed for outcome in again] == [True, False, True]
 
 

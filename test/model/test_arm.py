@@ -109,7 +109,7 @@ def test_a_mimic_of_a_locked_joint_is_locked_with_it():
     assert [mimic.name for mimic in arm.mimic_joints] == ['mirror', 'echo']
     assert arm.locked_joints == {'far': 0.5}
     tree = arm.coordinates.position(np.array([0.0, 1.0]))
-    positions = {name: tree[arm.engine.joints[arm.engine.getJointId(name)].idx_q]
+    positions = {name: tree[arm.pinocchio_model.joints[arm.pinocchio_model.getJointId(name)].idx_q]
                  for name in ('slide', 'roll', 'mirror', 'echo')}
     assert positions == pytest.approx({
         'slide': 0.0, 'roll': 1.0, 'mirror': -1.9, 'echo': -5.9})
@@ -120,10 +120,10 @@ def test_a_mimic_of_a_locked_joint_is_locked_with_it():
         RigidBody(arm).gravity(np.array([0.0, 1.0])), held[:2], rtol=0.0, atol=1e-12)
 
 
-def test_the_engine_has_one_coordinate_for_each_joint_that_moves():
+def test_pinocchio_has_one_coordinate_for_each_joint_that_moves():
     arm = load_arm(arm_urdf())
-    assert arm.engine.nq == arm.engine.nv == 6
-    rows = [arm.engine.joints[arm.engine.getJointId(name)].idx_v
+    assert arm.pinocchio_model.nq == arm.pinocchio_model.nv == 6
+    rows = [arm.pinocchio_model.joints[arm.pinocchio_model.getJointId(name)].idx_v
             for name in ('slide', 'roll', 'far', 'mirror', 'echo', 'shadow')]
     npt.assert_allclose(arm.coordinates.G[rows], [
         [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -2, 0], [0, -6, 0], [0, 0, 0.5]])
@@ -157,10 +157,10 @@ def test_there_is_no_friction_at_rest():
 # --- gravity, links, immutability ----------------------------------------------------------------
 
 def test_gravity_is_that_of_the_earth_unless_said_otherwise():
-    npt.assert_array_equal(load_arm(arm_urdf()).engine.gravity.linear, [0, 0, -9.81])
+    npt.assert_array_equal(load_arm(arm_urdf()).pinocchio_model.gravity.linear, [0, 0, -9.81])
     moon = load_arm(arm_urdf(), gravity=(0.1, 0.2, -1.6))
-    npt.assert_array_equal(moon.engine.gravity.linear, [0.1, 0.2, -1.6])
-    npt.assert_array_equal(moon.with_payloads([]).engine.gravity.linear, [0.1, 0.2, -1.6])
+    npt.assert_array_equal(moon.pinocchio_model.gravity.linear, [0.1, 0.2, -1.6])
+    npt.assert_array_equal(moon.with_payloads([]).pinocchio_model.gravity.linear, [0.1, 0.2, -1.6])
 
 
 def test_every_link_has_a_frame():
@@ -211,14 +211,14 @@ def test_the_default_arm():
 
 
 @pytest.mark.parametrize('robot', ROBOTS)
-def test_real_robots_have_the_joints_and_the_mass_that_the_engine_reads(robot):
+def test_real_robots_have_the_joints_and_the_mass_that_pinocchio_reads(robot):
     urdf = robot_urdf(robot)
     arm = load_arm(urdf)
     plain = pin.buildModelFromXML(urdf)
     n = arm.joint_count
     assert n + len(arm.mimic_joints) + len(arm.locked_joints) == plain.nv
     assert bool(arm.mimic_joints) == (robot in MIMIC)
-    assert sum(inertia.mass for inertia in arm.engine.inertias) == pytest.approx(
+    assert sum(inertia.mass for inertia in arm.pinocchio_model.inertias) == pytest.approx(
         sum(inertia.mass for inertia in plain.inertias), rel=1e-12)
     mimics = [mimic.name for mimic in arm.mimic_joints]
     assert set(arm.joint_names) | set(mimics) == set(plain.names) - {'universe'}

@@ -24,10 +24,10 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectories.demo_motion import (
     LARGEST_ACCELERATION,
+    LIMIT_FRACTION,
     make_reference_motion,
     POSITION_MARGIN,
     sample_trajectory,
-    SHARE_OF_LIMITS,
 )
 from robots import robot_urdf
 
@@ -49,11 +49,11 @@ def check_limits(arm, motion, duration):
     margin = 0.9 * POSITION_MARGIN * span
     assert (q >= limits.lower + margin).all()
     assert (q <= limits.upper - margin).all()
-    assert (np.abs(v) <= TOLERANCE * SHARE_OF_LIMITS * limits.velocity).all()
+    assert (np.abs(v) <= TOLERANCE * LIMIT_FRACTION * limits.velocity).all()
     assert np.abs(a).max() <= TOLERANCE * LARGEST_ACCELERATION
     dynamics = ArmDynamics(arm)
     held = np.abs(dynamics.rigid_body.gravity(motion.start) / limits.effort).max()
-    allowed = SHARE_OF_LIMITS if held <= SHARE_OF_LIMITS else 0.5 * (1.0 + held)
+    allowed = LIMIT_FRACTION if held <= LIMIT_FRACTION else 0.5 * (1.0 + held)
     for i in range(0, len(times), 50):
         effort = dynamics.inverse_dynamics(q[i], v[i], a[i])
         assert (np.abs(effort) <= TOLERANCE * allowed * limits.effort).all()

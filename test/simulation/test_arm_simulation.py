@@ -166,10 +166,10 @@ def test_coulomb_friction_slows_down_linearly_and_stops_for_good() -> None:
     assert simulation.q.tolist() == at_stop.tolist()
 
 
-@pytest.mark.parametrize('share', [0.0, 0.5, 0.999, -0.999])
-def test_a_joint_at_rest_stays_below_its_friction(share: float) -> None:
+@pytest.mark.parametrize('fraction', [0.0, 0.5, 0.999, -0.999])
+def test_a_joint_at_rest_stays_below_its_friction(fraction: float) -> None:
     simulation = released(one_link(coulomb=0.6), (0.4,))
-    simulation.step(np.array([share * 0.6]), 1.0)
+    simulation.step(np.array([fraction * 0.6]), 1.0)
     assert simulation.v.tolist() == [0.0]
     assert simulation.q.tolist() == [0.4]
 

@@ -39,14 +39,14 @@ EFFORTS = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3)
 
 @settings(deadline=None, derandomize=True)
 @given(proportional=EFFORTS, damping=EFFORTS, rate=st.floats(1e-3, 1e5))
-def test_it_is_the_largest_share_that_the_rate_lets_through(
+def test_it_is_the_largest_scale_that_the_rate_lets_through(
     proportional: list[float], damping: list[float], rate: float,
 ) -> None:
     P, D = np.array(proportional), np.array(damping)
     s = gain_scale(P, D, rate)
 
-    def change(share: float) -> float:
-        return float(share * np.abs(share * share * P + share * D).max())
+    def change(scale: float) -> float:
+        return float(scale * np.abs(scale * scale * P + scale * D).max())
 
     assert 0.0 <= s <= 1.0
     assert change(s) <= rate * (1.0 + 1e-9)

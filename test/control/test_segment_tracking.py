@@ -41,9 +41,9 @@ def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
 @given(
     n=st.integers(1, FEW), kind=st.sampled_from(['linear', 'cubic', 'quintic']),
     joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),
-    share=st.floats(0.0, 0.999), has_damping=st.booleans())
+    phase=st.floats(0.0, 0.999), has_damping=st.booleans())
 def test_it_asks_for_what_the_feedback_law_asks_for(
-    n: int, kind: str, joint: str, seed: int, share: float, has_damping: bool,
+    n: int, kind: str, joint: str, seed: int, phase: float, has_damping: bool,
 ) -> None:
     rng = np.random.default_rng(seed)
     active = segment_of(n, kind, rng)
@@ -52,7 +52,7 @@ def test_it_asks_for_what_the_feedback_law_asks_for(
         make_gains([f'joint{j}' for j in range(n)], kp=kp.tolist(),
                    kd=(kd * has_damping).tolist()), [joint] * n)
     q, v = rng.uniform(-9.0, 9.0, (2, n))
-    now = SECOND + round(2e9 * share)
+    now = SECOND + round(2e9 * phase)
     segment = active.segment(now)
     assert segment is not None
     tracked = TrackingLaw(segment, feedback).at(now, q, v)
@@ -77,7 +77,7 @@ def test_a_segment_is_in_force_from_the_arrival_on_and_before_the_end() -> None:
     second = late.segment(SECOND)
     assert second is not None
     assert second is not first
-    assert second.share(2 * SECOND) == 0.5
+    assert second.phase(2 * SECOND) == 0.5
     assert late.segment(3 * SECOND) is None
 
 

@@ -89,12 +89,12 @@ def started(**options: Any) -> Watched:
 @laws
 @given(st.lists(st.floats(0.0005, 0.02), min_size=1, max_size=30), st.floats(0.0, 0.99))
 def test_states_that_move_as_fast_as_they_may_follow_each_other(
-    steps: list[float], share: float,
+    steps: list[float], fraction: float,
 ) -> None:
     one, t, q = started(), 0.0, Q.copy()
     one.crowd = True
     for dt in steps:
-        t, q = t + dt, q + share * SPEED_FACTOR * LIMIT * dt
+        t, q = t + dt, q + fraction * SPEED_FACTOR * LIMIT * dt
         judgement = one.judge(t, q=q)
         assert judgement.is_new
         assert judgement.dt == pytest.approx(dt, abs=2e-9)
@@ -244,7 +244,7 @@ STORY = st.lists(st.tuples(
     st.sampled_from([0.0, 0.01, 1.0])), max_size=8)
 
 
-def told(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
+def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
     """Return what becomes of each state of a story: the judgement, or why it is refused."""
     one.crowd = crowd
     stamp = clock = 0.0
@@ -264,8 +264,8 @@ def test_stamps_of_another_clock_may_differ_by_anything(
     story: list[tuple[float, float, float]], offset: float, sign: float, crowd: bool,
 ) -> None:
     """A simulator's, or that of a robot which never heard of the time: nothing has an age."""
-    fates = told(Watched(offset=sign * offset), story, crowd)
-    assert fates == told(Watched(max_age=0.0), story, crowd)
+    fates = fates_of(Watched(offset=sign * offset), story, crowd)
+    assert fates == fates_of(Watched(max_age=0.0), story, crowd)
 
 
 def test_whose_clock_it_is_is_decided_by_the_first_state() -> None:

@@ -61,7 +61,7 @@ def test_lines_show_the_values(figure):
     assert np.ptp(error.lines[0].get_ydata()) == pytest.approx(2.0, abs=0.1)  # in mrad
 
 
-def test_lines_of_one_panel_can_be_told_apart_without_colour():
+def test_lines_of_one_panel_can_be_distinguished_without_colour():
     for together in (
         ('gravity', 'inertial', 'coriolis', 'friction', 'effort'),
         ('reference', 'measured'),
