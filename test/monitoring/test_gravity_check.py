@@ -29,15 +29,16 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.monitoring.gravity_check import (
     GravityCheck,
+    GravityVerdict,
     NO_EFFORT,
     POSE,
     STILL,
     UNLOADED_WORDS,
+    verdict_in_words,
 )
-from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import InnerController
+from robot_dynamics.simulation.plant import InnerController
 from robot_dynamics.trajectories.interpolation import (
     JointTrajectory,
     make_trajectory,

@@ -32,7 +32,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_from_ros, trajectory_from_ros
-from robot_dynamics.ros.dynamics.marker_messages import drawn
+from robot_dynamics.ros.dynamics.markers import drawn
 from robot_dynamics.trajectories.interpolation import (
     quintic_point_to_point,
     sample_segment,

@@ -43,11 +43,12 @@ from robot_dynamics.ros.dynamics.live_estimates import Estimates
 from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
 from robot_dynamics.ros.dynamics.parameters import (
     GAINS,
+    guard_limits,
     optional_limits,
     options_from,
+    safety_options,
     SPECS,
 )
-from robot_dynamics.ros.dynamics.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
 from robot_dynamics.ros.guarded_callbacks import (

@@ -44,8 +44,7 @@ from robot_dynamics.ros.robot_description import (
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import InnerController, Plant
 from robot_dynamics_interfaces.srv import SetPayload
 from std_srvs.srv import Trigger
 
