@@ -43,7 +43,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import UncheckedRigidBody
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
 
 POSITION_MARGIN, FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE = 0.01, 0.1, 1000.0

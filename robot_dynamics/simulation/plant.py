@@ -21,7 +21,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.effort_convention import EffortConvention, measured_from_joint
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
 from robot_dynamics.simulation.command_timeout import CommandTimeout
 

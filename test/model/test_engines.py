@@ -36,9 +36,10 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.model.rigid_body import RigidBody
 from robots import ARMS, by_kind, KINDS, MIMIC, robot_urdf, ROBOTS
 
 # Relative to the largest entry. Accelerations need more room: where a wrist or a caster turns on

@@ -33,7 +33,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, UncheckedRigidBody
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
