@@ -44,7 +44,8 @@ from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, Sa
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
-from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 POSITION_MARGIN, FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE = 0.01, 0.1, 1000.0
 """Defaults of `position_margin` and `effort_rate_limit` in `ros/dynamics/parameters`."""

@@ -38,7 +38,8 @@ from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator

@@ -36,7 +36,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController
-from robot_dynamics.trajectories.interpolation import make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names

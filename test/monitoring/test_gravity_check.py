@@ -39,11 +39,8 @@ from robot_dynamics.monitoring.gravity_check import (
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController
-from robot_dynamics.trajectories.interpolation import (
-    JointTrajectory,
-    make_trajectory,
-    quintic_point_to_point,
-)
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names

@@ -35,7 +35,7 @@ from robot_dynamics.ros.conversions import (
     trajectory_to_ros,
 )
 from robot_dynamics.trajectories.efforts import efforts_along
-from robot_dynamics.trajectories.interpolation import quintic_via_points
+from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, LATCHED, NodeProcess, RosClient
 from sensor_msgs.msg import JointState

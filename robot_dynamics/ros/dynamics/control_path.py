@@ -45,7 +45,7 @@ from robot_dynamics.ros.dynamics.markers import LiveMarkers
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.trajectories.interpolation import JointTrajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 

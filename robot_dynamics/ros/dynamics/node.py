@@ -27,10 +27,7 @@ from robot_dynamics.control.loop_warnings import loop_warnings
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_parameters import (
-    arm_from_parameters,
-    convention_from_parameters,
-)
+from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder

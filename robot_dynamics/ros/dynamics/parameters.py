@@ -31,18 +31,11 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_parameters import (
-    check_order_is_given,
-    convention_from_parameters,
-)
+from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
-from robot_dynamics.ros.robot_description import (
-    ACTUATOR_SPECS,
-    DESCRIPTION_SPECS,
-    FRICTION_SPECS,
-)
+from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, DESCRIPTION_SPECS, FRICTION_SPECS
 
 FULL_EFFORT_TIME = 0.1
 """[s] in which the command may change by the effort limit of a joint, by default."""

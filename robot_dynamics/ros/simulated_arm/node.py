@@ -22,10 +22,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
-from robot_dynamics.model.arm_parameters import (
-    arm_from_parameters,
-    convention_from_parameters,
-)
+from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.guarded_callbacks import (
