@@ -48,7 +48,7 @@ STEPS = (
     ('judge the state', 'robot_dynamics.monitoring.state_plausibility:StateMonitor.judge', 1),
     ('control law', 'robot_dynamics.control.controller:Controller.answer', 1),
     ('g(q)', 'robot_dynamics.model.unchecked_rigid_body:UncheckedRigidBody.gravity', 2),
-    ('reference and feedback', 'robot_dynamics.control.controller:Controller._track', 2),
+    ('reference and feedback', 'robot_dynamics.control.computed_torque:ComputedTorque._track', 2),
     ('inverse dynamics',
      'robot_dynamics.model.unchecked_rigid_body:UncheckedRigidBody.inverse_dynamics', 2),
     ('command', 'robot_dynamics.ros.dynamics.command_output:SafeCommand.answer', 1),
