@@ -23,7 +23,8 @@ from children import LONG
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControlOutput
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm

@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, NonFiniteEffortError
+from robot_dynamics.control.control_output import NonFiniteEffortError
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm

@@ -28,21 +28,11 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import ControlOutput
+from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.effort_limiter import EffortLimits
-from robot_dynamics.control.supervisor import (
-    Brake,
-    CommandSupervisor,
-    Fault,
-    Mode,
-    SafetyOptions,
-)
+from robot_dynamics.control.supervisor import Brake, CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.cdr_templates import (
-    array_template,
-    effort_template,
-    MessageTemplate,
-)
+from robot_dynamics.ros.cdr_templates import array_template, effort_template, MessageTemplate
 from robot_dynamics.ros.diagnostics import Status
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.message_loop import LOG_PERIOD

@@ -20,7 +20,7 @@ import math
 import time
 
 from robot_dynamics.arrays import any_of
-from robot_dynamics.control.controller import ControlOutput
+from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.effort_limiter import GuardedEffort
 from robot_dynamics.control.supervisor import Fault, Mode
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN

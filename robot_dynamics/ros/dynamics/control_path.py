@@ -24,7 +24,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions

@@ -30,7 +30,8 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import Controller, ControlOutput
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
 from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
