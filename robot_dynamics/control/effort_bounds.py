@@ -53,7 +53,7 @@ NOTHING = RobotEffort(None, None)
 def robot_effort(
     convention: EffortConvention, gravity: FloatArray, friction: FloatArray | None,
 ) -> RobotEffort:
-    """Return what a robot adds by itself of g(q) and friction (n,); `NOTHING` for nothing."""
+    """Return what a robot adds of g(q) and friction (n,) automatically; or `NOTHING`."""
     if not convention.robot_compensates:
         return NOTHING
     return RobotEffort(

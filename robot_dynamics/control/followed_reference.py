@@ -48,7 +48,7 @@ class FollowedReference:
         return self._follower.active
 
     def limit(self, limits: MotionLimits | None, stream_timeout: float) -> None:
-        """Take limits of motion, in force after `scale`, and the timeout [s] of set-points."""
+        """Take limits of motion, applied by `scale`, and the timeout [s] of set-points."""
         self._limits = limits
         self._follower.stream_timeout = stream_timeout
 
@@ -91,12 +91,12 @@ class FollowedReference:
         self._stops_next = holds
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
-        """Stop along the path in force, or from this state, and hold."""
+        """Stop along the active path, or from this state, and hold."""
         self._stops_next = False
         self._follower.stop(stamp_ns, q, v)
 
     def stop_on_path(self, state: tuple[int, FloatArray, FloatArray] | None) -> None:
-        """Stop along the path in force and hold; without a state (stamp, q, v), follow nothing."""
+        """Stop along the active path and hold; without a state (stamp, q, v), follow nothing."""
         if state is None:
             self._follower.clear()
         else:

@@ -34,7 +34,7 @@ class PreparedLoad(NamedTuple):
 
 class LoadedArm:
     """
-    An arm with the load in force.
+    An arm with its active load.
 
     `dynamics` is for the control path, `planning` for the thread that plans motions; `workspace`
     is M(q) and g(q) over the workspace. `Controller` calls `prepare` without its lock, and all
@@ -54,7 +54,7 @@ class LoadedArm:
         return PreparedLoad(payload, planning, WorkspaceInertia(planning))
 
     def replace(self, load: PreparedLoad, dynamics: UncheckedArmDynamics) -> None:
-        """Put a load in force at once; `dynamics` are those of the arm with it."""
+        """Activate a load at once; `dynamics` are those of the arm with it."""
         self.dynamics, self._transition = dynamics, None
         self.planning, self.workspace = load.planning, load.workspace
 
@@ -63,7 +63,7 @@ class LoadedArm:
         when_done: Callable[[Payload | None], None],
     ) -> None:
         """
-        Let a load replace the one in force over transition_time [s].
+        Let a load replace the active one over transition_time [s].
 
         Until the next exchange, `workspace` is that of the heavier load.
         """
@@ -72,7 +72,7 @@ class LoadedArm:
             self.dynamics.arm.payloads, load.payload, transition_time, when_done)
 
     def advance(self, stamp_ns: int) -> None:
-        """Put the load of this stamp in force while there is a transition."""
+        """Activate the load of this stamp during a transition."""
         transition = self._transition
         if transition is None:
             return

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The trajectory in force: its reference at a time, and how a new trajectory replaces it.
+The active trajectory: its reference at a time, and how a new trajectory replaces it.
 
 Absolute times are whole nanoseconds: 1.7e9 s since the epoch, as a 64-bit float, is only good
 to 2e-7 s. Spans of time are seconds.

@@ -17,7 +17,7 @@ One arm and one engine at random states, and how far their results may differ.
 
 Both engines read the same text as the arm. They know nothing of mimic joints, locked joints or
 payloads: the relations are read here from the description itself, and payloads are written into
-it. Where the engines do not take the inertia of a link, the arm too reads the mended text.
+it. Where the engines do not take the inertia of a link, the arm too reads the corrected text.
 """
 
 from collections.abc import Sequence
