@@ -23,7 +23,7 @@ from benchmarks.timing import medians
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.rigid_body import UncheckedRigidBody
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 
 JOINTS = (2, 3, 4, 5, 7, 10, 14, 20, 30, 40, 50, 60)
 LONG = 10

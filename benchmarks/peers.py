@@ -24,7 +24,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.model.rigid_body import UncheckedRigidBody
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 
 JOINTS = 7
 STATES = 20

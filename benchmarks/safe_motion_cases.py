@@ -36,7 +36,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.interpolation import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 
 PACKAGE = 'example-robot-data'
 DEFAULT = 'default'

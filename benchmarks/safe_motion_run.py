@@ -43,11 +43,12 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import UncheckedRigidBody
-from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 POSITION_MARGIN, FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE = 0.01, 0.1, 1000.0
-"""Defaults of `position_margin` and `effort_rate_limit` in `ros/safety_parameters`."""
+"""Defaults of `position_margin` and `effort_rate_limit` in `ros/dynamics/parameters`."""
 ACTION_PERIOD = 2
 """[ms] between efforts of a fault action, as in `ros/dynamics/command_output`."""
 FIRST_STAMP, MS = 1_000_000_000, 1_000_000

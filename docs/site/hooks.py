@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What MkDocs calls: pages made from the README and from the code, links, formulas, anchors."""
+"""
+What MkDocs calls: pages made from the README and from the code, links, formulas, anchors.
+
+This module stays as long as the README is the source of pages of the site (`readme_pages`).
+"""
 
 from collections.abc import Mapping
 import posixpath

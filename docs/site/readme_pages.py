@@ -17,6 +17,7 @@ The README as pages of the site, and links to what is no page.
 
 README.md is read on its own more often than on the site, so it is written once, there: its
 sections become the first pages here, and the site's reference takes the words of its tables.
+This module stays as long as the README is the source of these pages.
 """
 
 from pathlib import Path

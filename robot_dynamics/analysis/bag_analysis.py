@@ -28,18 +28,14 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
-from robot_dynamics.analysis.residual import (
-    model_terms,
-    residual_statistics,
-    ResidualStatistics,
-    TermSeries,
-)
+from robot_dynamics.analysis.residual import residual_statistics, ResidualStatistics
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
+from robot_dynamics.model.term_series import model_terms, TermSeries
 
 
 @dataclass(frozen=True, eq=False)

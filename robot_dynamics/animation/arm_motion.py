@@ -30,11 +30,9 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.demo_motion import make_reference_motion, sample_trajectory
-from robot_dynamics.trajectories.interpolation import (
-    JointTrajectory,
-    quintic_point_to_point,
-    Reference,
-)
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 CONTROL_PERIOD = 2e-3
 """[s]"""

@@ -15,7 +15,8 @@
 """From a measured state to a safe effort: control law, limits, supervisor."""
 
 from robot_dynamics.control.control_law import Gains, make_gains
-from robot_dynamics.control.controller import Controller, ControlOutput
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions

@@ -31,7 +31,8 @@ from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, La
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.segment_tracking import FEW, TrackingLaw, TrackingOutput
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
-from robot_dynamics.trajectories.interpolation import ActiveTrajectory, Reference
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Reference
 
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated; see `control_law`."""

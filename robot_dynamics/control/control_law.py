@@ -131,6 +131,15 @@ class ErrorFeedback:
         """Return whether the position error of any joint exceeds its limit."""
         return bool((np.abs(self.position_error(reference, q)) > self.largest_error).any())
 
+    def worst_error(
+        self, reference: FloatArray, q: FloatArray, joint_names: Sequence[str],
+    ) -> str:
+        """Return which position error is the largest relative to its limit, with both values."""
+        limit, e = self.largest_error, self.position_error(reference, q)
+        j = int(np.argmax(np.abs(e) / limit))
+        return (f'position of {joint_names[j]!r} is {abs(e[j]):.3g} from its reference, '
+                f'expected at most {limit[j]:.3g} (following_error_limit)')
+
     def scaled(self, scale: float) -> 'ErrorFeedback':
         """Return the feedback at this share of its bandwidth, with the same damping ratio."""
         gains = Gains(scale**2 * self.gains.kp, scale * self.gains.kd)

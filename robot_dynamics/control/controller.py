@@ -23,25 +23,24 @@ from collections.abc import Callable
 from functools import partial
 import math
 import threading
-from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray, largest
+from robot_dynamics.arrays import FloatArray, largest
 from robot_dynamics.control.computed_torque import ComputedTorque
 from robot_dynamics.control.control_law import ErrorFeedback
-from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, RobotEffort
+from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
+from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, robot_effort, RobotEffort
+from robot_dynamics.control.followed_reference import FollowedReference
 from robot_dynamics.control.gain_adaptation import GainAdaptation
 from robot_dynamics.control.laws import ControlLaw, GravityCompensation, LawInput, LawOutput
+from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.payload_transition import PayloadTransition
-from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
-from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
-from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 
 LAWS: dict[str, type[ControlLaw]] = {
     'computed_torque': ComputedTorque,
@@ -49,10 +48,6 @@ LAWS: dict[str, type[ControlLaw]] = {
 }
 """The control laws, by the values of the parameter `command`."""
 NO_COMMAND = 'none'
-ERROR_TIME = 0.3
-"""[s]: the limit of the following error is the way at the velocity limit in this time."""
-DEFAULT_ERROR = 0.5
-"""[rad] or [m], limit of the following error of a joint without a velocity limit."""
 FAULT_DAMPING = 0.5
 """Share of K_d with which a joint is damped in a fault."""
 _NS = 1e-9
@@ -61,41 +56,6 @@ _NS = 1e-9
 def command_modes() -> tuple[str, ...]:
     """Return the values of the parameter `command`."""
     return (*LAWS, NO_COMMAND)
-
-
-class NonFiniteEffortError(InvalidInputError):
-    """A state for which the model has no finite effort."""
-
-
-class ControlOutput(NamedTuple):
-    """
-    The efforts for one state, each (n,) [N·m] or [N], or None where there is none.
-
-    `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
-    `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
-    load. `hold` is the command that holds the arm still, and what a command starts from.
-    `clamped` tells which joints of `command` met their effort limit. `gain_scale` is s where
-    the command has softer gains than `computed_torque` (`gain_softening`). All numbers are finite.
-    """
-
-    gravity_compensation: FloatArray
-    robot_gravity: FloatArray
-    computed_torque: FloatArray | None
-    command: FloatArray | None
-    hold: FloatArray
-    clamped: BoolArray
-    gain_scale: float = 1.0
-    sample: Callable[[], Reference] | None = None
-    velocity: FloatArray | None = None
-    """The velocity (n,) that was used, measured or differentiated (`stable_gains`)."""
-    is_far: bool = False
-    """Whether the following error of a joint exceeds its limit."""
-    terms: EffortTerms | None = None
-
-    @property
-    def reference(self) -> Reference | None:
-        """Return what is followed, None where there is nothing."""
-        return None if self.sample is None else self.sample()
 
 
 class Controller:
@@ -109,38 +69,26 @@ class Controller:
     def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
         self.arm = arm
         self._lock = threading.Lock()
-        self._unloaded_dynamics = self._dynamics = UncheckedArmDynamics(arm)
-        self._planning = ArmDynamics(arm)
-        """For the thread that calls `follow`."""
-        self._workspace = WorkspaceInertia(self._planning)
-        self._transition: PayloadTransition | None = None
-        continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
-                      if kind == 'continuous']
-        self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
-        self._stops_next = False
-        self.slowness = 1.0
-        """Factor by which the last trajectory was slowed down."""
+        self._load = LoadedArm(arm)
+        self._reference = FollowedReference(arm)
         self._adaptation = GainAdaptation(arm.joint_kinds)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
         self._last: tuple[LawOutput, RobotEffort] | None = None
         """The answer to the last state, and what the robot adds to it by itself."""
-        self._no_joint = np.zeros(arm.joint_count, dtype=bool)
-        self._no_joint.setflags(write=False)
         self._options = options
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
         """Take over gains, law and limits; another law ends the reference."""
         feedback = ErrorFeedback(
-            options.gains, self.arm.joint_kinds, self._largest_error(options.following_error))
+            options.gains, self.arm.joint_kinds, options.largest_error(self.arm.limits.velocity))
         gravity = GravityCompensation(feedback, options)
         law = gravity if options.command == NO_COMMAND else LAWS[options.command](
             feedback, options)
         bounds = EffortBounds(self.arm.limits.effort, options.effort_scale)
         with self._lock:
             if options.command != self._options.command:
-                self._follower.clear()
-                self._stops_next = False
+                self._reference.clear()
             self._options, self._feedback, self._bounds = options, feedback, bounds
             self._law_at_rest: ControlLaw = gravity if law.follows else law
             self._law_with_reference: ControlLaw = law if law.follows else ComputedTorque(
@@ -148,31 +96,23 @@ class Controller:
             self._follows = law.follows
             self._limit_motion()
 
-    def _largest_error(self, limit: FloatArray | None) -> FloatArray:
-        if limit is not None:
-            return np.where(limit > 0.0, limit, math.inf)
-        v = self.arm.limits.velocity
-        return np.where(np.isfinite(v), ERROR_TIME * v, DEFAULT_ERROR)
-
     def _limit_motion(self) -> None:
         """Derive from arm, load and options how fast references may be and gains can act."""
-        options, scaled = self._options, self._bounds.scaled
+        options, workspace, scaled = self._options, self._load.workspace, self._bounds.scaled
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
-        self._motion_limits = self._workspace.motion_limits(
-            scaled, rate) if options.conditions_references else None
-        self._follower.stream_timeout = options.stream_timeout
+        self._reference.limit(
+            workspace.motion_limits(scaled, rate) if options.conditions_references else None,
+            options.stream_timeout)
         if options.softens_gains:
-            self._law_with_reference.limit_rate(rate, self._workspace.row_sums())
+            self._law_with_reference.limit_rate(rate, workspace.row_sums())
         self._adaptation.use(
-            options.gains if options.softens_gains else None, self._workspace.largest(), rate)
+            options.gains if options.softens_gains else None, workspace.largest(), rate)
         self._scale_motion()
 
     def _scale_motion(self) -> None:
         """Scale gains and references to the bandwidth that the joint states allow."""
-        limits, adaptation = self._motion_limits, self._adaptation
-        self._follower.limits = None if limits is None else (
-            limits.slower(adaptation.reference_scale))
-        self._law_with_reference.scale_gains(adaptation.scale)
+        self._reference.scale(self._adaptation.reference_scale)
+        self._law_with_reference.scale_gains(self._adaptation.scale)
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """
@@ -182,16 +122,10 @@ class Controller:
         or the arm cannot follow it.
         """
         self._check_follows()
-        slowness = 1.0
-        if self._follower.limits is not None and not trajectory.is_set_point:
-            self._follower.check_joints(trajectory)
-            trajectory, slowness = feasible_trajectory(
-                self._planning, trajectory, self._follower.limits, self._options.effort_scale,
-                self._options.slows_down)
+        trajectory, slowness = self._reference.feasible(
+            trajectory, self._load.planning, self._options)
         with self._lock:
-            self._follower.start(trajectory, *self._check_follows(), stamp_ns=stamp_ns)
-            self._stops_next = False
-            self.slowness = slowness
+            self._reference.start(trajectory, slowness, self._check_follows(), stamp_ns)
 
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError where nothing can be followed from it."""
@@ -210,26 +144,29 @@ class Controller:
         with self._lock:
             if self._options.command == NO_COMMAND or self._state is None:
                 return 'nothing to stop: the node does not command the arm'
-            path = 'along the reference' if self._follower.active else 'from the measured state'
-            self._follower.stop(*self._state)
-            self._stops_next = False
+            path = 'along the reference' if self._reference.active else 'from the measured state'
+            self._reference.stop(*self._state)
             return f'stopping {path}, then holding the position'
 
     @property
     def loaded_arm(self) -> ArmModel:
         """The arm with the load that is in force."""
-        return self._dynamics.arm
+        return self._load.dynamics.arm
 
     @property
     def has_reference(self) -> bool:
         """Whether a reference is followed."""
-        return self._follower.active is not None
+        return self._reference.active is not None
+
+    @property
+    def slowness(self) -> float:
+        """Factor by which the last trajectory was slowed down."""
+        return self._reference.slowness
 
     def forget_reference(self) -> None:
         """Follow nothing; without feedback, until the next trajectory or stop."""
         with self._lock:
-            self._follower.clear()
-            self._stops_next = False
+            self._reference.clear()
 
     def restart_states(self) -> None:
         """Take the next state as a first one: it need not follow from the last."""
@@ -239,21 +176,17 @@ class Controller:
     def stop_from_state(self) -> None:
         """Forget the reference; stop from the next measured state and hold, if so chosen."""
         with self._lock:
-            self._follower.clear()
-            self._stops_next = self._options.stops_and_holds and self._follows
+            self._reference.stop_from_next(self._options.stops_and_holds and self._follows)
 
     def stop_on_path(self) -> None:
         """Stop along the reference and hold, if so chosen; otherwise forget the reference."""
         with self._lock:
-            if self._options.stops_and_holds and self._state is not None:
-                self._follower.stop(*self._state)
-            else:
-                self._follower.clear()
+            self._reference.stop_on_path(self._state if self._options.stops_and_holds else None)
 
     def shift_time(self, shift_ns: int) -> None:
         """Follow on as before where the stamps of states go on lower by `shift_ns`."""
         with self._lock:
-            self._follower.shift_time(shift_ns)
+            self._reference.shift_time(shift_ns)
 
     def set_payload(
         self, payload: Payload | None, transition_time: float,
@@ -264,21 +197,17 @@ class Controller:
 
         `when_done` is called with it when it is in force: at once for no transition.
         """
-        planning = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
-        workspace = WorkspaceInertia(planning)
+        load = self._load.prepare(payload)
         if transition_time == 0.0:
-            dynamics = UncheckedArmDynamics(planning.arm)
+            dynamics = UncheckedArmDynamics(load.planning.arm)
             with self._lock:
-                self._dynamics, self._transition = dynamics, None
-                self._planning, self._workspace = planning, workspace
+                self._load.replace(load, dynamics)
                 self._limit_motion()
             when_done(payload)
             return
         with self._lock:
-            self._planning, self._workspace = planning, workspace.heavier(self._workspace)
+            self._load.begin_transition(load, transition_time, when_done)
             self._limit_motion()
-            self._transition = PayloadTransition(
-                self._dynamics.arm.payloads, payload, transition_time, when_done)
 
     def __repr__(self) -> str:
         following = 'following a reference' if self.has_reference else 'no reference'
@@ -307,10 +236,9 @@ class Controller:
             return self._terms()
 
     def _update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
-        if self._transition is not None:
-            self._advance_payload(self._transition, stamp_ns)
+        self._load.advance(stamp_ns)
         v = self._take_state(stamp_ns, q, v)
-        reference, dynamics = self._follower.active, self._dynamics
+        reference, dynamics = self._reference.active, self._load.dynamics
         law, q_ahead = self._law_at_rest, q
         if reference is not None and v is not None:
             law = self._law_with_reference
@@ -320,6 +248,26 @@ class Controller:
             dynamics, stamp_ns, q, v, q_ahead, dynamics.rigid_body.gravity(q), reference)
         return self._limited(state, law(state))
 
+    def _take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> FloatArray | None:
+        """Take over a state; start the stop that waits for it; return the velocity to use."""
+        if v is None:
+            self._lose_velocity()
+            return None
+        last = self._state
+        v, has_changed = self._adaptation.take(
+            0.0 if last is None else _NS * (stamp_ns - last[0]), q, v)
+        if has_changed:
+            self._scale_motion()
+        self._state = stamp_ns, q, v
+        self._reference.take_state(stamp_ns, q, v)
+        return v
+
+    def _lose_velocity(self) -> None:
+        """Without velocities nothing is followed, and no motion can start."""
+        if self._reference.active is not None:
+            self._reference.stop_from_next(self._options.stops_and_holds)
+        self._state = None
+
     def _limited(self, state: LawInput, answer: LawOutput) -> ControlOutput:
         """Return the answer of a law as a command within the effort limits."""
         q, gravity, reference = state.q, state.gravity, state.reference
@@ -328,24 +276,21 @@ class Controller:
         gravity_peak = largest(gravity)
         peak = gravity_peak if is_gravity else largest(nominal)
         if not (gravity_peak < math.inf and peak < math.inf):
-            raise _not_finite(q, gravity, nominal)
-        robot_gravity = gravity if state.dynamics is self._unloaded_dynamics else (
-            self._unloaded_dynamics.rigid_body.gravity(q))
-        robot, convention = NOTHING, self._options.semantics
-        if convention.robot_compensates:
-            robot = RobotEffort(
-                robot_gravity if convention.compensates_gravity else None,
-                None if is_gravity or not convention.compensates_friction else answer.friction)
+            raise non_finite_effort(q, gravity, nominal)
+        robot_gravity = gravity if state.dynamics is self._load.unloaded else (
+            self._load.unloaded.rigid_body.gravity(q))
+        robot = robot_effort(
+            self._options.semantics, robot_gravity, None if is_gravity else answer.friction)
         bounds, is_free = self._bounds, robot is NOTHING
-        hold, clamped = (gravity, self._no_joint) if (
+        hold, clamped = (gravity, bounds.no_joint) if (
             is_free and gravity_peak <= bounds.least) else (
             bounds.bounded(robot.without_gravity(gravity), robot))
         command: FloatArray | None = hold
         if self._options.command == NO_COMMAND:
-            command, clamped = None, self._no_joint
+            command, clamped = None, bounds.no_joint
         elif not is_gravity:
             peak = peak if effort is nominal else largest(effort)
-            command, clamped = (effort, self._no_joint) if is_free and peak <= bounds.least else (
+            command, clamped = (effort, bounds.no_joint) if is_free and peak <= bounds.least else (
                 bounds.bounded(robot.command(effort), robot, hold))
         self._last = answer, robot
         if reference is None:
@@ -382,66 +327,21 @@ class Controller:
     @property
     def workspace(self) -> WorkspaceInertia:
         """M(q) and g(q) over the workspace, with the load."""
-        return self._workspace
+        return self._load.workspace
 
     def following_error(self, output: ControlOutput, q: FloatArray) -> str:
         """Return which joint exceeds its limit of the following error most, and by how much."""
         reference = output.reference
-        if reference is None:
-            return ''
-        limit = self._feedback.largest_error
-        e = self._feedback.position_error(reference.position, q)
-        j = int(np.argmax(np.abs(e) / limit))
-        return (f'position of {self.arm.joint_names[j]!r} is {abs(e[j]):.3g} from its reference, '
-                f'expected at most {limit[j]:.3g} (following_error_limit)')
+        return '' if reference is None else self._feedback.worst_error(
+            reference.position, q, self.arm.joint_names)
 
     def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
         """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
         if v is None:
             return hold
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            M, limit = self._dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
+            M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
             scale = FAULT_DAMPING * self._adaptation.scale
             damping = M @ (scale * self._feedback.gains.kd * v)
             braked = np.clip(hold - damping, np.minimum(-limit, hold), np.maximum(limit, hold))
             return braked if np.isfinite(braked).all() else hold
-
-    def _take_state(
-        self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
-    ) -> FloatArray | None:
-        """Take over a state; start the stop that waits for it; return the velocity to use."""
-        if v is None:
-            self._lose_velocity()
-            return None
-        last = self._state
-        v, has_changed = self._adaptation.take(
-            0.0 if last is None else _NS * (stamp_ns - last[0]), q, v)
-        if has_changed:
-            self._scale_motion()
-        self._state = stamp_ns, q, v
-        if self._stops_next:
-            self._stops_next = False
-            self._follower.stop(stamp_ns, q, v)
-        return v
-
-    def _lose_velocity(self) -> None:
-        """Without velocities nothing is followed, and no motion can start."""
-        if self._follower.active is not None:
-            self._stops_next = self._options.stops_and_holds
-            self._follower.clear()
-        self._state = None
-
-    def _advance_payload(self, transition: PayloadTransition, stamp_ns: int) -> None:
-        self._dynamics = UncheckedArmDynamics(
-            self.arm.with_payloads(transition.payloads(stamp_ns)))
-        if transition.done:
-            self._transition = None
-            transition.when_done(transition.target)
-
-
-def _not_finite(
-    q: FloatArray, gravity: FloatArray, computed_torque: FloatArray | None,
-) -> NonFiniteEffortError:
-    return NonFiniteEffortError(
-        f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
-        f'computed torque {computed_torque}')

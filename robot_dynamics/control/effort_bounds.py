@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
 
@@ -49,6 +50,17 @@ class RobotEffort(NamedTuple):
 NOTHING = RobotEffort(None, None)
 
 
+def robot_effort(
+    convention: EffortConvention, gravity: FloatArray, friction: FloatArray | None,
+) -> RobotEffort:
+    """Return what a robot adds of g(q) and friction (n,) automatically; or `NOTHING`."""
+    if not convention.robot_compensates:
+        return NOTHING
+    return RobotEffort(
+        gravity if convention.compensates_gravity else None,
+        friction if convention.compensates_friction else None)
+
+
 class EffortBounds:
     """Effort limits of the URDF (n,), and the same times a scale; infinite where there is none."""
 
@@ -58,6 +70,9 @@ class EffortBounds:
         self.scaled[np.isfinite(limit)] *= scale
         self.least = float(self.scaled.min(initial=np.inf))
         """The smallest of the scaled limits."""
+        self.no_joint = np.zeros(len(limit), dtype=bool)
+        """(n,): no joint met its limit."""
+        self.no_joint.setflags(write=False)
 
     def bounded(
         self, command: FloatArray, robot: RobotEffort, hold: FloatArray | None = None,

@@ -28,7 +28,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
-from robot_dynamics.trajectories.interpolation import ActiveTrajectory
+from robot_dynamics.trajectories.follower import ActiveTrajectory
 
 
 class LawInput(NamedTuple):

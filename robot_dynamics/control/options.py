@@ -17,9 +17,15 @@
 from dataclasses import dataclass
 import math
 
+import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import Gains
 from robot_dynamics.joints.effort_convention import EffortConvention
+
+ERROR_TIME = 0.3
+"""[s]: the limit of the following error is the way at the velocity limit in this time."""
+DEFAULT_ERROR = 0.5
+"""[rad] or [m], limit of the following error of a joint without a velocity limit."""
 
 
 @dataclass(frozen=True)
@@ -49,3 +55,10 @@ class ControllerOptions:
     """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
     stream_timeout: float = 0.1
     """[s] for which a set-point with a velocity is followed."""
+
+    def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
+        """Return the limit of the following error (n,) [rad] or [m], ∞ for none."""
+        if self.following_error is not None:
+            return np.where(self.following_error > 0.0, self.following_error, math.inf)
+        return np.where(
+            np.isfinite(velocity_limit), ERROR_TIME * velocity_limit, DEFAULT_ERROR)

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.identified_arm import (
+    fitted_urdf,
     joint_estimates,
     parameter_file,
     parameter_values,
 )
-from robot_dynamics.identification.identified_urdf import fitted_urdf
 from robot_dynamics.identification.summary import (
     fact_rows,
     friction_rows,

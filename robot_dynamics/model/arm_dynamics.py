@@ -30,14 +30,9 @@ from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import (
-    check_threads,
-    ExternalWrench,
-    ManipulatorEquation,
-    RigidBody,
-    singular_mass_matrix,
-    UncheckedRigidBody,
-)
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.rigid_body import check_threads, ManipulatorEquation, RigidBody
+from robot_dynamics.model.unchecked_rigid_body import singular_mass_matrix, UncheckedRigidBody
 
 
 class EffortTerms(NamedTuple):

@@ -25,6 +25,7 @@ is 1 where the robot, or another controller, adds gravity by itself, 0 where the
 there is, and less by 1 where gravity was taken out of the measured effort (`effort_convention`).
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,6 @@ from robot_dynamics.joints.effort_convention import (
 )
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.whole_turns import nearest_turn
-from robot_dynamics.monitoring.gravity_verdict import GravityVerdict
 
 STILL_VELOCITY = 0.05
 """[rad/s] or [m/s] that every joint must stay below, each sample: as much may be noise."""
@@ -67,6 +67,33 @@ POSE = 'cannot decide in this pose: no joint bears gravity well above its fricti
 UNLOADED_WORDS = (
     'cannot decide: the measured effort does not carry the arm (brakes, or no real measurement)')
 NO_EFFORT = 'no measured effort'
+
+
+@dataclass(frozen=True, eq=False)
+class GravityVerdict:
+    """
+    What a static hold told: the share k, that which was expected, and the efforts behind it.
+
+    `measured` (on the joint side), `command` (zeros for none) and `gravity` are (n,) [N·m] or
+    [N], medians over the window; `used` (n,) tells which joints decided.
+    """
+
+    ratio: float
+    expected: float
+    tolerance: float
+    measured: FloatArray
+    command: FloatArray
+    gravity: FloatArray
+    used: BoolArray
+
+    @property
+    def excess(self) -> float:
+        """Return by how much of gravity more is carried than expected."""
+        return self.ratio - self.expected
+
+    @property
+    def agrees(self) -> bool:
+        return abs(self.excess) <= self.tolerance
 
 
 class _Sample(NamedTuple):
@@ -215,3 +242,49 @@ def _median(samples: FloatArray) -> FloatArray:
     """Return the median (n,) of samples (m, n); np.median loads a module at its first call."""
     m = len(samples)
     return np.asarray(np.sort(samples, axis=0)[[(m - 1) // 2, m // 2]].mean(axis=0))
+
+
+def verdict_in_words(
+    verdict: GravityVerdict, joint_names: tuple[str, ...], semantics: EffortConvention,
+) -> str:
+    """Return one line with the numbers, what they mean, and which parameter says so."""
+    comparison = (
+        f'in a static hold the measured effort exceeds the command by {verdict.ratio:.2f} times '
+        f'g(q), expected {verdict.expected:.0f} (within {verdict.tolerance:.2f}) from '
+        f'measured_effort {semantics.measured_effort!r} and robot_compensates '
+        f'{list(semantics.robot_compensates)}')
+    if verdict.agrees:
+        return comparison
+    numbers = '; '.join(
+        f'{name}: measured {measured:.3f}, command {command:.3f}, g(q) {gravity:.3f}'
+        + ('' if used else ' (not used)')
+        for name, measured, command, gravity, used in zip(
+            joint_names, verdict.measured.tolist(), verdict.command.tolist(),
+            verdict.gravity.tolist(), verdict.used.tolist()))
+    return f'{comparison}. {numbers}. {_advice(verdict, semantics)}'
+
+
+def _advice(verdict: GravityVerdict, semantics: EffortConvention) -> str:
+    reasons = []
+    if verdict.excess > 0.0:
+        if not semantics.compensates_gravity:
+            reasons.append(
+                'the robot compensates gravity by itself, or another controller holds it, and '
+                'gravity would be compensated twice: set robot_compensates: [gravity], or keep '
+                'command: none')
+        if semantics.lacks_gravity:
+            reasons.append(
+                'the measured effort contains gravity: set measured_effort: joint_torque')
+    else:
+        if not semantics.lacks_gravity:
+            reasons.append(
+                'gravity is not in the measured effort: set measured_effort: '
+                'joint_torque_without_gravity')
+            reasons.append(
+                'brakes carry the arm, or the effort is not measured at all: open them, or set '
+                'measured_effort: none')
+        if semantics.compensates_gravity:
+            reasons.append(
+                'the robot does not compensate gravity: take it out of robot_compensates')
+    reasons.append('load, URDF or measured_effort do not describe this robot')
+    return 'Either ' + '; or '.join(reasons)

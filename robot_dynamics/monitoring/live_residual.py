@@ -22,10 +22,10 @@ instant, √2/ω ago, and of the same band.
 """
 
 import numpy as np
-from robot_dynamics.analysis.residual import model_terms
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.term_series import model_terms
 from robot_dynamics.monitoring.low_pass import LowPass
 
 

@@ -19,6 +19,7 @@ A file that was compressed as a whole is decompressed into a temporary directory
 that goes. A sqlite3 file that its recorder left with a journal is completed there, too.
 """
 
+from abc import ABC, abstractmethod
 from contextlib import closing, suppress
 import importlib
 from pathlib import Path
@@ -82,7 +83,7 @@ def open_stored_file(path: Path, scratch: Path) -> StoredFile:
     return SqliteFile(unpacked, path.name, losses, notes)
 
 
-class _File:
+class _File(ABC):
     """What both kinds of storage share: rosbags first, and the salvager where that fails."""
 
     def __init__(self, path: Path, name: str, losses: list[Loss], notes: list[str]) -> None:
@@ -144,11 +145,13 @@ class _File:
             self.losses += [named] if named not in self.losses else []
         self.topics = self._salvaged_topics()
 
+    @abstractmethod
     def _salvager(self) -> Any:
-        raise NotImplementedError
+        """Return the reader of the intact part of a damaged file."""
 
+    @abstractmethod
     def _salvaged_topics(self) -> list[StoredTopic]:
-        raise NotImplementedError
+        """Return the topics that the salvager finds."""
 
     def close(self) -> None:
         """Let go of the file."""

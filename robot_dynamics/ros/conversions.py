@@ -28,10 +28,10 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import EffortTerms
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.model.rigid_body import ExternalWrench
-from robot_dynamics.trajectories.interpolation import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg

@@ -28,8 +28,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.current_loop import Drive
 from robot_dynamics.simulation.integrator import MotionIntegrator

@@ -17,16 +17,18 @@ When the way in which an arm moves changes: joints stop or break away, teeth mee
 
 Each kind of event has a margin, positive until it happens. A step after which one is negative is
 taken anew up to the first event, found by Newton's method from a guess by the motion at both ends.
+
+The guess is the root of a Hermite polynomial. Its coefficients c_k are those of Σ c_k s^k with
+s = t/h in [0, 1].
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.stiction import hold
 from robot_dynamics.simulation.backlash import TOUCH
-from robot_dynamics.simulation.event_location import cubic, first_crossing, quintic
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 
 _ITERATIONS = 60
@@ -41,6 +43,8 @@ _AT_REST = 1e-10
 _IMPACT_TOLERANCE = 0.1 * TOUCH
 _SLACK = 1e-9
 """Share of an effort."""
+_ROOT_ITERATIONS = 40
+_ROOT_ACCURACY = 1e-9
 
 
 class StepEnd(NamedTuple):
@@ -184,3 +188,35 @@ class EventFinder:
             slack = _SLACK * (np.abs(forces.tau) + 1e-3)
             margins[_PART, touches] = (push / slack)[touches] + 2.0
         return margins
+
+
+def cubic(h: float, start: Sequence[float], end: Sequence[float]) -> tuple[float, ...]:
+    """Return the cubic with these values and rates at both ends of h."""
+    c0, c1 = start[0], h * start[1]
+    P, V = end[0] - c0 - c1, h * end[1] - c1
+    return c0, c1, 3.0 * P - V, V - 2.0 * P
+
+
+def quintic(h: float, start: Sequence[float], end: Sequence[float]) -> tuple[float, ...]:
+    """Return the quintic with these values, rates and second derivatives at both ends of h."""
+    c0, c1, c2 = start[0], h * start[1], 0.5 * h * h * start[2]
+    P, V, A = end[0] - c0 - c1 - c2, h * end[1] - c1 - 2.0 * c2, h * h * end[2] - 2.0 * c2
+    return (c0, c1, c2, 10.0 * P - 4.0 * V + 0.5 * A, 7.0 * V - 15.0 * P - A,
+            6.0 * P - 3.0 * V + 0.5 * A)
+
+
+def first_crossing(coefficients: Sequence[float], h: float) -> float:
+    """Return t in (0, h) where a polynomial is 0: positive at first, negative at last."""
+    low, high, s = 0.0, 1.0, 1.0
+    for _ in range(_ROOT_ITERATIONS):
+        value = slope = 0.0
+        for c in reversed(coefficients):
+            slope = slope * s + value
+            value = value * s + c
+        low, high = (s, high) if value > 0.0 else (low, s)
+        newton = s - value / slope if slope else low
+        step = newton if low < newton < high else 0.5 * (low + high)
+        if abs(step - s) <= _ROOT_ACCURACY * high:
+            break
+        s = step
+    return s * h

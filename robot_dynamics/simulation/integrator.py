@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
 from robot_dynamics.simulation.events import EventFinder, StepEnd
 from robot_dynamics.simulation.exponential_step import damped_step, damping_rate

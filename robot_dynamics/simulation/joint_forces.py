@@ -28,7 +28,8 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.stiction import hold, Modes
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench, UncheckedRigidBody
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.runge_kutta import Acceleration
 

@@ -26,13 +26,17 @@ from functools import partial
 from pathlib import Path
 import sys
 
+import numpy as np
 from robot_dynamics.analysis.bag_analysis import STEPS
 from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
+from robot_dynamics.analysis.residual import merged_statistics
 from robot_dynamics.analysis.sample_files import require_parquet
+from robot_dynamics.analysis.summary import limit_use_rows, residual_rows
 from robot_dynamics.analysis.tasks import (
     AnalysisResult,
     AnalysisTask,
     analyze_task,
+    merged_limit_use,
     OUTPUTS,
     outputs_exist,
     PARQUET,
@@ -44,7 +48,7 @@ from robot_dynamics.analysis.tasks import (
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.analysis_console import print_failures, print_many, print_one
+from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
 from robot_dynamics.tools.command_line import (
     add_cutoff,
     add_parameters,
@@ -58,6 +62,9 @@ from robot_dynamics.tools.command_line import (
     read_settings,
     run_tool,
 )
+
+LONGEST_LIST = 20
+"""Failures that are printed; of more it is said how many."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -147,6 +154,69 @@ def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     if arguments.no_report:
         left_out |= {REPORT}
     return tuple(name for name in OUTPUTS if name not in left_out)
+
+
+def print_one(result: AnalysisResult, is_resumed: bool) -> None:
+    """Print the analysis of one recording."""
+    print(text_table([], result.facts))
+    for title, lines in (('Lost:', result.losses), ('Remarks:', result.remarks)):
+        if lines:
+            more = len(lines) - LONGEST_LIST
+            print('\n' + '\n'.join([
+                title, *(f'  {line}' for line in lines[:LONGEST_LIST]),
+                *([f'  and {more} more'] if more > 0 else [])]))
+    _print_figures([result])
+    if result.written:
+        print('\nWritten:\n' + '\n'.join(f'  {path}' for path in result.written))
+    if is_resumed:
+        print('(from an earlier run: nothing of it has changed)')
+
+
+def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[str]) -> None:
+    """Print a line for each recording that was analysed, and all of an arm together."""
+    rows = [('recording', 'samples', 'lost', 'remarks', 'relative residual of each joint')]
+    arms: dict[tuple[str, ...], list[AnalysisResult]] = {}
+    for name, outcome in zip(names, outcomes):
+        if outcome.result is None:
+            continue
+        result = outcome.result
+        relative = 'no effort' if result.statistics is None else ' '.join(
+            f'{percent(fraction):>8}' for fraction in result.statistics.relative)
+        rows.append((name, str(result.counted), str(len(result.losses) or '-'),
+                     str(len(result.remarks) or '-'), relative))
+        arms.setdefault((result.arm, *result.joint_names), []).append(result)
+    print(quantity_table(rows))
+    resumed = sum(outcome.resumed for outcome in outcomes)
+    if resumed:
+        print(f'{resumed} of them from an earlier run')
+    for name, results in ((key[0], value) for key, value in arms.items()):
+        print(f'\nTogether: {len(results)} recordings of {name}, '
+              f'{sum(result.counted for result in results)} samples')
+        _print_figures(results)
+
+
+def print_failures(failed: Sequence[tuple[str, str]]) -> None:
+    """Print which recordings failed, and why, to stderr."""
+    if not failed:
+        return
+    print(f'analyze_bag: {len(failed)} could not be analysed:', file=sys.stderr)
+    for name, error in failed[:LONGEST_LIST]:
+        print(f'  {name}: {" ".join(error.split())}', file=sys.stderr)
+    if len(failed) > LONGEST_LIST:
+        print(f'  and {len(failed) - LONGEST_LIST} more', file=sys.stderr)
+
+
+def _print_figures(results: Sequence[AnalysisResult]) -> None:
+    first = results[0]
+    known = [result.statistics for result in results if result.statistics is not None]
+    if known:
+        print('\nResidual, measured − model:')
+        print(quantity_table(residual_rows(merged_statistics(known), first.joint_kinds)))
+    whose = 'measured' if len(known) == len(results) else 'model' if not known else 'known'
+    use = merged_limit_use([result.limit_use for result in results])
+    if not all(np.isnan(values).all() for values in (use.effort, use.velocity, use.position)):
+        print('\nUse of limits:')
+        print(quantity_table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))
 
 
 if __name__ == '__main__':

@@ -20,19 +20,14 @@ from functools import partial
 import json
 from pathlib import Path
 import sys
-import textwrap
 
-from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check.body_checks import unmeasured
-from robot_dynamics.model_check.checks import check_model
-from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
+from robot_dynamics.model_check.finding import CHECKS, errors_of
 from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.model_check.report import findings_as_data, findings_of, findings_report
 from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE, Parser, run_tool
 from robot_dynamics.urdf.description_file import read_description
 from robot_dynamics.urdf.inertials import read_bodies
-
-_WIDTH = 110
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -80,60 +75,6 @@ def _run(arguments: argparse.Namespace) -> int:
     else:
         print(findings_report(arguments.urdf, findings, arguments.ignore, unread))
     return FAILED if errors_of(findings, arguments.ignore) else DONE
-
-
-def findings_of(
-    xml: str, joints: Sequence[str], meshes: MeshReader | None = None,
-) -> list[Finding]:
-    """Return what is found in a URDF; raise RobotDynamicsError where it cannot be used at all."""
-    try:
-        arm = load_arm(xml, joints)
-    except InvalidInputError:
-        raise
-    except ModelError:
-        arm = None  # a negative mass is a finding; check_model raises whatever else it is
-    return check_model(xml, arm, meshes=meshes)
-
-
-def findings_as_data(
-    findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str] = (),
-) -> dict[str, object]:
-    """Return findings as what JSON is written of."""
-    return {
-        'findings': [
-            {'check': finding.check, 'level': finding.level, 'where': finding.where,
-             'message': finding.message, 'ignored': finding.check in ignored}
-            for finding in findings],
-        'links_with_unread_geometry': list(unread)}
-
-
-def findings_report(
-    where: object, findings: Sequence[Finding], ignored: Sequence[str],
-    unread: Sequence[str] = (),
-) -> str:
-    """Return findings in lines, with a verdict on `where` they were found as the last one."""
-    lines = []
-    for level, title in ((ERROR, 'Errors'), (WARNING, 'Warnings')):
-        of_level = [finding for finding in findings if finding.level == level]
-        lines += [f'{title}: {len(of_level)}']
-        lines += [row for finding in of_level for row in _rows(finding, ignored)]
-        lines += [''] if of_level else []
-    if unread:
-        lines.append(
-            f'Links whose geometry could not be read, and so was not compared: {len(unread)}')
-    count = len(errors_of(findings, ignored))
-    verdict = f'{count} error{"" if count == 1 else "s"}' if count else (
-        'accepted, as the errors are ignored' if errors_of(findings) else 'no errors')
-    return '\n'.join([*lines, f'{where}: {verdict}'])
-
-
-def _rows(finding: Finding, ignored: Sequence[str]) -> list[str]:
-    """Return the check, and its message in lines beside it."""
-    note = ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''
-    message = textwrap.wrap(
-        finding.message + note, _WIDTH - 24, break_long_words=False, break_on_hyphens=False)
-    return [f'  {name:20}  {text}' for name, text in zip(
-        [finding.check, *[''] * (len(message) - 1)], message)]
 
 
 if __name__ == '__main__':

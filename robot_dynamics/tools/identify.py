@@ -25,6 +25,8 @@ from functools import partial
 import os
 from pathlib import Path
 import sys
+import textwrap
+from typing import TYPE_CHECKING
 
 from robot_dynamics.tools.command_line import (
     add_cutoff,
@@ -39,7 +41,12 @@ from robot_dynamics.tools.command_line import (
     run_tool,
 )
 
+if TYPE_CHECKING:
+    from robot_dynamics.identification.bag_identification import BagIdentification
+
 OUTPUT = Path('identified')
+LONGEST_LIST = 20
+_WIDTH = 110
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -123,7 +130,6 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.reporting.progress import Progress
-    from robot_dynamics.tools.identification_console import print_identification
     bags = find_recordings(arguments.bags)
     settings = read_settings(arguments)
     if arguments.dask is not None:
@@ -151,6 +157,47 @@ def _run(arguments: argparse.Namespace) -> int:
         found, settings.urdf, arguments.output, settings.parameters)
     print_identification(found, paths)
     return FAILED if found.failed else DONE
+
+
+def print_identification(found: 'BagIdentification', paths: Sequence[Path]) -> None:
+    """Print what was found, and where it was written."""
+    from robot_dynamics.identification.summary import (
+        fact_rows,
+        friction_rows,
+        gain_rows,
+        recording_lines,
+        residual_rows,
+        warnings,
+    )
+    from robot_dynamics.reporting.text_table import quantity_table, text_table
+    identification = found.identification
+    print(text_table([], fact_rows(found)))
+    _print_list('Recordings:', recording_lines(found))
+    print('\nResidual on samples that were not trained with, RMS relative to the effort:')
+    print(quantity_table(residual_rows(identification)))
+    print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
+    print(quantity_table(friction_rows(identification)))
+    if identification.gains is not None:
+        print('\nDrive gains:')
+        print(quantity_table(gain_rows(identification, identification.gains)))
+    _print_list('Warnings:', warnings(identification))
+    print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
+    if found.failed:
+        print(f'identify: {len(found.failed)} recordings could not be used:', file=sys.stderr)
+        for bag, error in found.failed[:LONGEST_LIST]:
+            print(f'  {bag}: {" ".join(error.split())}', file=sys.stderr)
+
+
+def _print_list(title: str, lines: Sequence[str]) -> None:
+    if not lines:
+        return
+    print(f'\n{title}')
+    for line in lines[:LONGEST_LIST]:
+        print(textwrap.fill(
+            line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
+            break_long_words=False, break_on_hyphens=False))
+    if len(lines) > LONGEST_LIST:
+        print(f'  and {len(lines) - LONGEST_LIST} more')
 
 
 if __name__ == '__main__':

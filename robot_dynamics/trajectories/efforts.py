@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories.interpolation import JointTrajectory, Reference
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.segments import TrajectorySegments
 
 INTERVALS = 32

@@ -27,7 +27,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.demo_motion import sample_trajectory
 from robot_dynamics.trajectories.excitation import Excitation
-from robot_dynamics.trajectories.interpolation import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_scalar
 
 POINTS_PER_PERIOD = 24

@@ -33,14 +33,13 @@ from dataclasses import replace
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.trajectories.interpolation import (
-    ActiveTrajectory,
+from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
-    Reference,
-    TrajectoryFollower,
+    nanoseconds,
     TrajectoryPoint,
 )
-from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.motion_limits import (
     EFFORT_FRACTION,
     MotionLimits,

@@ -16,11 +16,8 @@
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
-from robot_dynamics.trajectories.interpolation import (
-    JointTrajectory,
-    position_coefficients,
-    Reference,
-)
+from robot_dynamics.trajectories.interpolation import position_coefficients, Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 _ORDERS = np.arange(6)
 

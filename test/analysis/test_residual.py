@@ -18,15 +18,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.analysis.residual import (
-    merged_statistics,
-    model_terms,
-    residual_statistics,
-)
+from robot_dynamics.analysis.residual import merged_statistics, residual_statistics
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.term_series import model_terms
 from robots import robot_urdf
 
 # A warning of numpy is a number that nobody checked.

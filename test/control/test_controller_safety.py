@@ -21,18 +21,16 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, NonFiniteEffortError
+from robot_dynamics.control.control_output import NonFiniteEffortError
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.interpolation import (
-    JointTrajectory,
-    make_trajectory,
-    quintic_point_to_point,
-)
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 NAMES = ('joint1', 'joint2')
 LIMIT = np.array([150.0, 60.0])

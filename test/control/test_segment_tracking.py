@@ -22,7 +22,9 @@ import pytest
 from robot_dynamics.arrays import wrap_angle, wrap_to_pi
 from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.control.segment_tracking import FEW, TrackingLaw
-from robot_dynamics.trajectories.interpolation import ActiveTrajectory, make_trajectory, Reference
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 SECOND = 1_000_000_000
 

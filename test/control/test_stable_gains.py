@@ -32,7 +32,7 @@ from robot_dynamics.control.stable_gains import (
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.interpolation import make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 ARM = load_arm(default_arm_urdf())

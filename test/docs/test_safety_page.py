@@ -32,8 +32,7 @@ from robot_dynamics.monitoring import state_plausibility as state_watch
 from robot_dynamics.ros import memory, message_bytes, robot_description
 from robot_dynamics.ros.dynamics import command_output as safe_command
 from robot_dynamics.ros.dynamics import control_path
-from robot_dynamics.ros.dynamics.parameters import SPECS
-from robot_dynamics.ros.dynamics.safety_parameters import SAFETY_SPECS
+from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 from robot_dynamics.urdf import parser as urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 

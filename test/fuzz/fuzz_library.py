@@ -44,8 +44,8 @@ from robot_dynamics.ros.conversions import (
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.simulated_arm.loops import Plant
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.trajectories.interpolation import TrajectoryFollower
+from robot_dynamics.simulation.plant import InnerController
+from robot_dynamics.trajectories.follower import TrajectoryFollower
 
 _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}
 

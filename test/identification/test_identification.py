@@ -28,8 +28,7 @@ from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
 from robot_dynamics.identification.friction_regressor import FrictionStructure, OFFSET
-from robot_dynamics.identification.identified_arm import parameter_values
-from robot_dynamics.identification.identified_urdf import fitted_urdf
+from robot_dynamics.identification.identified_arm import fitted_urdf, parameter_values
 from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
 from robot_dynamics.identification.qr_information import merge
 from robot_dynamics.identification.regression import (

@@ -36,7 +36,7 @@ from robot_dynamics.recordings.reader import Recording, RecordingWriter
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros, trajectory_to_ros
 from robot_dynamics.tools.demo.recorder import Recorder, TopicSpec
 from robot_dynamics.trajectories.files import read_trajectory
-from robot_dynamics.trajectories.interpolation import JointTrajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from ros_harness import (
     DYNAMICS,
     LONG,

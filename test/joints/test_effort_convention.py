@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.controller import Controller, ControlOutput
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
@@ -35,8 +36,8 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.trajectories.interpolation import make_trajectory
+from robot_dynamics.simulation.plant import InnerController
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names

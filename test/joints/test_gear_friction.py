@@ -27,7 +27,7 @@ from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.interpolation import make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names

@@ -17,275 +17,42 @@ Every quantity of the rigid bodies against MuJoCo and Drake, on real robots at r
 
 By default one robot per kind of tree (`robots.KINDS`); `scripts/test -m soak` runs the others.
 
-Both engines read the same text as the arm. They know nothing of mimic joints, locked joints or
-payloads: the relations are read here from the description itself, and payloads are written into
-it. Where the engines do not take the inertia of a link, the arm too reads the mended text.
+`engine_cases` builds arm and engine from the same description.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
 import platform
 import sys
-from typing import NamedTuple
-from xml.etree import ElementTree
-import zlib
 
-from engines import Array, DrakeEngine, Engine, load, MOVING, MujocoEngine, Projected, Wrench
+from engine_cases import (
+    assert_near,
+    assert_same_motion,
+    description,
+    deviation,
+    ENGINES,
+    IMPLAUSIBLE,
+    implausible_links,
+    joint_kinds,
+    make_case,
+    moving_joints,
+    plain,
+    with_friction,
+    with_other_relations,
+    with_payloads,
+    wrenches_of,
+)
+from engines import load
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody
+from robot_dynamics.model.rigid_body import RigidBody
 from robots import ARMS, by_kind, KINDS, MIMIC, robot_urdf, ROBOTS
-
-# Relative to the largest entry. Accelerations need more room: where a wrist or a caster turns on
-# the same tree as a lift, the condition number of M is above 10⁶.
-TOLERANCE = 1e-11
-MOTION_TOLERANCE = 1e-9
-DOWN = (0.0, 0.0, -9.81)
-ENGINES: dict[str, type[Engine]] = {'mujoco': MujocoEngine, 'drake': DrakeEngine}
-
-# Links whose principal moments are negative, or one of them above the sum of the others. MuJoCo
-# refuses such a description, and Drake puts a ball of water in the place of the link. Pinocchio
-# takes it as it is: what the arm makes of it is compared in test_rigid_body.
-IMPLAUSIBLE = {
-    'pr2': {'double_stereo_link', 'sensor_mount_link'},
-    'tiago': {'base_antenna_left_link', 'base_antenna_right_link'},
-    'tiago_dual': {'base_antenna_left_link', 'base_antenna_right_link'},
-    'tiago_no_hand': {'base_antenna_left_link', 'base_antenna_right_link'},
-}
 
 on_robots = pytest.mark.parametrize('robot', by_kind())
 on_engines = pytest.mark.parametrize('engine', ENGINES)
-
-
-# --- descriptions --------------------------------------------------------------------------------
-
-def implausible_links(urdf: str) -> set[str]:
-    """Return the links whose inertia no body has."""
-    found = set()
-    for link in ElementTree.fromstring(urdf).findall('link'):
-        tensor = link.find('inertial/inertia')
-        if tensor is not None:
-            xx, xy, xz, yy, yz, zz = (
-                float(tensor.attrib[k]) for k in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'))
-            low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            if low < 0.0 or high > (low + middle) * (1.0 + 1e-9):
-                found.add(link.attrib['name'])
-    return found
-
-
-def mended(urdf: str, links: set[str]) -> str:
-    """Return the URDF with a ball's inertia for these links: a third of the trace each way."""
-    root = ElementTree.fromstring(urdf)
-    for link in root.findall('link'):
-        if link.attrib['name'] in links:
-            tensor = link.find('inertial/inertia')
-            assert tensor is not None
-            third = sum(float(tensor.attrib[k]) for k in ('ixx', 'iyy', 'izz')) / 3.0
-            tensor.attrib.update({k: repr(third) for k in ('ixx', 'iyy', 'izz')})
-            tensor.attrib.update(dict.fromkeys(('ixy', 'ixz', 'iyz'), '0'))
-    return ElementTree.tostring(root, encoding='unicode')
-
-
-def description(robot: str) -> str:
-    return mended(robot_urdf(robot), IMPLAUSIBLE.get(robot, set()))
-
-
-def with_payloads(urdf: str, payloads: Sequence[Payload]) -> str:
-    """Return the URDF with each payload as a link of its own, fixed to the one that bears it."""
-    root = ElementTree.fromstring(urdf)
-    for i, payload in enumerate(payloads):
-        link = ElementTree.SubElement(root, 'link', {'name': f'load_{i}'})
-        inertial = ElementTree.SubElement(link, 'inertial')
-        ElementTree.SubElement(inertial, 'origin', {'xyz': ' '.join(map(str, payload.com))})
-        ElementTree.SubElement(inertial, 'mass', {'value': str(payload.mass)})
-        tensor = ElementTree.SubElement(inertial, 'inertia')
-        for r, c in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-            tensor.set(f'i{"xyz"[r]}{"xyz"[c]}', str(payload.inertia[r, c]))
-        joint = ElementTree.SubElement(root, 'joint', {'name': f'weld_{i}', 'type': 'fixed'})
-        ElementTree.SubElement(joint, 'parent', {'link': payload.link})
-        ElementTree.SubElement(joint, 'child', {'link': f'load_{i}'})
-    return ElementTree.tostring(root, encoding='unicode')
-
-
-def with_friction(urdf: str, damping: dict[str, float], coulomb: dict[str, float]) -> str:
-    """Return the URDF with this friction at every joint that moves."""
-    root = ElementTree.fromstring(urdf)
-    for joint in root.findall('joint'):
-        if (name := joint.attrib['name']) in damping:
-            for old in joint.findall('dynamics'):
-                joint.remove(old)
-            ElementTree.SubElement(joint, 'dynamics', {
-                'damping': str(damping[name]), 'friction': str(coulomb[name])})
-    return ElementTree.tostring(root, encoding='unicode')
-
-
-def with_other_relations(urdf: str, rng: np.random.Generator) -> str:
-    """Return the URDF with odd relations of mimic joints, the last of them after the first."""
-    root = ElementTree.fromstring(urdf)
-    followers = [
-        joint for joint in root.findall('joint')
-        if joint.attrib['type'] in MOVING and joint.find('mimic') is not None]
-    for joint in followers:
-        mimic = joint.find('mimic')
-        assert mimic is not None
-        mimic.set('multiplier', str(rng.choice((-1.0, 1.0)) * rng.uniform(0.3, 2.5)))
-        mimic.set('offset', str(rng.uniform(-0.5, 0.5)))
-        if joint is followers[-1] and joint is not followers[0]:
-            mimic.set('joint', followers[0].attrib['name'])
-    return ElementTree.tostring(root, encoding='unicode')
-
-
-class Joint(NamedTuple):
-    """A joint that moves, as the description has it."""
-
-    lower: float
-    upper: float
-    leader: str
-    multiplier: float
-    offset: float
-
-
-def moving_joints(urdf: str) -> dict[str, Joint]:
-    joints = {}
-    for element in ElementTree.fromstring(urdf).findall('joint'):
-        if element.attrib['type'] not in MOVING:
-            continue
-        limit, mimic = element.find('limit'), element.find('mimic')
-        unlimited = element.attrib['type'] == 'continuous' or limit is None
-        low, high = (-np.inf, np.inf) if unlimited else (
-            float(limit.get(key, '0')) for key in ('lower', 'upper'))
-        follows = ('', 1.0, 0.0) if mimic is None else (
-            mimic.attrib['joint'], float(mimic.get('multiplier', '1')),
-            float(mimic.get('offset', '0')))
-        joints[element.attrib['name']] = Joint(low, high, *follows)
-    return joints
-
-
-def tree_map(urdf: str, names: Sequence[str], tree: Sequence[str]) -> tuple[Array, Array]:
-    """Return G, q0 with q_tree = G q + q0: every joint evaluated by its own relation."""
-    joints = moving_joints(urdf)
-
-    def evaluate(name: str, q: dict[str, float]) -> float:
-        joint = joints[name]
-        if joint.leader:
-            return joint.multiplier * evaluate(joint.leader, q) + joint.offset
-        return q[name] if name in q else max(joint.lower, min(joint.upper, 0.0))
-
-    def position(q: Array) -> Array:
-        return np.array([evaluate(name, dict(zip(names, q))) for name in tree])
-
-    q0 = position(np.zeros(len(names)))
-    return np.array([position(e) - q0 for e in np.eye(len(names))]).T, q0
-
-
-# --- cases ---------------------------------------------------------------------------------------
-
-class State(NamedTuple):
-    """Position, velocity, acceleration and an effort, each (n,)."""
-
-    q: Array
-    v: Array
-    a: Array
-    tau: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """One arm, and the engine that it is compared with."""
-
-    arm: ArmModel
-    body: RigidBody
-    reference: Projected
-    rng: np.random.Generator
-
-    def states(self, count: int) -> list[State]:
-        """Return random states within the limits; a joint without any turns by up to ±π."""
-        limits, n, rng = self.arm.limits, self.arm.joint_count, self.rng
-        low, high = np.clip(limits.lower, -np.pi, np.pi), np.clip(limits.upper, -np.pi, np.pi)
-        return [
-            State(rng.uniform(low, high), *rng.normal(scale=(2.0, 5.0, 20.0), size=(n, 3)).T)
-            for _ in range(count)]
-
-    def wrenches(self, count: int) -> list[ExternalWrench]:
-        """Return random wrenches on random links, fixed ones and the base among them."""
-        links = self.rng.choice(self.arm.link_names, count)
-        return [
-            ExternalWrench(str(link), self.rng.normal(size=3) * 50, self.rng.normal(size=3) * 10)
-            for link in links]
-
-
-def make_case(
-    engine: str, urdf: str, *, joints: Sequence[str] = (), gravity: Sequence[float] = DOWN,
-    theirs: str = '', damping: bool = False,
-) -> Case:
-    """Return an arm and the engine of one description, or of another that is `theirs`."""
-    arm = load_arm(urdf, joints, gravity)
-    reference = ENGINES[engine](theirs or urdf, gravity, damping)
-    projection = tree_map(urdf, arm.joint_names, reference.joint_names)
-    return Case(arm, RigidBody(arm), Projected(reference, *projection), generator(urdf))
-
-
-@cache
-def built_once(engine: str, robot: str) -> Case:
-    return make_case(engine, description(robot))
-
-
-def plain(engine: str, robot: str) -> Case:
-    """Return the case of a robot as it is; its random numbers start anew."""
-    return replace(built_once(engine, robot), rng=generator(description(robot)))
-
-
-def generator(urdf: str) -> np.random.Generator:
-    # Not the hash of a str, which differs from run to run.
-    return np.random.default_rng(zlib.crc32(urdf.encode()))
-
-
-def wrenches_of(wrenches: Sequence[ExternalWrench]) -> list[Wrench]:
-    return [Wrench(w.link, w.force, w.torque) for w in wrenches]
-
-
-def deviation(actual: Array | float, reference: Array | float) -> float:
-    """Return max |actual − reference| relative to max |reference|."""
-    difference = float(np.max(np.abs(np.subtract(actual, reference)), initial=0.0))
-    scale = float(np.max(np.abs(reference), initial=0.0))
-    # Both are nothing but rounding where a vector is zero by symmetry.
-    return difference / scale if scale > 1e-9 else difference
-
-
-def assert_near(actual: Array | float, reference: Array | float, what: str) -> None:
-    assert np.shape(actual) == np.shape(reference)
-    relative = deviation(actual, reference)
-    assert relative <= TOLERANCE, f'{what} is off by {relative:.1e} of its largest value'
-
-
-def assert_same_motion(
-    a: Array, reference: Projected, state: State, wrenches: Sequence[Wrench] = (),
-) -> None:
-    """Compare accelerations by the efforts that they cost."""
-    q, v, _, tau = state
-    expected = reference.forward_dynamics(q, v, tau, wrenches)
-    cost = reference.mass_matrix(q) @ (a - expected)
-    scale = np.max(np.abs(tau) + np.abs(reference.external(q, wrenches)))
-    assert np.max(np.abs(cost)) <= MOTION_TOLERANCE * scale
-
-
-# --- what is compared ----------------------------------------------------------------------------
-
-def joint_kinds(robot: str) -> set[tuple[str | None, ...]]:
-    """Return type and axis, and type and mimic element, of each joint."""
-    kinds: set[tuple[str | None, ...]] = set()
-    for joint in ElementTree.fromstring(robot_urdf(robot)).findall('joint'):
-        axis, kind = joint.find('axis'), joint.get('type')
-        if kind in MOVING:
-            kinds.add((kind, None if axis is None else axis.get('xyz')))
-        if joint.find('mimic') is not None:
-            kinds.add((kind, 'mimic'))
-    return kinds
 
 
 def test_the_default_robots_have_every_kind_of_joint():

@@ -24,7 +24,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import ExternalWrench, RigidBody, UncheckedRigidBody
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 _BARE = load_arm(default_arm_urdf())

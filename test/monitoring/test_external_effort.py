@@ -29,8 +29,8 @@ from robot_dynamics.joints.effort_convention import (
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.momentum_observer import MomentumObserver
 from robot_dynamics.planar.urdf import planar_arm_urdf

@@ -29,20 +29,18 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.monitoring.gravity_check import (
     GravityCheck,
+    GravityVerdict,
     NO_EFFORT,
     POSE,
     STILL,
     UNLOADED_WORDS,
+    verdict_in_words,
 )
-from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.trajectories.interpolation import (
-    JointTrajectory,
-    make_trajectory,
-    quintic_point_to_point,
-)
+from robot_dynamics.simulation.plant import InnerController
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names

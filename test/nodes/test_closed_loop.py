@@ -26,7 +26,8 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_to_ros
-from robot_dynamics.trajectories.interpolation import JointTrajectory, quintic_point_to_point
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import (
     Collector,

@@ -28,7 +28,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.trajectories.interpolation import quintic_point_to_point
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros_harness import (
     Collector,
     DYNAMICS,

@@ -23,11 +23,9 @@ from fault_stimuli import SetPoints
 import numpy as np
 import pytest
 from robot_dynamics.ros.conversions import trajectory_to_ros
-from robot_dynamics.trajectories.interpolation import (
-    ActiveTrajectory,
-    quintic_via_points,
-    Reference,
-)
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.quintics import quintic_via_points
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory

@@ -24,8 +24,8 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.planar.two_link import inverse_dynamics, PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import (
@@ -35,7 +35,7 @@ from robot_dynamics.ros.conversions import (
     trajectory_to_ros,
 )
 from robot_dynamics.trajectories.efforts import efforts_along
-from robot_dynamics.trajectories.interpolation import quintic_via_points
+from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, LATCHED, NodeProcess, RosClient
 from sensor_msgs.msg import JointState

@@ -25,13 +25,12 @@ import pytest
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import InnerController, Plant
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
 from rosgraph_msgs.msg import Clock

@@ -33,7 +33,7 @@ import rclpy
 from rclpy.serialization import serialize_message
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
+from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.planar.urdf import planar_arm_urdf

@@ -42,7 +42,7 @@ from robot_dynamics.ros.conversions import (
     wrenches_from_ros,
 )
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.trajectories.interpolation import make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray

@@ -24,13 +24,12 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import ExternalWrench
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
-from robot_dynamics.ros.dynamics.marker_messages import drawn
-from robot_dynamics.ros.dynamics.markers import LiveMarkers
+from robot_dynamics.ros.dynamics.markers import drawn, LiveMarkers
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState

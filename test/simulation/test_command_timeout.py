@@ -23,8 +23,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.command_timeout import CommandTimeout, FEWEST_STEPS
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import InnerController, Plant
 
 PERIOD = 0.01
 TIMEOUT = 0.2

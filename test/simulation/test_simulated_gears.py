@@ -26,7 +26,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.inner_controller import InnerController
+from robot_dynamics.simulation.plant import InnerController
 
 MASS, GRAVITY = 2.0, 9.81
 LIFT = f"""<robot name="lift"><link name="base"/><link name="slide"><inertial>

@@ -32,7 +32,8 @@ from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.demo.cli import _make_directory
 from robot_dynamics.tools.demo.processes import choose_domain
 from robot_dynamics.trajectories.files import write_trajectory
-from robot_dynamics.trajectories.interpolation import make_trajectory, quintic_point_to_point
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import robot_path
 from ros_harness import TIMEOUT, wait_until, write_parameters
 

@@ -32,12 +32,10 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_from_ros, trajectory_from_ros
-from robot_dynamics.ros.dynamics.marker_messages import drawn
-from robot_dynamics.trajectories.interpolation import (
-    quintic_point_to_point,
-    sample_segment,
-    TrajectoryFollower,
-)
+from robot_dynamics.ros.dynamics.markers import drawn
+from robot_dynamics.trajectories.follower import TrajectoryFollower
+from robot_dynamics.trajectories.interpolation import sample_segment
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robot_dynamics.urdf.visuals import read_visuals
 from robots import must_have_everything, robot_path, robot_urdf
 from sensor_msgs.msg import JointState

@@ -26,17 +26,14 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.trajectories.interpolation import (
-    ActiveTrajectory,
+from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.trajectories.interpolation import Reference, sample_segment
+from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
-    quintic_point_to_point,
-    quintic_via_points,
-    Reference,
-    sample_segment,
-    TrajectoryFollower,
     TrajectoryPoint,
 )
+from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 
 JOINTS = ('shoulder', 'elbow')
 EPOCH = 1_700_000_000_123_456_789

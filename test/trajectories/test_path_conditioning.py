@@ -29,15 +29,11 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.efforts import efforts_along
-from robot_dynamics.trajectories.interpolation import (
-    JointTrajectory,
-    make_trajectory,
-    quintic_point_to_point,
-    quintic_via_points,
-    sample_segment,
-)
+from robot_dynamics.trajectories.interpolation import sample_segment
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory, SLOWEST
+from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 
 NAMES = ('joint1', 'joint2')
 ARM = load_arm(default_arm_urdf())

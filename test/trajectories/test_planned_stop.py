@@ -27,13 +27,10 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.interpolation import (
-    quintic_point_to_point,
-    quintic_via_points,
-    Reference,
-)
+from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 from robots import robot_urdf
 

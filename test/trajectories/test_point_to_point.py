@@ -21,13 +21,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.trajectories.interpolation import (
-    ActiveTrajectory,
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
-    Reference,
+    nanoseconds,
     TrajectoryPoint,
 )
-from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.trajectories.point_to_point import (
     goal_points,

@@ -22,16 +22,15 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.trajectories.interpolation import (
-    ActiveTrajectory,
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
-    quintic_point_to_point,
-    quintic_via_points,
-    Reference,
+    nanoseconds,
 )
-from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from robot_dynamics.trajectories.reference_generator import (
     HORIZON,
     ON_PATH,

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.identification.identified_urdf import identified_urdf
+from robot_dynamics.identification.identified_arm import identified_urdf
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters

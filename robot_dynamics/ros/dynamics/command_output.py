@@ -19,10 +19,7 @@ The thread sleeps until a joint state is overdue, on the steady clock, so that /
 matter; then, and while an effort ramps out, it publishes the efforts that no state asks for.
 """
 
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
-import math
 import threading
 import time
 from typing import Any
@@ -30,46 +27,24 @@ from typing import Any
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
-from robot_dynamics.arrays import any_of, FloatArray
-from robot_dynamics.control.controller import ControlOutput
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.effort_limiter import EffortLimits
-from robot_dynamics.control.supervisor import (
-    Brake,
-    CommandSupervisor,
-    Fault,
-    Mode,
-    SafetyOptions,
-)
+from robot_dynamics.control.supervisor import Brake, CommandSupervisor, Fault, Mode, SafetyOptions
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.cdr_templates import (
-    array_template,
-    effort_template,
-    MessageTemplate,
-)
-from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.cdr_templates import array_template, effort_template, MessageTemplate
+from robot_dynamics.ros.diagnostics import Status
+from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
-TELL_FOR = 1.0
-"""[s] that the diagnostics tell of an effort that a limit held back."""
 END_SLACK = 5.0
 """[s] beyond the ramp that its thread has for the last effort; a busy machine may take seconds."""
 IDLE = 1.0
 """[s] between two looks where nothing can be overdue."""
-
-
-@dataclass
-class CommandCounters:
-    """What became of the command since the start; read by the diagnostics."""
-
-    published: int = 0
-    limited: Counter[str] = field(default_factory=Counter)
-    faults: Counter[str] = field(default_factory=Counter)
-    incompatible: Counter[str] = field(default_factory=Counter)
-    limited_at: float = -math.inf
 
 
 class SafeCommand:
@@ -274,7 +249,8 @@ class SafeCommand:
             effort = supervisor.answer(
                 now, q, v, output.command, output.hold, dt, brake, fault)
             self._publish(effort)
-            self._count(output)
+            if supervisor.mode is Mode.RUNNING:
+                self.counters.count_limits(output, supervisor.guarded)
             self._look_for_faults()
             return effort
 
@@ -293,27 +269,6 @@ class SafeCommand:
                 self._supervisor.fail(time.monotonic(), fault)
                 self._look_for_faults()
                 self._changed.notify()
-
-    def _count(self, output: ControlOutput) -> None:
-        """Count which limits changed the effort of a state."""
-        supervisor = self._supervisor
-        if supervisor is None or supervisor.mode is not Mode.RUNNING:
-            return
-        guarded = supervisor.guarded
-        if output.gain_scale < 1.0:
-            self._count_limit('effort rate, by softer gains')
-        if any_of(output.clamped):
-            self._count_limit('effort limit')
-        if guarded is not None and guarded.effort is not output.command:
-            for name, joints in (('position limit', guarded.by_position),
-                                 ('velocity limit', guarded.by_velocity),
-                                 ('effort rate', guarded.by_rate)):
-                if any_of(joints):
-                    self._count_limit(name)
-
-    def _count_limit(self, name: str) -> None:
-        self.counters.limited[name] += 1
-        self.counters.limited_at = time.monotonic()
 
     def _publish(self, effort: FloatArray | None) -> None:
         if effort is None or self._templates is None:
@@ -379,30 +334,8 @@ class SafeCommand:
     def status(self) -> Status:
         """Return the state of the command for the diagnostics."""
         with self._changed:
-            counters = self.counters
-            figures: dict[str, Any] = {
-                'published': counters.published,
-                **{f'held back by {name}': n for name, n in sorted(counters.limited.items())},
-                **{f'faults: {name}': n for name, n in sorted(counters.faults.items())},
-                **{f'incompatible subscribers of {topic}': n
-                   for topic, n in sorted(counters.incompatible.items())}}
-            return Status('command', *self._verdict(), figures)
-
-    def _verdict(self) -> tuple[bytes, str]:
-        supervisor, counters = self._supervisor, self.counters
-        mode = Mode.INACTIVE if supervisor is None else supervisor.mode
-        fault = self._latched if supervisor is None else supervisor.fault
-        if fault is not None and (mode is Mode.FAULT or fault.latched):
-            waits = '; waits for ~/reset_fault' if fault.latched else ''
-            return ERROR, f'fault {fault.name}: {fault.words}{waits}'
-        if supervisor is None:
-            return WARN, 'no model yet'
-        if mode is Mode.INACTIVE and self._is_active and not self._is_wanted:
-            return OK, "none, as the parameter command is 'none'"
-        if mode is not Mode.RUNNING:
-            return WARN, mode.value
-        if time.monotonic() - counters.limited_at < TELL_FOR:
-            return WARN, 'held back by a limit'
-        if counters.incompatible:
-            return WARN, 'a subscriber asks for a QoS that is not offered'
-        return OK, mode.value
+            supervisor = self._supervisor
+            mode, fault = (None, self._latched) if supervisor is None else (
+                supervisor.mode, supervisor.fault)
+            return command_status(
+                self.counters, mode, fault, is_off=self._is_active and not self._is_wanted)

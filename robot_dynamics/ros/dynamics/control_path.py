@@ -24,7 +24,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import Controller, ControlOutput, NonFiniteEffortError
+from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
@@ -45,7 +46,7 @@ from robot_dynamics.ros.dynamics.markers import LiveMarkers
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.trajectories.interpolation import JointTrajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 

@@ -19,8 +19,13 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.monitoring.gravity_check import GravityCheck, NO_EFFORT, STILL
-from robot_dynamics.monitoring.gravity_verdict import GravityVerdict, verdict_in_words
+from robot_dynamics.monitoring.gravity_check import (
+    GravityCheck,
+    GravityVerdict,
+    NO_EFFORT,
+    STILL,
+    verdict_in_words,
+)
 from robot_dynamics.ros.cdr_templates import SensedState
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_state_reader import JointStateReader

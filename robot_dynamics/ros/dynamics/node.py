@@ -27,10 +27,7 @@ from robot_dynamics.control.loop_warnings import loop_warnings
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_parameters import (
-    arm_from_parameters,
-    convention_from_parameters,
-)
+from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
@@ -43,11 +40,12 @@ from robot_dynamics.ros.dynamics.live_estimates import Estimates
 from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
 from robot_dynamics.ros.dynamics.parameters import (
     GAINS,
+    guard_limits,
     optional_limits,
     options_from,
+    safety_options,
     SPECS,
 )
-from robot_dynamics.ros.dynamics.safety_parameters import guard_limits, safety_options
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
 from robot_dynamics.ros.guarded_callbacks import (

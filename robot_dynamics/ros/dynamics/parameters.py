@@ -14,6 +14,9 @@
 
 """The parameters of `dynamics`, and what they make of its control law."""
 
+import math
+
+import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.computed_torque import FRICTION_MODES
 from robot_dynamics.control.control_law import (
@@ -23,21 +26,87 @@ from robot_dynamics.control.control_law import (
     per_joint,
 )
 from robot_dynamics.control.controller import command_modes
+from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_parameters import (
-    check_order_is_given,
-    convention_from_parameters,
-)
+from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
-from robot_dynamics.ros.dynamics.safety_parameters import effort_rates, SAFETY_SPECS
-from robot_dynamics.ros.robot_description import (
-    ACTUATOR_SPECS,
-    DESCRIPTION_SPECS,
-    FRICTION_SPECS,
+from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, DESCRIPTION_SPECS, FRICTION_SPECS
+
+FULL_EFFORT_TIME = 0.1
+"""[s] in which the command may change by the effort limit of a joint, by default."""
+DEFAULT_EFFORT_RATE = 1000.0
+"""[N·m/s] or [N/s], likewise, of a joint without an effort limit."""
+REFERENCE_LOSS = ('hold', 'gravity_compensation')
+INFEASIBLE_TRAJECTORY = ('reject', 'slow_down')
+
+SAFETY_SPECS = (
+    ParameterSpec(
+        'fault_action', Type.STRING, FAULT_ACTIONS[0],
+        'What a fault does to effort_command: hold_gravity_then_ramp (hold for hold_time, then '
+        'ramp to zero), ramp_to_zero, or stop_publishing at once.', choices=FAULT_ACTIONS),
+    ParameterSpec(
+        'hold_time', Type.DOUBLE, 1.0,
+        'How long hold_gravity_then_ramp holds the arm [s].', minimum=0.0, maximum=3600.0),
+    ParameterSpec(
+        'ramp_time', Type.DOUBLE, 0.5,
+        'How long efforts take to ramp to zero, after a fault, at deactivation and at the end '
+        '[s]; longer where effort_rate_limit asks for it.', minimum=0.0, maximum=60.0),
+    ParameterSpec(
+        'state_timeout', Type.DOUBLE, 0.05,
+        'Time without a valid joint state that is a fault, on the steady clock [s].',
+        minimum=0.001, maximum=60.0),
+    ParameterSpec(
+        'state_max_age', Type.DOUBLE, 0.2,
+        'How far the stamp of a joint state may be from the clock of this computer [s]; 0 for '
+        'any. Stamps more than an hour off are of another clock, and not judged.',
+        minimum=0.0, maximum=60.0),
+    ParameterSpec(
+        'reference_timeout', Type.DOUBLE, 0.1,
+        'Pause of a stream of set-points after which reference_loss takes effect [s].',
+        minimum=0.001, maximum=60.0),
+    ParameterSpec(
+        'reference_loss', Type.STRING, REFERENCE_LOSS[0],
+        'Reaction to a reference that ends early (fault, paused stream, restart of the joint '
+        'states): hold (stop within the limits and hold the position) or gravity_compensation '
+        '(no feedback, for hand guiding).', choices=REFERENCE_LOSS),
+    ParameterSpec(
+        'condition_references', Type.BOOL, True,
+        'Follow every reference within velocity, acceleration and jerk limits that the arm can '
+        'follow; without, a step of the reference is a step of the effort.'),
+    ParameterSpec(
+        'infeasible_trajectory', Type.STRING, INFEASIBLE_TRAJECTORY[0],
+        'A trajectory with velocities that exceeds a limit of the arm is rejected (reject) or '
+        'executed slower (slow_down).', choices=INFEASIBLE_TRAJECTORY),
+    ParameterSpec(
+        'following_error_limit', Type.DOUBLE_ARRAY, [],
+        'Distance [rad] or [m] between position and reference that is a fault, one for all '
+        'joints or one per joint, 0 for none; empty for 0.3 s at the velocity limit.',
+        minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'overspeed_factor', Type.DOUBLE, 1.2,
+        'Multiple of a velocity limit of the URDF that is a fault, 0 for none.',
+        minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'external_effort_limit', Type.DOUBLE_ARRAY, [],
+        'External effort [N m] or [N] that is a fault, one for all joints or one per joint, 0 or '
+        'empty for none; see ~/external_effort.', minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'effort_rate_limit', Type.DOUBLE, 0.0,
+        'Largest rate of change of effort_command [N m/s] or [N/s] of every joint; 0 for the '
+        'effort limit of each joint in 0.1 s.', minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'position_margin', Type.DOUBLE, 0.01,
+        'Distance before a position limit [rad] or [m] from which no effort pushes on toward it.',
+        minimum=0.0, maximum=10.0),
+    ParameterSpec(
+        'position_fault_margin', Type.DOUBLE, 0.0087,
+        'Distance past a position limit [rad] or [m] that is a fault.',
+        minimum=0.0, maximum=1e9),
 )
 
 SPECS = (
@@ -120,3 +189,28 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
 def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
     """Return a limit per joint (n,), None where the parameter is empty."""
     return per_joint(name, values[name], arm.joint_names) if values[name] else None
+
+
+def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
+    """Return the largest rates of change of the command, (n,) [N·m/s] or [N/s]."""
+    rate = values['effort_rate_limit']
+    if rate > 0.0:
+        return np.full(arm.joint_count, rate)
+    limit = arm.limits.effort
+    return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
+
+
+def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
+    """Return the limits of this arm's efforts."""
+    limits = arm.limits
+    return EffortLimits(
+        limits.lower, limits.upper, limits.velocity, values['position_margin'],
+        effort_rates(values, arm))
+
+
+def safety_options(values: Values) -> SafetyOptions:
+    """Return what the supervisor goes by."""
+    return SafetyOptions(
+        values['state_timeout'], values['fault_action'], values['hold_time'],
+        values['ramp_time'], values['position_fault_margin'],
+        values['overspeed_factor'] or math.inf)

@@ -21,6 +21,7 @@ that the same efforts meet the same states however fast the processes run; time 
 without an effort, so that none can be overdue.
 """
 
+from abc import ABC, abstractmethod
 import math
 import threading
 import time
@@ -97,7 +98,7 @@ class ArmTopics:
             self._motors.publish(template.filled(stamp, *measured.motors, measured.effort))
 
 
-class _Loop:
+class _Loop(ABC):
     """A thread that waits for efforts and for being stopped."""
 
     def __init__(
@@ -131,8 +132,9 @@ class _Loop:
                 self._node.get_logger().fatal(f'The simulation ended: {error!r}')
                 self._node.context.try_shutdown()  # a node without a simulation is none
 
+    @abstractmethod
     def _run(self) -> None:
-        raise NotImplementedError
+        """Simulate until the loop is stopped."""
 
     def _running(self) -> bool:
         return not self._stopping.is_set() and self._node.context.ok()

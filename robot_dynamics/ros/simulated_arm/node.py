@@ -22,10 +22,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
-from robot_dynamics.model.arm_parameters import (
-    arm_from_parameters,
-    convention_from_parameters,
-)
+from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.guarded_callbacks import (
@@ -44,8 +41,7 @@ from robot_dynamics.ros.robot_description import (
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
-from robot_dynamics.simulation.inner_controller import InnerController
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import InnerController, Plant
 from robot_dynamics_interfaces.srv import SetPayload
 from std_srvs.srv import Trigger
 

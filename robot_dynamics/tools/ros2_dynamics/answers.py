@@ -140,7 +140,7 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
 def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return what the model check finds in the URDF that the node uses."""
     from robot_dynamics.model_check.finding import CHECKS, errors_of
-    from robot_dynamics.tools.check_model import findings_as_data, findings_of, findings_report
+    from robot_dynamics.model_check.report import findings_as_data, findings_of, findings_report
     from robot_dynamics.validation import check_choice
     parameters = client.parameters(['joints', 'ignore_checks'])
     ignored = parameters['ignore_checks'] if arguments.ignore is None else arguments.ignore

@@ -1,0 +1,112 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a controller follows: a trajectory, a stop, or nothing; and a stop from the next state."""
+
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
+from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
+
+
+class FollowedReference:
+    """
+    The reference of one arm.
+
+    Times are the stamps of the joint states [ns]. `Controller` calls `feasible` without its lock,
+    and all other methods with it.
+    """
+
+    def __init__(self, arm: ArmModel) -> None:
+        continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
+                      if kind == 'continuous']
+        self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
+        self._limits: MotionLimits | None = None
+        self._stops_next = False
+        self.slowness = 1.0
+        """Factor by which the last trajectory was slowed down."""
+
+    @property
+    def active(self) -> ActiveTrajectory | None:
+        """What is followed, None for nothing."""
+        return self._follower.active
+
+    def limit(self, limits: MotionLimits | None, stream_timeout: float) -> None:
+        """Take limits of motion, applied by `scale`, and the timeout [s] of set-points."""
+        self._limits = limits
+        self._follower.stream_timeout = stream_timeout
+
+    def scale(self, scale: float) -> None:
+        """Follow references with this fraction of the limits."""
+        self._follower.limits = None if self._limits is None else self._limits.slower(scale)
+
+    def feasible(
+        self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
+    ) -> tuple[JointTrajectory, float]:
+        """
+        Return a trajectory as the arm can follow it, and by what factor it was slowed down.
+
+        Raises TrajectoryError if the arm cannot follow it, or for other joints.
+        """
+        limits = self._follower.limits
+        if limits is None or trajectory.is_set_point:
+            return trajectory, 1.0
+        self._follower.check_joints(trajectory)
+        return feasible_trajectory(
+            planning, trajectory, limits, options.effort_scale, options.slows_down)
+
+    def start(
+        self, trajectory: JointTrajectory, slowness: float,
+        state: tuple[int, FloatArray, FloatArray], stamp_ns: int,
+    ) -> None:
+        """Follow a trajectory from the last state (stamp, q, v) on; raise TrajectoryError."""
+        self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
+        self._stops_next = False
+        self.slowness = slowness
+
+    def clear(self) -> None:
+        """Follow nothing."""
+        self._follower.clear()
+        self._stops_next = False
+
+    def stop_from_next(self, holds: bool) -> None:
+        """Follow nothing; if `holds`, stop from the next measured state and hold."""
+        self._follower.clear()
+        self._stops_next = holds
+
+    def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
+        """Stop along the active path, or from this state, and hold."""
+        self._stops_next = False
+        self._follower.stop(stamp_ns, q, v)
+
+    def stop_on_path(self, state: tuple[int, FloatArray, FloatArray] | None) -> None:
+        """Stop along the active path and hold; without a state (stamp, q, v), follow nothing."""
+        if state is None:
+            self._follower.clear()
+        else:
+            self._follower.stop(*state)
+
+    def take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
+        """Start the stop that waits for a state."""
+        if self._stops_next:
+            self.stop(stamp_ns, q, v)
+
+    def shift_time(self, shift_ns: int) -> None:
+        """Continue as before if the stamps of states continue lower by `shift_ns`."""
+        self._follower.shift_time(shift_ns)

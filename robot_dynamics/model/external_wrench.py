@@ -1,0 +1,39 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A force and torque that the environment exerts on a link of an arm."""
+
+from dataclasses import dataclass
+
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.validation import check_vector
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalWrench:
+    """
+    What the environment exerts on a link, in that link's frame, at its origin.
+
+    `force` (3,) [N], `torque` (3,) [N·m]. Raises InvalidInputError on another length or a value
+    that is not finite.
+    """
+
+    link: str
+    force: FloatArray
+    torque: FloatArray
+
+    def __post_init__(self) -> None:
+        for field in ('force', 'torque'):
+            value = check_vector(field, getattr(self, field), 3, ('x', 'y', 'z'))
+            object.__setattr__(self, field, value)

@@ -1,0 +1,81 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The model's effort along a motion, split by term, and the energies.
+
+The terms come only from the recursive Newton–Euler algorithm (R. Featherstone, *Rigid Body
+Dynamics Algorithms*, Springer 2008, section 5.3), τ = ID(q, q̇, q̈): g = ID(q, 0, 0),
+C q̇ = ID(q, q̇, 0) − g and M q̈ = ID(q, q̇, q̈) − ID(q, q̇, 0); kinetic energy is ½ q̇ᵀ M q̇ with
+M q̇ = ID(q, 0, q̇) − g. So Pinocchio's call for many states computes them all.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+
+
+@dataclass(frozen=True, eq=False)
+class TermSeries:
+    """
+    The model's effort at m states by term, each (m, n) [N·m] or [N]; energies (m,) [J].
+
+    Friction is that of `ArmDynamics.friction_along`: the sign of a measured velocity says nothing
+    around rest.
+    """
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+    friction: FloatArray
+    kinetic_energy: FloatArray
+    potential_energy: FloatArray
+
+    @property
+    def effort(self) -> FloatArray:
+        """The sum of the terms: what the actuators must deliver, (m, n)."""
+        return np.asarray(self.inertial + self.coriolis + self.gravity + self.friction)
+
+    @property
+    def by_name(self) -> dict[str, FloatArray]:
+        """The four terms, (m, n) each, by name."""
+        return {'inertial': self.inertial, 'coriolis': self.coriolis, 'gravity': self.gravity,
+                'friction': self.friction}
+
+
+def model_terms(
+    dynamics: ArmDynamics, position: FloatArray, velocity: FloatArray, acceleration: FloatArray,
+) -> TermSeries:
+    """
+    Return the model's effort, split by term, and the energies, at m states.
+
+    `position`, `velocity` and `acceleration` are (m, n) [rad or m, per second, per second²] in the
+    order of `dynamics.arm.joint_names`, finite; the states are in the order of time, which matters
+    where gears have a presliding distance.
+    """
+    body, zero = dynamics.unchecked.rigid_body, np.zeros_like(position)
+    q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))
+    gravity = body.inverse_dynamics_batch(q, zero, zero)
+    nonlinear = body.inverse_dynamics_batch(q, v, zero)
+    whole = body.inverse_dynamics_batch(q, v, a)
+    momentum = body.inverse_dynamics_batch(q, zero, v) - gravity
+    return TermSeries(
+        inertial=whole - nonlinear,
+        coriolis=nonlinear - gravity,
+        gravity=gravity,
+        friction=dynamics.unchecked.friction_along(q, v, whole),
+        kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
+        potential_energy=body.potential_energy_batch(q))

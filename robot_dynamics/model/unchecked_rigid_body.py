@@ -1,0 +1,269 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The manipulator equation of the rigid bodies without checks of its inputs, computed by Pinocchio.
+
+Inputs and units are those of `rigid_body`, which checks them. Source: R. Featherstone, *Rigid
+Body Dynamics Algorithms*, Springer 2008.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from robot_dynamics.arrays import all_finite, FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.external_wrench import ExternalWrench
+
+HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
+"""Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""
+_BATCH = 100
+"""Samples that are worked on in one go."""
+
+
+class RigidBodyTerms(NamedTuple):
+    """The terms of the manipulator equation at one state, each (n,) [N·m] or [N]; energies [J]."""
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+    external: FloatArray
+    kinetic_energy: float
+    potential_energy: float
+
+
+class UncheckedRigidBody:
+    """
+    `RigidBody` without checks, for control loops and simulation.
+
+    Inputs are finite float64 arrays of the right shape; other inputs give errors of Pinocchio or
+    wrong results. An instance holds the scratch memory of the algorithms, so it is not for two
+    threads at a time; what it returns is new.
+    """
+
+    def __init__(self, arm: ArmModel) -> None:
+        self.arm = arm
+        self._x = arm.coordinates
+        self._model = arm.pinocchio_model
+        self._data = self._model.createData()
+        self._zero = np.zeros(self._model.nv)
+        self._weightless = self._model.copy()
+        self._weightless.gravity.linear = np.zeros(3)
+        # Pinocchio's kinetic energy lacks rotors, and its potential energy lacks mass that is
+        # fixed to the base (docs/pinocchio_notes.md).
+        base = self._model.inertias[0]
+        self._base_energy = float(-base.mass * self._model.gravity.linear @ base.lever)
+        self._pool: Any = None
+
+    # ------------------------------------------------------------------ efforts
+
+    def inverse_dynamics(
+        self, q: FloatArray, v: FloatArray, a: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """Return M(q) a + C(q, v) v + g(q) − Jᵀ f."""
+        x = self._x
+        if x.is_identity and not wrenches:
+            return np.asarray(pin.rnea(self._model, self._data, q, v, a))
+        q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
+        if not wrenches:
+            return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree))
+        forces = self._joint_forces(wrenches)
+        return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree, forces))
+
+    def gravity(self, q: FloatArray) -> FloatArray:
+        """Return g(q): what holds the arm still."""
+        x = self._x
+        if x.is_identity:
+            return np.asarray(pin.computeGeneralizedGravity(self._model, self._data, q))
+        return x.effort(pin.computeGeneralizedGravity(self._model, self._data, x.position(q)))
+
+    def nonlinear(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return N(q, v) = C(q, v) v + g(q)."""
+        x = self._x
+        return x.effort(
+            pin.nonLinearEffects(self._model, self._data, x.position(q), x.rate(v)))
+
+    def external(self, q: FloatArray, wrenches: Sequence[ExternalWrench]) -> FloatArray:
+        """Return −Jᵀ f: what bears the wrenches that the environment puts on the links."""
+        if not wrenches:
+            return np.zeros(self.arm.joint_count)
+        x, zero = self._x, self._zero
+        forces = self._joint_forces(wrenches)
+        return x.effort(pin.rnea(
+            self._weightless, self._data, x.position(q), zero, zero, forces))
+
+    def terms(
+        self, q: FloatArray, v: FloatArray, a: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> RigidBodyTerms:
+        """Return the efforts of inverse_dynamics, split; they add up to it. One pass for all."""
+        x, data = self._x, self._data
+        v_tree = x.rate(v)
+        pin.computeAllTerms(self._model, data, x.position(q), v_tree)
+        inertial, gravity = data.M @ x.rate(a), data.g.copy()
+        # The engine rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
+        coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
+        return RigidBodyTerms(
+            x.effort(inertial), x.effort(coriolis), x.effort(gravity),
+            self.external(q, wrenches), 0.5 * float(v_tree @ data.M @ v_tree),
+            data.potential_energy + self._base_energy)
+
+    def inverse_dynamics_batch(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
+    ) -> FloatArray:
+        """
+        Return the efforts of many states; all arrays are (samples, n).
+
+        `threads` share the work where Pinocchio was built with OpenMP; elsewhere there is one.
+        """
+        x = self._x
+        q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
+        tau = np.zeros_like(q_tree)
+        # In parts: Pinocchio does not let other threads of Python run before it returns.
+        for i in range(0, len(q), _BATCH):
+            part = slice(i, i + _BATCH)
+            states = q_tree[part], v_tree[part], a_tree[part]
+            tau[part] = (
+                self._rnea_in_parallel(*states, threads) if HAS_PARALLEL_RNEA else
+                self._rnea_one_by_one(*states))
+        return x.effort(tau)
+
+    def _rnea_in_parallel(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int,
+    ) -> FloatArray:
+        if self._pool is None or self._pool.size() < threads:
+            self._pool = pin.ModelPool(self._model, threads)
+        # Pinocchio takes one sample a column, and gives a flat array back for one joint or one
+        # sample.
+        columns = (np.asfortranarray(rows.T) for rows in (q, v, a))
+        tau = pin.rneaInParallel(threads, self._pool, *columns)
+        return np.asarray(tau.reshape(q.shape[::-1]).T)
+
+    def _rnea_one_by_one(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        model, data = self._model, self._data
+        return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a)])
+
+    # ------------------------------------------------------------------ matrices
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return M(q), (n, n): symmetric, positive definite."""
+        x = self._x
+        return x.form(pin.crba(self._model, self._data, x.position(q)))
+
+    def coriolis_matrix(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return C(q, v), (n, n), with C_ij = Σ_k c_ijk v_k, so that Ṁ − 2 C is skew."""
+        x = self._x
+        return x.form(
+            pin.computeCoriolisMatrix(self._model, self._data, x.position(q), x.rate(v)))
+
+    def christoffel_symbols(self, q: FloatArray) -> FloatArray:
+        """
+        Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
+
+        Row i of the equation of motion has Σ_jk c_ijk v_j v_k, a quadratic form in v; its
+        symmetric coefficients follow exactly from the values at e_j and e_j + e_k.
+        """
+        n = self._model.nv
+        q_tree, zero = self._x.position(q), self._zero
+
+        def quadratic(v: FloatArray) -> FloatArray:
+            return np.asarray(pin.rnea(self._weightless, self._data, q_tree, v, zero))
+
+        e = np.eye(n)
+        square = [quadratic(e[j]) for j in range(n)]
+        c = np.empty((n, n, n))
+        for j in range(n):
+            c[:, j, j] = square[j]
+            for k in range(j):
+                c[:, j, k] = 0.5 * (quadratic(e[j] + e[k]) - square[j] - square[k])
+                c[:, k, j] = c[:, j, k]
+        if self._x.is_identity:
+            return c
+        G = self._x.G
+        return np.asarray(np.einsum('abc,ai,bj,ck->ijk', c, G, G, G, optimize=True))
+
+    # ------------------------------------------------------------------ motion and energy
+
+    def forward_dynamics(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """
+        Return the acceleration a with M a + C v + g − Jᵀ f = tau.
+
+        Raises InvalidInputError where M(q) is singular: a joint that moves no mass.
+        """
+        a = self.acceleration(q, v, tau, wrenches)
+        if not all_finite(a):
+            raise singular_mass_matrix(q)
+        return a
+
+    def acceleration(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray,
+        wrenches: Sequence[ExternalWrench] = (),
+    ) -> FloatArray:
+        """Return the same unchecked: not finite where M(q) is singular."""
+        x = self._x
+        if x.is_identity and not wrenches:
+            a: FloatArray = pin.aba(self._model, self._data, q, v, tau)
+            return a
+        if x.is_identity or x.is_permutation:
+            tau_tree = tau if x.is_identity else tau @ x.G.T
+            arguments = (self._model, self._data, x.position(q), x.rate(v), tau_tree)
+            return np.asarray(x.effort(
+                pin.aba(*arguments, self._joint_forces(wrenches)) if wrenches else
+                pin.aba(*arguments)))
+        rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
+        try:
+            return np.asarray(np.linalg.solve(self.mass_matrix(q), rest), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return np.full_like(rest, np.nan)
+
+    def kinetic_energy(self, q: FloatArray, v: FloatArray) -> float:
+        """Return ½ vᵀ M(q) v [J]: links and rotors."""
+        v_tree = self._x.rate(v)
+        momentum = pin.rnea(
+            self._weightless, self._data, self._x.position(q), self._zero, v_tree)
+        return 0.5 * float(v_tree @ momentum)
+
+    def potential_energy(self, q: FloatArray) -> float:
+        """Return −Σ m gᵀ c [J] of all mass, from the origin of the base frame."""
+        return self._base_energy + float(
+            pin.computePotentialEnergy(self._model, self._data, self._x.position(q)))
+
+    def potential_energy_batch(self, q: FloatArray) -> FloatArray:
+        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
+        model, data, compute = self._model, self._data, pin.computePotentialEnergy
+        moving = np.array([compute(model, data, row) for row in self._x.position(q)])
+        return np.asarray(moving + self._base_energy)
+
+    def _joint_forces(self, wrenches: Sequence[ExternalWrench]) -> pin.StdVec_Force:
+        """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""
+        forces = [pin.Force.Zero() for _ in range(self._model.njoints)]
+        for wrench in wrenches:
+            frame = self.arm.link_frame(wrench.link)
+            forces[frame.parentJoint] += frame.placement.act(
+                pin.Force(wrench.force, wrench.torque))
+        return pin.StdVec_Force(forces) if forces else pin.StdVec_Force()
+
+
+def singular_mass_matrix(q: FloatArray) -> InvalidInputError:
+    """Return the error of forward dynamics at a position where M(q) has no inverse."""
+    return InvalidInputError(
+        f'forward dynamics at position {q.tolist()} has no finite solution: the mass matrix is '
+        'singular, expected every joint to move some mass or inertia')

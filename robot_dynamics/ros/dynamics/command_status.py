@@ -1,0 +1,98 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the diagnostics report about the command: its counters and its status."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+import math
+import time
+
+from robot_dynamics.arrays import any_of
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.effort_limiter import GuardedEffort
+from robot_dynamics.control.supervisor import Fault, Mode
+from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+
+TELL_FOR = 1.0
+"""[s] that the diagnostics report an effort that a limit held back."""
+
+
+@dataclass
+class CommandCounters:
+    """What became of the command since the start."""
+
+    published: int = 0
+    limited: Counter[str] = field(default_factory=Counter)
+    faults: Counter[str] = field(default_factory=Counter)
+    incompatible: Counter[str] = field(default_factory=Counter)
+    limited_at: float = -math.inf
+
+    def count_limits(self, output: ControlOutput, guarded: GuardedEffort | None) -> None:
+        """Count which limits changed the effort of a state."""
+        if output.gain_scale < 1.0:
+            self._count_limit('effort rate, by softer gains')
+        if any_of(output.clamped):
+            self._count_limit('effort limit')
+        if guarded is not None and guarded.effort is not output.command:
+            for name, joints in (('position limit', guarded.by_position),
+                                 ('velocity limit', guarded.by_velocity),
+                                 ('effort rate', guarded.by_rate)):
+                if any_of(joints):
+                    self._count_limit(name)
+
+    def _count_limit(self, name: str) -> None:
+        self.limited[name] += 1
+        self.limited_at = time.monotonic()
+
+    @property
+    def figures(self) -> dict[str, int]:
+        """The counts by the names that the diagnostics give them."""
+        return {
+            'published': self.published,
+            **{f'held back by {name}': n for name, n in sorted(self.limited.items())},
+            **{f'faults: {name}': n for name, n in sorted(self.faults.items())},
+            **{f'incompatible subscribers of {topic}': n
+               for topic, n in sorted(self.incompatible.items())}}
+
+
+def command_status(
+    counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
+) -> Status:
+    """
+    Return the state of the command for the diagnostics.
+
+    `mode` and `fault` are those of the supervisor; without a model, `mode` is None and `fault`
+    the latched one. `is_off` is whether the node is active and its parameter command is 'none'.
+    """
+    return Status('command', *_verdict(counters, mode, fault, is_off), counters.figures)
+
+
+def _verdict(
+    counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
+) -> tuple[bytes, str]:
+    if fault is not None and (mode is Mode.FAULT or fault.latched):
+        waits = '; waits for ~/reset_fault' if fault.latched else ''
+        return ERROR, f'fault {fault.name}: {fault.words}{waits}'
+    if mode is None:
+        return WARN, 'no model yet'
+    if mode is Mode.INACTIVE and is_off:
+        return OK, "none, as the parameter command is 'none'"
+    if mode is not Mode.RUNNING:
+        return WARN, mode.value
+    if time.monotonic() - counters.limited_at < TELL_FOR:
+        return WARN, 'held back by a limit'
+    if counters.incompatible:
+        return WARN, 'a subscriber asks for a QoS that is not offered'
+    return OK, mode.value

@@ -1,0 +1,247 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The active trajectory: its reference at a time, and how a new trajectory replaces it.
+
+Absolute times are whole nanoseconds: 1.7e9 s since the epoch, as a 64-bit float, is only good
+to 2e-7 s. Spans of time are seconds.
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from math import ceil, copysign, pi
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.trajectories.interpolation import (
+    evaluate,
+    motion_coefficients,
+    Reference,
+    Segment,
+)
+from robot_dynamics.trajectories.joint_trajectory import (
+    check_end_in_future,
+    JointTrajectory,
+    nanoseconds,
+    TrajectoryPoint,
+)
+from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
+
+
+class ActiveTrajectory:
+    """
+    A trajectory with its start time, and the state that it begins from.
+
+    From `arrival_ns` to the first point the reference leads from `state_before`, by the degree
+    that the first point's fields allow. After the last point of several it holds that point's
+    position, at rest; a single set-point is held with the velocity and acceleration that it
+    carries. A trajectory that arrives after its first point is entered where the clock is.
+    """
+
+    def __init__(
+        self,
+        trajectory: JointTrajectory,
+        start_ns: int,
+        arrival_ns: int,
+        state_before: Reference,
+        lead_in: Sequence[TrajectoryPoint] = (),
+    ) -> None:
+        """
+        Take all times as nanoseconds of the clock that `sample` is asked with.
+
+        The points of `lead_in`, with times [s] from the arrival, replace those of the trajectory
+        up to the last of them.
+        """
+        self.trajectory = trajectory
+        self.start_ns = start_ns
+        self._arrival_ns = arrival_ns
+        self._state_before = state_before
+        self._times = [start_ns + t for t in trajectory.times_ns]
+        self._points = list(trajectory.points)
+        self._lead_in = lead_in
+        if lead_in:
+            before = [arrival_ns + nanoseconds(p.time_from_start) for p in lead_in]
+            rest = bisect_right(self._times, before[-1])
+            self._times[:rest], self._points[:rest] = before, lead_in
+        self.end_ns = self._times[-1]
+        if arrival_ns < self._times[0]:
+            self._times.insert(0, arrival_ns)
+            self._points.insert(0, TrajectoryPoint(0.0, *state_before))
+        self._final = _held(self._points[-1], trajectory.is_set_point and not lead_in)
+        self._segment: Segment | None = None
+
+    def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
+        """Return the same with all its times lower by `shift_ns`."""
+        return ActiveTrajectory(
+            self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
+            self._state_before, self._lead_in)
+
+    def sample(self, now_ns: int) -> Reference:
+        """
+        Return the reference at `now_ns`; the arrays may be shared between calls, do not write.
+
+        A time before the arrival gives the state before the trajectory.
+        """
+        segment = self.segment(now_ns)
+        if segment is not None:
+            return evaluate(segment.coefficients, segment.phase(now_ns))
+        return self._final if now_ns >= self.end_ns else self._state_before
+
+    def segment(self, now_ns: int) -> Segment | None:
+        """Return the segment in force at `now_ns`, None before the arrival and after the end."""
+        segment = self._segment
+        if segment is None or not segment.since_ns <= now_ns < segment.end_ns:
+            if not self._arrival_ns <= now_ns < self.end_ns:
+                return None
+            index = bisect_right(self._times, now_ns) - 1
+            segment = self._segment = self._make_segment(index)
+        return segment
+
+    def entry_step(self) -> FloatArray:
+        """
+        Return how far the position reference jumps when this trajectory takes over, shape (n,).
+
+        Zero where the first point lies in the future at the arrival; else the first sample lies
+        on the path, wherever the arm is.
+        """
+        return self.sample(self._arrival_ns).position - self._state_before.position
+
+    def _make_segment(self, index: int) -> Segment:
+        begin_ns, end_ns = self._times[index:index + 2]
+        duration = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND
+        p0, p1 = self._points[index:index + 2]
+        return Segment(
+            max(begin_ns, self._arrival_ns), end_ns, begin_ns, duration,
+            motion_coefficients(p0, p1, duration))
+
+
+def _held(last: TrajectoryPoint, is_moving: bool) -> Reference:
+    """Return what is held after the last point, at rest unless `is_moving`."""
+    zero = np.zeros_like(last.position)
+    zero.setflags(write=False)
+    if not is_moving:
+        return Reference(last.position, zero, zero)
+    return Reference(
+        last.position,
+        zero if last.velocity is None else last.velocity,
+        zero if last.acceleration is None else last.acceleration)
+
+
+class TrajectoryFollower:
+    """
+    The one trajectory in force, and the rules by which a new one takes over.
+
+    `active` is that trajectory, None before the first one and after `clear()`.
+    """
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        continuous_joints: Sequence[str] = (),
+        set_point_max_age: float = 1.0,
+    ) -> None:
+        """
+        Take the arm's joints, in the order of all arrays.
+
+        `continuous_joints` turn without end: they lead to the first point the short way round.
+        A single set-point counts as due now until `set_point_max_age` [s] after its stamped
+        time: a sender that stamps with its own clock is always late by the transport.
+        Raises InvalidInputError.
+        """
+        unknown = [name for name in continuous_joints if name not in joint_names]
+        if unknown:
+            raise InvalidInputError(
+                f'continuous_joints has {unknown}, expected names of {list(joint_names)}')
+        self.joint_names = tuple(joint_names)
+        self.active: ActiveTrajectory | None = None
+        self._continuous = [j for j, name in enumerate(joint_names) if name in continuous_joints]
+        self._max_age_ns = nanoseconds(
+            check_scalar('set_point_max_age', set_point_max_age, minimum=0.0))
+
+    def start(
+        self,
+        trajectory: JointTrajectory,
+        now_ns: int,
+        position: Any,
+        velocity: Any,
+        stamp_ns: int = 0,
+    ) -> ActiveTrajectory:
+        """
+        Follow `trajectory` from now on, in place of the one in force.
+
+        `stamp_ns` is when its time 0 is, 0 for now. The reference goes on from the one in force
+        at `now_ns`; where there is none, from the measured `position` (n,) [rad or m] and
+        `velocity` (n,) [rad/s or m/s]. The old trajectory is forgotten at once, even where the
+        new one starts later.
+
+        Raises TrajectoryError for other joints or an end in the past, and InvalidInputError for
+        a measured state that is no state; what was in force then stays so.
+        """
+        self.check_joints(trajectory)
+        max_age_ns = self._max_age_ns if trajectory.is_set_point else 0
+        check_end_in_future(trajectory, stamp_ns, now_ns, max_age_ns)
+        state = self._state_at(now_ns, position, velocity)
+        state = state._replace(position=self._turned(
+            state.position, trajectory.points[0].position))
+        start_ns = now_ns if stamp_ns == 0 else stamp_ns
+        self.active = self._entered(trajectory, start_ns, now_ns, state)
+        return self.active
+
+    def check_joints(self, trajectory: JointTrajectory) -> None:
+        """Raise TrajectoryError for joints other than those of the arm, in its order."""
+        if trajectory.joint_names != self.joint_names:
+            raise TrajectoryError(
+                f'joint_names is {list(trajectory.joint_names)}, expected '
+                f'{list(self.joint_names)}, in this order')
+
+    def _entered(
+        self, trajectory: JointTrajectory, start_ns: int, now_ns: int, state: Reference,
+    ) -> ActiveTrajectory:
+        """Return the trajectory as it is followed from `state` on."""
+        return ActiveTrajectory(trajectory, start_ns, now_ns, state)
+
+    def sample(self, now_ns: int) -> Reference | None:
+        """Return the reference at `now_ns`, or None while there is no trajectory."""
+        active = self.active
+        return None if active is None else active.sample(now_ns)
+
+    def clear(self) -> None:
+        """Forget the trajectory; the next one starts from the measured state."""
+        self.active = None
+
+    def shift_time(self, shift_ns: int) -> None:
+        """Let the times of the trajectory in force be lower by `shift_ns`, as those to come."""
+        if self.active is not None:
+            self.active = self.active.earlier(shift_ns)
+
+    def _state_at(self, now_ns: int, position: Any, velocity: Any) -> Reference:
+        if self.active is not None:
+            reference = self.active.sample(now_ns)
+            if all((np.abs(values) <= LARGEST_VALUE).all() for values in reference):
+                return reference
+        n, names = len(self.joint_names), self.joint_names
+        q = check_vector('position', position, n, names, LARGEST_VALUE)
+        v = check_vector('velocity', velocity, n, names, LARGEST_VALUE)
+        return Reference(q, v.copy(), np.zeros(n))
+
+    def _turned(self, position: FloatArray, target: FloatArray) -> FloatArray:
+        q = position.copy()
+        for j in self._continuous:
+            turns = (target[j] - q[j]) / (2.0 * pi)
+            # Exactly half a turn away, go the way that the numbers say, despite rounding.
+            q[j] += 2.0 * pi * copysign(max(ceil(abs(turns) - 0.5 - 1e-9), 0), turns)
+        return q

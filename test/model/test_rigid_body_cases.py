@@ -1,0 +1,164 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Locked joints, the direction of gravity, wrenches and refused input of the rigid bodies."""
+
+from hypothesis import given
+import numpy as np
+import numpy.testing as npt
+import pytest
+from random_trees import (
+    case_of,
+    GRAVITY,
+    laws,
+    random_case,
+    random_inertial,
+    random_urdf,
+    seeds,
+    text,
+    turn,
+)
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.rigid_body import RigidBody
+from robots import robot_urdf
+
+# --- joints that are not actuated ----------------------------------------------------------------
+
+@laws
+@given(seed=seeds)
+def test_locking_joints_leaves_the_block_of_the_others(seed):
+    rng = np.random.default_rng(seed)
+    urdf = random_urdf(rng, mimic=False)
+    whole = load_arm(urdf)
+    kept = [str(name) for name in rng.permutation(whole.joint_names)][
+        :int(rng.integers(1, whole.joint_count + 1))]
+    arm = load_arm(urdf, kept)
+    index = [whole.joint_names.index(name) for name in kept]
+    q, v, a = rng.normal(0, 1, (3, len(kept)))
+    q_whole = np.array([arm.locked_joints.get(name, 0.0) for name in whole.joint_names])
+    v_whole, a_whole = np.zeros((2, whole.joint_count))
+    q_whole[index], v_whole[index], a_whole[index] = q, v, a
+    npt.assert_allclose(
+        RigidBody(arm).mass_matrix(q),
+        RigidBody(whole).mass_matrix(q_whole)[np.ix_(index, index)], rtol=1e-10, atol=1e-10)
+    npt.assert_allclose(
+        RigidBody(arm).inverse_dynamics(q, v, a),
+        RigidBody(whole).inverse_dynamics(q_whole, v_whole, a_whole)[index],
+        rtol=1e-10, atol=1e-9)
+
+
+# --- gravity -------------------------------------------------------------------------------------
+
+@laws
+@given(seed=seeds)
+def test_turning_gravity_is_turning_the_base(seed):
+    case = random_case(seed, some_locked=False)
+    rpy = case.rng.uniform(-3, 3, 3)
+    x, y, z = np.eye(3)
+    R = turn(z, rpy[2]) @ turn(y, rpy[1]) @ turn(x, rpy[0])
+    mounted = case.urdf.replace(
+        '</robot>',
+        '<link name="floor"/><joint name="mount" type="fixed"><parent link="floor"/>'
+        f'<child link="link0"/><origin rpy="{text(rpy)}"/></joint></robot>')
+    expected = RigidBody(load_arm(mounted)).inverse_dynamics(case.q, case.v, case.a)
+    tilted = load_arm(case.urdf, gravity=R.T @ GRAVITY)
+    ours = RigidBody(tilted).inverse_dynamics(case.q, case.v, case.a)
+    npt.assert_allclose(ours, expected, rtol=0, atol=1e-10 * max(1.0, abs(expected).max()))
+
+
+def test_without_gravity_nothing_is_needed_to_hold_the_arm():
+    case = random_case(3)
+    arm = load_arm(case.urdf, case.arm.joint_names, gravity=(0, 0, 0))
+    npt.assert_array_equal(RigidBody(arm).gravity(case.q), np.zeros(arm.joint_count))
+    assert abs(case.body.gravity(case.q)).max() > 0.1
+
+
+# --- details -------------------------------------------------------------------------------------
+
+def test_continuous_joints_turn_round_and_round():
+    case = case_of(robot_urdf('kinova'), np.random.default_rng(1), some_locked=False)
+    turns = np.array([2 * np.pi if kind == 'continuous' else 0.0 for kind in case.arm.joint_kinds])
+    assert turns.any()
+    npt.assert_allclose(
+        case.body.inverse_dynamics(case.q + 3 * turns, case.v, case.a),
+        case.body.inverse_dynamics(case.q, case.v, case.a), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize('some_locked', [False, True])
+def test_results_are_new_and_inputs_are_left_alone(some_locked):
+    case = random_case(5, some_locked=some_locked)
+    body, q, v, a, wrenches = case.body, case.q, case.v, case.a, case.wrenches()
+    before = [array.copy() for array in (q, v, a)]
+    functions = (
+        lambda q: body.inverse_dynamics(q, v, a),
+        lambda q: body.inverse_dynamics(q, v, a, wrenches),
+        body.gravity,
+        lambda q: body.nonlinear(q, v),
+        lambda q: body.external(q, wrenches),
+        lambda q: body.inverse_dynamics_batch(q[None], v[None], a[None]),
+        body.mass_matrix,
+        lambda q: body.coriolis_matrix(q, v),
+        body.christoffel_symbols,
+        lambda q: body.forward_dynamics(q, v, a),
+        lambda q: body.forward_dynamics(q, v, a, wrenches),
+    )
+    for function in functions:
+        first = function(q)
+        kept = first.copy()
+        function(q + 1.0)
+        npt.assert_array_equal(first, kept)
+    for array, copy in zip((q, v, a), before):
+        npt.assert_array_equal(array, copy)
+
+
+def test_no_wrench_is_no_effort():
+    case = random_case(11)
+    npt.assert_array_equal(
+        case.body.external(case.q, ()), np.zeros(case.arm.joint_count))
+
+
+def test_a_wrench_at_the_base_link_is_borne_by_the_base():
+    case = random_case(12)
+    wrench = ExternalWrench('link0', np.full(3, 50.0), np.full(3, 9.0))
+    npt.assert_array_equal(
+        case.body.external(case.q, [wrench]), np.zeros(case.arm.joint_count))
+
+
+def test_a_wrench_at_an_unknown_link_is_refused():
+    case = random_case(13)
+    wrench = ExternalWrench('gripper', np.zeros(3), np.zeros(3))
+    for call in (
+        lambda: case.body.external(case.q, [wrench]),
+        lambda: case.body.inverse_dynamics(case.q, case.v, case.a, [wrench]),
+        lambda: case.body.forward_dynamics(case.q, case.v, case.a, [wrench]),
+    ):
+        with pytest.raises(InvalidInputError, match="frame_id is 'gripper', expected .*'link0'"):
+            call()
+
+
+@pytest.mark.parametrize('joints', [(), ('b', 'a'), ('b',)])
+def test_forward_dynamics_of_a_joint_that_moves_no_mass_is_refused(joints):
+    urdf = (
+        '<robot name="light"><link name="base"/>'
+        f'<link name="arm">{random_inertial(np.random.default_rng(0))}</link><link name="tip"/>'
+        '<joint name="a" type="continuous"><parent link="base"/><child link="arm"/></joint>'
+        '<joint name="b" type="continuous"><parent link="arm"/><child link="tip"/></joint>'
+        '</robot>')
+    body = RigidBody(load_arm(urdf, joints))
+    x = np.ones(body.arm.joint_count)
+    assert np.isfinite(body.inverse_dynamics(x, x, x)).all()
+    with pytest.raises(InvalidInputError, match='mass matrix is singular, expected every joint'):
+        body.forward_dynamics(x, x, x)
