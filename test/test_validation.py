@@ -62,7 +62,7 @@ def test_every_finite_vector_is_returned_as_it_is(values):
 @given(values=st.lists(st.floats(), min_size=1, max_size=6), wanted=st.integers(0, 8))
 def test_a_vector_is_refused_exactly_where_length_or_a_value_is_wrong(values, wanted):
     if len(values) == wanted and np.isfinite(values).all():
-        check_vector('position', values, wanted)
+        assert check_vector('position', values, wanted).tolist() == values
     else:
         refusal(check_vector, 'position', values, wanted)
 
