@@ -260,13 +260,12 @@ def test_a_late_arrival_enters_where_the_clock_is():
     path = trajectory((1.0, 3.0), ((1.0, 0.0), (3.0, 0.0)))
     active = ActiveTrajectory(path, EPOCH, EPOCH + 2 * SECOND, REST)
     np.testing.assert_allclose(active.sample(EPOCH + 2 * SECOND).position, (2.0, 0.0))
-    np.testing.assert_allclose(active.entry_step(), (2.0, 0.0))
     assert_same(active.sample(EPOCH + SECOND), REST)
 
 
 def test_an_entry_from_the_state_before_makes_no_step():
     active = ActiveTrajectory(smooth((0.5, 1.0)), EPOCH, EPOCH, REST)
-    np.testing.assert_array_equal(active.entry_step(), (0.0, 0.0))
+    np.testing.assert_array_equal(active.sample(EPOCH).position, REST.position)
 
 
 def test_what_a_sample_shares_cannot_be_written():
