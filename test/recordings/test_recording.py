@@ -300,6 +300,27 @@ def test_what_is_not_a_recording_is_refused(tmp_path):
         Recording(broken)
 
 
+@pytest.mark.parametrize(('definition', 'words'), [
+    ('float64 a', "Could not deserialize 'demo_msgs/msg/Long'"),
+    ('float64[99999999999999999999] a', 'too large'),
+])
+def test_a_message_that_cannot_be_decoded_is_refused(tmp_path, definition, words):
+    kind = 'demo_msgs/msg/Long'
+    with RecordingWriter(tmp_path / 'bag', {kind: definition}) as writer:
+        writer.add_topic('/long', kind)
+        writer.write('/long', 1, b'\0\1\0\0abc')
+    with Recording(tmp_path / 'bag') as opened:
+        with pytest.raises(RecordingError, match=f'a message of /long: .*{words}'):
+            list(opened.messages('/long'))
+
+
+def test_a_fault_of_the_program_is_not_taken_for_damage(recording, monkeypatch):
+    with Recording(recording) as opened:
+        monkeypatch.setattr(opened._types, '_own', None)
+        with pytest.raises(AttributeError, match='fielddefs'):
+            list(opened.messages('/joint_states'))
+
+
 def test_wrong_questions_are_refused(recording):
     with Recording(recording) as opened:
         with pytest.raises(RecordingError, match=PAIR):
