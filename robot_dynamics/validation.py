@@ -18,12 +18,16 @@ Checks of input from outside.
 Each `check_*` takes the name of the field first, and returns the checked value as float64.
 What it refuses, it refuses with one `InvalidInputError` that says the field, the value that
 was given and what was expected.
+A number is a real number of Python or numpy; a string, None or a bool is not converted to one.
 """
 
+from array import array as typed_array
 from collections.abc import Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 
@@ -37,11 +41,50 @@ SMALLEST_DIVISOR = 1e-12
 """What a number must be in size, in SI units, that others are divided by."""
 
 
-def _as_float_array(field: str, value: Any) -> FloatArray:
+def holds_numbers(value: Any) -> bool:
+    """Return whether `value` is a number, an array of numbers, or a list or tuple of such."""
+    if type(value) in (float, int):
+        return True
+    if isinstance(value, (list, tuple)):
+        return all(map(holds_numbers, value))
+    if isinstance(value, typed_array):
+        return value.typecode not in 'uw'  # those of characters
+    dtype = getattr(value, 'dtype', None)
+    return isinstance(dtype, np.dtype) and dtype.kind in 'iuf'
+
+
+def _numbers(field: str, value: Any) -> tuple[FloatArray, npt.NDArray[Any]]:
+    """
+    Return `value` as float64, NaN for an entry that is no number, and the entries as given.
+
+    Both arrays have one shape. Raises InvalidInputError if the entries form no array, or `value`
+    is neither a number nor a sequence.
+    """
     try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
+        if holds_numbers(value):
+            converted = np.asarray(value, dtype=np.float64)
+            return converted, converted
+    except (ValueError, OverflowError):  # rows of different lengths, an integer too large
+        pass
+    try:
+        entries = np.array(value, dtype=object)
+        floats = [_as_float(entry) for entry in entries.flat]
+    except (TypeError, ValueError):
         raise InvalidInputError(f'{field} is {value!r}, expected numbers') from None
+    is_ragged = any(isinstance(entry, (list, tuple, np.ndarray)) for entry in entries.flat)
+    if is_ragged or (entries.ndim == 0 and floats == [None]):
+        raise InvalidInputError(f'{field} is {value!r}, expected numbers')
+    return np.array(floats, dtype=np.float64).reshape(entries.shape), entries
+
+
+def _as_float(entry: Any) -> float | None:
+    """Return a real number as a float, and None for anything else or a number too large."""
+    if isinstance(entry, bool) or not isinstance(entry, Real):
+        return None
+    try:
+        return float(entry)
+    except OverflowError:
+        return None
 
 
 def _label(field: str, index: tuple[int, ...], names: Sequence[str] | None) -> str:
@@ -52,17 +95,25 @@ def _label(field: str, index: tuple[int, ...], names: Sequence[str] | None) -> s
 
 
 def _check_size(
-    field: str, array: FloatArray, names: Sequence[str] | None, largest: float,
+    field: str, array: FloatArray, entries: npt.NDArray[Any], names: Sequence[str] | None,
+    largest: float,
 ) -> FloatArray:
-    """Return the array; raise InvalidInputError where an entry is not finite, or beyond."""
+    """
+    Return the array; raise InvalidInputError if an entry is not finite, or beyond `largest`.
+
+    `entries` are the entries as given, for the message.
+    """
     good = np.isfinite(array) if np.isinf(largest) else np.abs(array) <= largest  # nor is NaN
     if good.all():
         return array
     index = tuple(int(i) for i in np.argwhere(~good)[0])
-    value = array[index]
-    in_words = (
-        f'is {value:g}, expected {_range_in_words(-largest, largest, False)}'
-        if np.isfinite(value) else f'is {value}, expected a finite number')
+    value, given = array[index], entries[index]
+    if np.isfinite(value):
+        in_words = f'is {value:g}, expected {_range_in_words(-largest, largest, False)}'
+    elif _as_float(given) is None:
+        in_words = f'is {given!r}, expected a finite number'
+    else:
+        in_words = f'is {value}, expected a finite number'
     raise InvalidInputError(f'{_label(field, index, names)} {in_words}')
 
 
@@ -76,12 +127,27 @@ def check_vector(
     `names` are the names of its entries, for the message: usually the joints.
     Raises InvalidInputError on another shape or a value that is not finite or beyond.
     """
-    array = _as_float_array(field, value)
+    array, entries = _numbers(field, value)
     if array.shape != (length,):
         given = f'{array.size} values' if array.ndim == 1 else f'an array of shape {array.shape}'
         wanted = f'{length}, one for each of {list(names)}' if names is not None else f'{length}'
         raise InvalidInputError(f'{field} has {given}, expected {wanted}')
-    return _check_size(field, array, names, largest)
+    return _check_size(field, array, entries, names, largest)
+
+
+def check_per_joint(
+    field: str, value: Any, joint_names: Sequence[str], largest: float = np.inf,
+) -> FloatArray:
+    """
+    Return one value per joint, shape (n,); `value` holds one for all joints, or one per joint.
+
+    Raises InvalidInputError as `check_vector` does.
+    """
+    n = len(joint_names)
+    is_one = _numbers(field, value)[0].shape == (1,)
+    given = check_vector(field, value, 1, largest=largest) if is_one else (
+        check_vector(field, value, n, joint_names, largest))
+    return np.array(np.broadcast_to(given, (n,)))
 
 
 def check_samples(
@@ -94,15 +160,16 @@ def check_samples(
     A flat sequence is read row by row. Raises InvalidInputError where it does not divide into
     rows of `columns` values or holds a value that is not finite or beyond `largest`.
     """
-    array = _as_float_array(field, value)
+    array, entries = _numbers(field, value)
     if array.ndim == 1 and (array.size % columns if columns else array.size) == 0:
-        array = array.reshape(-1, columns) if columns else array.reshape(0, 0)
+        shape = (-1, columns) if columns else (0, 0)
+        array, entries = array.reshape(shape), entries.reshape(shape)
     if array.ndim != 2 or array.shape[1] != columns:
         given = f'{array.size} values' if array.ndim == 1 else f'an array of shape {array.shape}'
         of = f' ({list(names)})' if names is not None else ''
         raise InvalidInputError(
             f'{field} has {given}, expected samples × {columns} joints{of}, row by row')
-    return _check_size(field, array, names, largest)
+    return _check_size(field, array, entries, names, largest)
 
 
 def check_states(
@@ -113,9 +180,9 @@ def check_states(
 
     Raises InvalidInputError as `check_vector` and `check_samples` do.
     """
-    array = _as_float_array(field, value)
+    array, entries = _numbers(field, value)
     check = check_samples if array.ndim == 2 else check_vector
-    return check(field, array, columns, names)
+    return check(field, entries, columns, names)
 
 
 def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
@@ -124,11 +191,11 @@ def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
 
     Raises InvalidInputError.
     """
-    array = _as_float_array(field, value)
+    array, entries = _numbers(field, value)
     if array.shape != (3, 3) or not np.isfinite(array).all():
         raise InvalidInputError(
-            f'{field} is {array.tolist()}, expected a finite 3 × 3 tensor')
-    return _check_size(field, array, None, largest)
+            f'{field} is {entries.tolist()}, expected a finite 3 × 3 tensor')
+    return _check_size(field, array, entries, None, largest)
 
 
 def is_empty(value: Any) -> bool:
@@ -151,15 +218,16 @@ def check_scalar(
 
     With `exclusive_minimum`, `minimum` itself is refused too. Raises InvalidInputError.
     """
-    array = _as_float_array(field, value)
-    if array.shape != ():
+    entry = np.array(value, dtype=object)
+    if entry.shape != ():
         raise InvalidInputError(f'{field} is {value!r}, expected one number')
-    number = float(array)
+    number = _as_float(entry[()])
+    expected = _range_in_words(minimum, maximum, exclusive_minimum)
+    if number is None:
+        raise InvalidInputError(f'{field} is {entry[()]!r}, expected {expected}')
     too_low = number < minimum or (exclusive_minimum and number == minimum)
     if not np.isfinite(number) or too_low or number > maximum:
-        raise InvalidInputError(
-            f'{field} is {number:g}, expected '
-            f'{_range_in_words(minimum, maximum, exclusive_minimum)}')
+        raise InvalidInputError(f'{field} is {number:g}, expected {expected}')
     return number
 
 

@@ -62,7 +62,7 @@ def test_every_finite_vector_is_returned_as_it_is(values):
 @given(values=st.lists(st.floats(), min_size=1, max_size=6), wanted=st.integers(0, 8))
 def test_a_vector_is_refused_exactly_where_length_or_a_value_is_wrong(values, wanted):
     if len(values) == wanted and np.isfinite(values).all():
-        check_vector('position', values, wanted)
+        assert check_vector('position', values, wanted).tolist() == values
     else:
         refusal(check_vector, 'position', values, wanted)
 
@@ -81,8 +81,13 @@ def test_integers_become_float64():
     (3.0, "position has an array of shape (), expected 2, one for each of ['shoulder', 'elbow']"),
     ([0.0, np.nan], 'position[1] (elbow) is nan, expected a finite number'),
     ([-np.inf, np.nan], 'position[0] (shoulder) is -inf, expected a finite number'),
-    ([0.0, None], 'position[1] (elbow) is nan, expected a finite number'),
-    (['a', 'b'], "position is ['a', 'b'], expected numbers"),
+    ([0.0, None], f'position[1] (elbow) is {None}, expected a finite number'),
+    (['a', 'b'], "position[0] (shoulder) is 'a', expected a finite number"),
+    (('1.0', 2.0), "position[0] (shoulder) is '1.0', expected a finite number"),
+    ([0, True], 'position[1] (elbow) is True, expected a finite number'),
+    (np.array([0, 1], dtype=bool), 'position[0] (shoulder) is False, expected a finite number'),
+    (np.array(['0', '1']), "position[0] (shoulder) is '0', expected a finite number"),
+    (None, f'position is {None}, expected numbers'),
     ([[1.0], [2.0, 3.0]], 'position is [[1.0], [2.0, 3.0]], expected numbers'),
     ({'shoulder': 1.0}, "position is {'shoulder': 1.0}, expected numbers"),
 ])
@@ -97,7 +102,7 @@ def test_message_on_a_vector_without_names():
 
 
 def test_an_integer_beyond_all_floats_is_no_number():
-    assert refusal(check_vector, 'position', [10**400], 1).endswith(', expected numbers')
+    assert refusal(check_vector, 'position', [10**400], 1).endswith(', expected a finite number')
 
 
 # --- samples -------------------------------------------------------------------------------------
@@ -121,7 +126,9 @@ def test_flat_samples_are_read_row_by_row(rows, columns, seed):
           "(['shoulder', 'elbow']), row by row"),
     ([0.0, 1.0, 2.0, np.nan], 'position[1][1] (elbow) is nan, expected a finite number'),
     ([[0.0, 1.0], [np.inf, 2.0]], 'position[1][0] (shoulder) is inf, expected a finite number'),
-    (['x', 'y'], "position is ['x', 'y'], expected numbers"),
+    (['x', 'y'], "position[0][0] (shoulder) is 'x', expected a finite number"),
+    ([0.0, 1.0, 2.0, '3'], "position[1][1] (elbow) is '3', expected a finite number"),
+    ([[0.0, 1.0], [None, 2.0]], f'position[1][0] (shoulder) is {None}, expected a finite number'),
 ])
 def test_message_on_samples(value, message):
     assert refusal(check_samples, 'position', value, 2, JOINTS) == message
@@ -147,6 +154,8 @@ def test_a_finite_tensor_is_returned():
      'inertia is [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, inf]], '
      'expected a finite 3 × 3 tensor'),
     ('round', "inertia is 'round', expected numbers"),
+    ([['1', 0, 0], [0, True, 0], [0, 0, 3]],
+     "inertia is [['1', 0, 0], [0, True, 0], [0, 0, 3]], expected a finite 3 × 3 tensor"),
     ([[1.0], [2.0, 3.0]], 'inertia is [[1.0], [2.0, 3.0]], expected numbers'),
 ])
 def test_message_on_a_tensor(value, message):
@@ -175,7 +184,10 @@ def test_a_scalar_is_refused_exactly_outside_its_range(value, low, width, exclus
     (np.nan, {}, 'rate is nan, expected a finite number'),
     (np.inf, {}, 'rate is inf, expected a finite number'),
     (np.nan, {'minimum': 0.0}, 'rate is nan, expected a number >= 0'),
-    ('fast', {}, "rate is 'fast', expected numbers"),
+    ('fast', {}, "rate is 'fast', expected a finite number"),
+    ('1.0', {'minimum': 0.0}, "rate is '1.0', expected a number >= 0"),
+    (None, {}, f'rate is {None}, expected a finite number'),
+    (True, {'maximum': 1.0}, 'rate is True, expected a number <= 1'),
     ([1.0], {}, 'rate is [1.0], expected one number'),
 ])
 def test_message_on_a_scalar(value, more, message):

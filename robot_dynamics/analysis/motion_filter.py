@@ -63,7 +63,6 @@ class FilteredMotion:
     cutoff_hz: float
     sample_rate_hz: float
     cutoff_reason: str
-    velocity_was_recorded: bool
     segment: IntArray
     usable: BoolArray
     left_out: int
@@ -160,7 +159,6 @@ def _join(
         cutoff_hz=cutoff.hz,
         sample_rate_hz=rate,
         cutoff_reason=cutoff.reason,
-        velocity_was_recorded=series.velocity is not None,
         segment=np.repeat(np.arange(len(segments)), [len(part) for part in segments]),
         usable=usable,
         left_out=len(series.stamps_ns) - len(rows),

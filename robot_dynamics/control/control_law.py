@@ -35,7 +35,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.validation import check_vector, LARGEST_VALUE
+from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 
 DEFAULT_NATURAL_FREQUENCY = 20.0
 """[rad/s]"""
@@ -74,8 +74,8 @@ def make_gains(
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
     gains = Gains(
-        per_joint('gains.kp', kp, joint_names) if len(kp) else omega**2,
-        per_joint('gains.kd', kd, joint_names) if len(kd) else 2.0 * zeta * omega)
+        per_joint('gains.kp', kp, joint_names) if not is_empty(kp) else omega**2,
+        per_joint('gains.kd', kd, joint_names) if not is_empty(kd) else 2.0 * zeta * omega)
     for name, K_p, K_d, ratio in zip(joint_names, gains.kp, gains.kd, gains.ratio):
         if ratio > LARGEST_VALUE:
             raise InvalidInputError(
@@ -86,12 +86,10 @@ def make_gains(
 
 def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
     """Return non-negative values (n,) of one for all joints, or of one a joint."""
-    n = len(joint_names)
-    values = check_vector(field, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
-        check_vector(field, value, n, joint_names, LARGEST_VALUE))
+    values = check_per_joint(field, value, joint_names, LARGEST_VALUE)
     if (values < 0.0).any():
         raise InvalidInputError(f'{field} is {values.tolist()}, expected no value below 0')
-    return np.array(np.broadcast_to(values, (n,)))
+    return values
 
 
 class ErrorFeedback:

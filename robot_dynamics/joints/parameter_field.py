@@ -17,9 +17,8 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.validation import check_vector, LARGEST_VALUE
+from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 
 
 class ParameterField(NamedTuple):
@@ -56,9 +55,5 @@ def per_joint_values(
     Empty means `default`. Raises InvalidInputError, naming the parameter as `label`, on another
     number of values, or one that is not finite or too large.
     """
-    n = len(joint_names)
-    if len(value) == 0:
-        return default
-    given = check_vector(label, value, 1, largest=LARGEST_VALUE) if len(value) == 1 else (
-        check_vector(label, value, n, joint_names, LARGEST_VALUE))
-    return np.array(np.broadcast_to(given, (n,)))
+    return default if is_empty(value) else (
+        check_per_joint(label, value, joint_names, LARGEST_VALUE))

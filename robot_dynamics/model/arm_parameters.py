@@ -32,6 +32,7 @@ from robot_dynamics.joints.effort_convention import EffortConvention, make_effor
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
+from robot_dynamics.yaml_text import load_yaml
 
 NODE = 'dynamics'
 
@@ -45,7 +46,7 @@ def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
     """
     yaml = optional('yaml', 'a parameter file')
     try:
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
+        document = load_yaml(path.read_text(encoding='utf-8'), 'a parameter file')
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InvalidInputError(
             f'parameter file {str(path)!r} cannot be read: {error}') from None

@@ -21,13 +21,11 @@ J. M. Hollerbach, "Estimation of inertial parameters of manipulator loads and li
 Robotics Research 5(3), 1986. Reflected inertia of rotors is no part of it.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
+from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
 
 
 def body_names(arm: ArmModel) -> tuple[str, ...]:
@@ -50,21 +48,6 @@ def inertial_parameters(arm: ArmModel) -> FloatArray:
     """Return φ (10 × bodies,) of the arm, with its payload."""
     inertias = list(arm.pinocchio_model.inertias)[1:]
     return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
-
-
-def with_inertial_parameters(arm: ArmModel, parameters: FloatArray) -> ArmModel:
-    """
-    Return the arm with these φ (10 × bodies,), without a payload of its own.
-
-    Bodies whose parameters no mass distribution has are kept as they are given: fit to compute
-    efforts with, but not to simulate.
-    """
-    model = arm.unloaded_model.copy()
-    for i, phi in enumerate(parameters.reshape(-1, COUNT)):
-        model.inertias[i + 1] = (
-            pin.Inertia.FromDynamicParameters(phi) if is_consistent(phi) or phi[0] != 0.0 else
-            pin.Inertia.Zero())
-    return replace(arm, pinocchio_model=model, unloaded_model=model, payloads=())
 
 
 class TorqueRegressor:

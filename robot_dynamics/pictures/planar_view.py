@@ -53,8 +53,7 @@ class PlanarView:
     The plane in which an arm moves, and what happens in it. Not for two threads at a time.
 
     Motions are in the order of `arm.joint_names`; links, and joints in what is returned, run from
-    the base. `sense` (n,), from the base too, is −1 where a joint counts the other way round than
-    the plane. `up` is against gravity, or where gravity is square to the plane, along the arm at
+    the base. `up` is against gravity, or where gravity is square to the plane, along the arm at
     zero.
     """
 
@@ -73,7 +72,6 @@ class PlanarView:
             together = max(sines <= _PARALLEL, key=np.count_nonzero)
             such = [name for name, fits in zip(self.chain_names, together) if fits]
             raise self._no_chain(f'joints whose axes are parallel, such as {such}')
-        self.sense = np.sign(axes @ axes[0])
         self._tool = self._tool_frame(axes[0])
         self.plane = self._choose_plane(axes[0])
         q = arm.coordinates.position(zero)

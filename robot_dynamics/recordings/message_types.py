@@ -27,6 +27,13 @@ What rosbags raises for damaged definitions, besides its own errors.
 
 It makes Python classes of definitions: a damaged name or number may be no Python.
 """
+_UNDECODABLE = (KeyError, OverflowError, RecursionError)
+"""
+What rosbags raises when it decodes a message, besides its own errors.
+
+KeyError: a type without a definition; OverflowError: an array longer than any memory;
+RecursionError: a type that contains itself.
+"""
 
 
 class MessageTypes:
@@ -37,6 +44,8 @@ class MessageTypes:
         self._typesys = typesys
         self._common = common_types()
         self._own = typesys.get_typestore(typesys.Stores.EMPTY)
+        self.errors = (optional('rosbags.serde', 'a recording').SerdeError, *_UNDECODABLE)
+        """What `deserialize` raises for a message that cannot be decoded."""
 
     def learn(self, topics: Iterable[StoredTopic]) -> None:
         """Take over definitions; those that cannot be read are passed over."""
@@ -63,6 +72,6 @@ class MessageTypes:
         return types
 
     def deserialize(self, data: bytes, message_type: str) -> Any:
-        """Return a message; raise whatever rosbags raises where it cannot be read."""
+        """Return a message; raise one of `errors` if it cannot be decoded."""
         own = message_type in self._own.fielddefs
         return (self._own if own else self._common).deserialize_cdr(data, message_type)

@@ -158,7 +158,7 @@ class Recording:
         for time_ns, data in self.raw_messages(topic):
             try:
                 message = self._types.deserialize(data, kind)
-            except Exception as error:  # the errors of rosbags have no common base
+            except self._types.errors as error:
                 raise self._unreadable(f'a message of {topic}: {error}') from error
             yield time_ns, message
 

@@ -110,11 +110,11 @@ class _File(ABC):
         if self._reader is not None:
             wanted = [c for c in self._reader.connections if c.topic == topic]
             try:
-                messages = [(time_ns, data) for _, time_ns, data in self._reader.messages(wanted)
-                            ] if wanted else []
+                read = list(self._reader.messages(wanted)) if wanted else []
             except _errors_of_damage():
-                messages = []
-            messages = [message for message in messages if _is_valid(*message)]
+                read = []
+            messages = [
+                (time_ns, data) for _, time_ns, data in read if _is_valid(time_ns, data)]
             if len(messages) >= sum(connection.msgcount for connection in wanted):
                 return self._plain(messages)
             self._salvage()  # noise may look like the end to the library
@@ -157,7 +157,7 @@ class _File(ABC):
         """Let go of the file."""
         reader, self._reader = self._reader, None
         if reader is not None:
-            with suppress(*_errors_of_damage()):
+            with suppress(OSError, _error_of_sqlite()):
                 reader.close()
 
 
@@ -165,12 +165,20 @@ def _errors_of_damage() -> tuple[type[Exception], ...]:
     """
     Return what rosbags, and the libraries below it, raise for a damaged file.
 
-    rosbags checks little of what it reads: noise reaches Python's own functions.
+    rosbags checks little of what it reads: noise reaches Python's own functions. Only calls of
+    rosbags may be guarded with these errors: they would hide faults of this package's own code.
     """
     return (
-        optional('rosbags.rosbag2', 'a recording').ReaderError, _error_of_sqlite(),
-        zstd_module().ZstdError, struct.error, AssertionError, AttributeError, EOFError,
-        LookupError, MemoryError, OSError, OverflowError, RuntimeError, TypeError, ValueError)
+        optional('rosbags.rosbag2', 'a recording').ReaderError,
+        _error_of_sqlite(),
+        zstd_module().ZstdError,
+        RuntimeError,  # of lz4
+        struct.error,  # a record that is too short
+        MemoryError, OSError, OverflowError,  # a size or an offset beyond all files
+        ValueError,  # also UnicodeDecodeError: a text of noise
+        LookupError,  # a key of noise, or a number without digits (ruamel.yaml)
+        AssertionError, AttributeError, TypeError,  # a value of another type
+    )
 
 
 def _error_of_sqlite() -> type[Exception]:

@@ -81,15 +81,6 @@ class RecordingWriter:
         with uninterrupted():
             self._writer.write(self._connections[topic], time_ns, data)
 
-    def write_message(self, topic: str, time_ns: int, message: Any) -> None:
-        """Write a message in the form that `Recording` gives it out, or of the same fields."""
-        connection = self._connections[topic]
-        self.write(topic, time_ns, bytes(self._types.serialize_cdr(message, connection.msgtype)))
-
-    def make_message(self, message_type: str, **fields: Any) -> Any:
-        """Return a message of a known type, for `write_message`."""
-        return self._types.types[message_type](**fields)
-
     def close(self) -> None:
         """Finish the files; once is enough."""
         with uninterrupted():

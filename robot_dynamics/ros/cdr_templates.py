@@ -20,8 +20,10 @@ checked setters, lists of strings, copies number by number. But a publisher of j
 the same names in the same place every time, and so do we. So the first message of a layout is
 deserialized as usual and its layout is learned; from those that follow numpy reads the numbers
 where they lie. What is published is a message that was written once, with the stamp and the
-numbers of now put into it. Messages of any other layout take the usual way. This module is not
-for recordings: outside of the control path, `rosbags` decodes and encodes messages.
+numbers of now put into it. Messages of any other layout take the usual way.
+
+Outside these paths, the typestore of `rosbags` decodes and encodes messages. It is not used
+here, because it makes one object per message as rclpy does, and the nodes run without `rosbags`.
 
 The layout is that of CDR, little endian (OMG DDS-XTypes 7.4.1): after 4 bytes of encapsulation,
 each value is aligned to its size; strings and sequences begin with their length as uint32.

@@ -18,6 +18,10 @@ Messages as they arrive, in bytes, and what is refused before it is made a messa
 rclpy passes over bytes that are no message without a word, and makes a message of those that are
 one while no other thread may run: a trajectory of 100,000 points stops control for a second. So
 topics are taken as bytes, and read here.
+
+The number of points of a trajectory is read from the bytes with `struct`, not with the typestore
+of `rosbags`: the typestore decodes every point, which is the delay that the limit prevents, and
+the nodes run without `rosbags`.
 """
 
 import struct

@@ -36,6 +36,7 @@ from robot_dynamics.trajectories.joint_trajectory import (
     nanoseconds,
     TrajectoryPoint,
 )
+from robot_dynamics.yaml_text import load_yaml
 
 DECIMALS = 9
 """Digits behind the point of every number: nanometres, as it were."""
@@ -80,7 +81,7 @@ def _as_data(point: TrajectoryPoint) -> dict[str, Any]:
 def _load(path: Path) -> Mapping[str, Any]:
     yaml = optional('yaml', 'a trajectory file')
     try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+        data = load_yaml(path.read_text(encoding='utf-8'), 'a trajectory file')
     except (OSError, ValueError) as error:
         raise InvalidInputError(f'trajectory file {str(path)!r} cannot be read: {error}') from None
     except yaml.YAMLError as error:

@@ -111,15 +111,6 @@ class ActiveTrajectory:
             segment = self._segment = self._make_segment(index)
         return segment
 
-    def entry_step(self) -> FloatArray:
-        """
-        Return how far the position reference jumps when this trajectory takes over, shape (n,).
-
-        Zero where the first point lies in the future at the arrival; else the first sample lies
-        on the path, wherever the arm is.
-        """
-        return self.sample(self._arrival_ns).position - self._state_before.position
-
     def _make_segment(self, index: int) -> Segment:
         begin_ns, end_ns = self._times[index:index + 2]
         duration = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND

@@ -31,7 +31,13 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.validation import check_scalar, check_unique, check_vector, LARGEST_VALUE
+from robot_dynamics.validation import (
+    check_scalar,
+    check_unique,
+    check_vector,
+    holds_numbers,
+    LARGEST_VALUE,
+)
 
 # The range of the seconds in builtin_interfaces/Duration.
 _LONGEST_TIME = 2.0 ** 31
@@ -231,6 +237,8 @@ def _as_matrix(rows: list[Any], columns: int) -> FloatArray:
     if columns and all(type(row) is array and row.typecode == 'd' and len(row) == columns
                        for row in rows):
         return np.frombuffer(b''.join(rows), dtype=np.float64).reshape(-1, columns)
+    if not holds_numbers(rows):
+        raise TypeError('not all entries are numbers')
     return np.asarray(rows, dtype=np.float64)
 
 

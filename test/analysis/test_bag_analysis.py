@@ -21,7 +21,7 @@ import pytest
 
 pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
-from recordings import KnownMotion, write_recording  # noqa: E402
+from recordings import KnownMotion, serialized, write_recording  # noqa: E402
 from robot_dynamics.analysis.arm_recording import AnalysisSettings  # noqa: E402
 from robot_dynamics.analysis.bag_analysis import analyze_recording  # noqa: E402
 from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
@@ -145,8 +145,7 @@ def test_the_description_in_the_recording_is_used(tmp_path, known):
     with RecordingWriter(tmp_path / 'bag') as writer:
         writer.add_topic('/joint_states', JOINT_STATE)
         writer.add_topic('/robot_description', 'std_msgs/msg/String')
-        writer.write_message('/robot_description', 1, writer.make_message(
-            'std_msgs/msg/String', data=URDF))
+        writer.write('/robot_description', 1, serialized('std_msgs/msg/String', data=URDF))
         for time_ns, data in MOTION.messages():
             writer.write('/joint_states', time_ns, data)
     assert (analyze_recording(

@@ -106,13 +106,11 @@ def test_a_gap_parts_the_motion():
     assert np.all(relative_error(found.acceleration[use], true[use]) < 0.01)
 
 
-def test_what_was_not_recorded_is_said():
+def test_there_is_no_effort_unless_it_was_recorded():
     times = np.arange(0.0, 20.0, 0.01)
-    q, v, _ = motion(times)
-    assert filter_motion(series(times, q, v)).velocity_was_recorded
-    found = filter_motion(series(times, q))
-    assert not found.velocity_was_recorded
-    assert found.effort is None
+    q, v, a = motion(times)
+    assert filter_motion(series(times, q, v)).effort is None
+    assert filter_motion(series(times, q, v, a)).effort is not None
 
 
 @pytest.mark.parametrize('kind', ['zeros', 'degrees', 'late'])

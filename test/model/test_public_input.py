@@ -20,11 +20,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -130,10 +133,59 @@ def test_another_length_is_named(kind: type, method: str, field: str) -> None:
 
 
 @pytest.mark.parametrize(
-    'bad', ['fast', ['a', 1.0], {'joint1': 1.0}, [[1.0], [2.0, 3.0]], [1j, 2]])
+    'bad', ['fast', {'joint1': 1.0}, [[1.0], [2.0, 3.0]]])
 @pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
-def test_what_is_no_number_is_named(kind: type, method: str, field: str, bad: Any) -> None:
+def test_what_is_no_sequence_of_numbers_is_named(
+    kind: type, method: str, field: str, bad: Any,
+) -> None:
     assert refusal(kind, method, field, bad) == f'{field} is {bad!r}, expected numbers'
+
+
+@pytest.mark.parametrize('bad', ['a', '1.0', None, True, 1j])
+@pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
+def test_an_entry_that_is_no_number_is_named(
+    kind: type, method: str, field: str, bad: Any,
+) -> None:
+    value = np.array(inputs_of(kind, method)[field], dtype=object)
+    value[(0, 1) if value.ndim == 2 else 1] = bad
+    place = '[0][1]' if value.ndim == 2 else '[1]'
+    for given in (value, value.tolist(), tuple(value.tolist())):
+        assert refusal(kind, method, field, given) == (
+            f'{field}{place} (joint2) is {bad!r}, expected a finite number')
+
+
+@pytest.mark.parametrize('bad', ['a', '1.0', None, True])
+@pytest.mark.parametrize(('field', 'make'), [
+    ('friction.viscous', lambda values: make_friction(_BARE.joint_names, values)),
+    ('friction.load', lambda values: make_friction(_BARE.joint_names, load=values)),
+    ('actuator.torque_constant', lambda values: make_actuators(
+        _BARE.joint_names, values, [100.0])),
+    ('gains.kp', lambda values: make_gains(_BARE.joint_names, kp=values)),
+    ('gravity', lambda values: load_arm(default_arm_urdf(), gravity=[0.0, *values])),
+    ('payload.inertia.com', lambda values: make_payload('tool0', 1.0, com=[0.0, *values])),
+])
+def test_parameters_of_an_arm_name_an_entry_that_is_no_number(
+    field: str, make: Callable[[Any], object], bad: Any,
+) -> None:
+    place = '[2] (z)' if field in ('gravity', 'payload.inertia.com') else '[1] (joint2)'
+    for given in ([1.0, bad], (1, bad)):
+        with pytest.raises(InvalidInputError) as caught:
+            make(given)
+        assert str(caught.value) == f'{field}{place} is {bad!r}, expected a finite number'
+
+
+@pytest.mark.parametrize('make', [make_friction, lambda names, kp: make_gains(names, kp=kp)])
+def test_parameters_of_an_arm_are_sequences(make: Callable[..., object]) -> None:
+    with pytest.raises(InvalidInputError, match=r'has an array of shape \(\), expected 2'):
+        make(_BARE.joint_names, 0.5)
+
+
+@pytest.mark.parametrize('mass', ['1.0', None, True])
+def test_a_mass_is_a_number(mass: Any) -> None:
+    with pytest.raises(InvalidInputError) as caught:
+        make_payload('tool0', mass)
+    assert str(caught.value) == (
+        f'payload.inertia.m is {mass!r}, expected a number in [0, 1e+09]')
 
 
 @pytest.mark.parametrize(('kind', 'method', 'field'), [

@@ -14,6 +14,7 @@
 
 """The torque regressor against inverse dynamics, base parameters, and exact merging."""
 
+from identification_bench import with_inertial_parameters
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
@@ -27,7 +28,6 @@ from robot_dynamics.model.regressor import (
     parameter_names,
     random_states,
     TorqueRegressor,
-    with_inertial_parameters,
 )
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -133,11 +133,13 @@ def test_a_joint_without_a_velocity_limit_never_jumps() -> None:
 
 
 @pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize('speed', [1.7e308, -1e200])
-def test_beyond_all_speeds_nothing_overflows(speed: float) -> None:
+@pytest.mark.parametrize(('speed', 'restart'), [(1.7e308, ''), (-1e200, 'jump')])
+def test_beyond_all_speeds_nothing_overflows(speed: float, restart: str) -> None:
     watched = Watched()
-    watched.judge(0.0, q=[1.7e308, -1.7e308], v=[speed, 0.0])
-    watched.judge(0.5, q=[-1.7e308, 1.7e308], v=[speed, speed])
+    first = watched.judge(0.0, q=[1.7e308, -1.7e308], v=[speed, 0.0])
+    assert first == StateVerdict(True, None, 'first state')
+    second = watched.judge(0.5, q=[-1.7e308, 1.7e308], v=[speed, speed])
+    assert second == StateVerdict(True, 0.5, restart)
 
 
 @pytest.mark.parametrize('turns', [-3, -1, 1, 7])

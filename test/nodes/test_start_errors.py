@@ -279,5 +279,7 @@ def test_a_bad_xacro_file_says_so(tmp_path: Path) -> None:
 
 def test_an_interrupt_at_any_moment_leaves_in_order() -> None:
     """Whoever starts the wrong thing presses Ctrl-C at once, and wants no traceback for it."""
-    with NodeProcess(DYNAMICS, ready=re.compile('Model ')):
-        pass  # interrupted when the model is logged, before the node spins
+    node = NodeProcess(DYNAMICS, ready=re.compile('Model ')).start()
+    node.interrupt()  # when the model is logged, before the node spins
+    assert node.wait() == 0, node.log
+    assert 'Traceback' not in node.log

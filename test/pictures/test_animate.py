@@ -20,6 +20,7 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
+from recordings import serialized
 from robot_dynamics.animation.arm_motion import simulate_motion
 from robot_dynamics.animation.chain_animation import chain_frames
 from robot_dynamics.animation.chain_stage import (
@@ -34,6 +35,7 @@ from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
 from robot_dynamics.reporting.figures import styled_figure
 from robot_dynamics.tools.animate import main
@@ -167,18 +169,16 @@ def write_bag(path, motion, names, urdf=None, extra=()):
         writer.add_topic('/joint_states', JOINT_STATE)
         if urdf is not None:
             writer.add_topic('/robot_description', 'std_msgs/msg/String')
-            writer.write_message(
-                '/robot_description', 1, writer.make_message('std_msgs/msg/String', data=urdf))
-        for k, t in enumerate(motion.times):
-            sec, nanosec = divmod(int(round(1e9 * (t + 1.0))), 10**9)
-            header = writer.make_message(
-                'std_msgs/msg/Header', frame_id='', stamp=writer.make_message(
-                    'builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec))
-            writer.write_message('/joint_states', 10**9 * sec + nanosec, writer.make_message(
-                JOINT_STATE, header=header, name=[*names, *(name for name, _ in extra)],
-                position=np.append(motion.position[k], [x for _, x in extra]),
-                velocity=np.append(motion.velocity[k], [0.0] * len(extra)),
-                effort=np.append(motion.terms['effort'][k], [0.0] * len(extra))))
+            writer.write('/robot_description', 1, serialized('std_msgs/msg/String', data=urdf))
+        stamps_ns = np.rint(1e9 * (motion.times + 1.0)).astype(np.int64)
+        position, velocity, effort = (
+            np.column_stack([values, np.tile(row, (len(stamps_ns), 1))]) for values, row in (
+                (motion.position, [x for _, x in extra]),
+                (motion.velocity, [0.0] * len(extra)),
+                (motion.terms['effort'], [0.0] * len(extra))))
+        for stamp_ns, data in zip(stamps_ns.tolist(), joint_state_messages(
+                stamps_ns, [*names, *(name for name, _ in extra)], position, velocity, effort)):
+            writer.write('/joint_states', stamp_ns, data)
     return path
 
 

@@ -349,7 +349,7 @@ def test_correction_coupling_inertia_can_be_the_smallest_entry():
     ('I1', 0.0, 'I1 is 0, expected a number > 0'),
     ('I2', math.nan, 'I2 is nan, expected a number > 0'),
     ('g', -9.81, 'g is -9.81, expected a number >= 0'),
-    ('m1', 'heavy', "m1 is 'heavy', expected numbers"),
+    ('m1', 'heavy', "m1 is 'heavy', expected a number > 0"),
 ])
 def test_parameters_out_of_range_are_named(field, value, message):
     with pytest.raises(InvalidInputError, match=re.escape(message)):
@@ -369,7 +369,8 @@ def test_parameters_are_kept_as_floats_and_cannot_be_changed():
     (lambda: planar.coriolis_matrix(ARM, Q, (0.0, math.nan)), 'v[1] (joint2) is nan'),
     (lambda: planar.inverse_dynamics(ARM, Q, V, 1.0), 'a has an array of shape ()'),
     (lambda: planar.forward_dynamics(ARM, Q, V, (math.inf, 0.0)), 'tau[0] (joint1) is inf'),
-    (lambda: planar.forward_kinematics(ARM, ['a', 'b']), "q is ['a', 'b'], expected numbers"),
+    (lambda: planar.forward_kinematics(ARM, ['a', 'b']),
+     "q[0] (joint1) is 'a', expected a finite number"),
     (lambda: planar.christoffel_symbols(ARM, ()), 'q has 0 values'),
     (lambda: planar.gravity_vector(ARM, np.zeros((2, 2))), 'q has an array of shape (2, 2)'),
     (lambda: planar.potential_energy(ARM, [0.0]), 'q has 1 values'),

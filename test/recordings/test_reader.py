@@ -23,7 +23,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from recordings import serialized
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import (
     JOINT_STATE,
     JointSeries,
@@ -36,23 +38,28 @@ from robot_dynamics.recordings.reader import (
 pytest.importorskip('rosbags')
 from rosbags.highlevel import AnyReader  # noqa: E402
 from rosbags.interfaces import QosDurability, QosReliability  # noqa: E402
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
 
 PAIR = 'demo_msgs/msg/Pair'
 PAIR_TEXT = 'std_msgs/Header header\nfloat64[] values\nstring note\n'
 
 
-def header(writer, stamp_ns):
+def joint_state(stamp_ns, names, position=(), velocity=(), effort=()):
+    """Return a serialized joint state."""
+    (data,) = joint_state_messages(
+        np.array([stamp_ns]), names, *(
+            np.array([values], dtype=float) for values in (position, velocity, effort)))
+    return data
+
+
+def pair(stamp_ns, values, note):
+    """Return a serialized PAIR."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg(PAIR_TEXT, PAIR))
     sec, nanosec = divmod(stamp_ns, 10**9)
-    return writer.make_message(
-        'std_msgs/msg/Header', frame_id='',
-        stamp=writer.make_message('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec))
-
-
-def joint_state(writer, stamp_ns, names, position=(), velocity=(), effort=()):
-    return writer.make_message(
-        JOINT_STATE, header=header(writer, stamp_ns), name=list(names),
-        position=np.array(position, dtype=float), velocity=np.array(velocity, dtype=float),
-        effort=np.array(effort, dtype=float))
+    stamp = types.types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec)
+    header = types.types['std_msgs/msg/Header'](stamp=stamp, frame_id='')
+    return serialized(PAIR, types, header=header, values=np.array(values), note=note)
 
 
 def write_states(path, states, topic='/joint_states'):
@@ -60,7 +67,7 @@ def write_states(path, states, topic='/joint_states'):
     with RecordingWriter(path) as writer:
         writer.add_topic(topic, JOINT_STATE)
         for i, state in enumerate(states):
-            writer.write_message(topic, 1000 + i, joint_state(writer, *state))
+            writer.write(topic, 1000 + i, joint_state(*state))
     return path
 
 
@@ -72,10 +79,9 @@ def recording(tmp_path):
         writer.add_topic('/joint_states', JOINT_STATE)
         writer.add_topic('/pairs', PAIR, TopicQos(depth=7, transient_local=True))
         for i in range(5):
-            writer.write_message('/joint_states', 100 + i, joint_state(
-                writer, 10 + i, ('a', 'b'), (i, -i), (0.5, i), (1.0, 2.0)))
-            writer.write_message('/pairs', 100 + i, writer.make_message(
-                PAIR, header=header(writer, 10 + i), values=np.array([i, 2.0 * i]), note='é'))
+            writer.write('/joint_states', 100 + i, joint_state(
+                10 + i, ('a', 'b'), (i, -i), (0.5, i), (1.0, 2.0)))
+            writer.write('/pairs', 100 + i, pair(10 + i, [i, 2.0 * i], 'é'))
     return path
 
 
@@ -260,7 +266,7 @@ def test_the_topic_of_joint_states(tmp_path, topics, chosen):
     with RecordingWriter(tmp_path / 'bag') as writer:
         for topic in topics:
             writer.add_topic(topic, JOINT_STATE)
-            writer.write_message(topic, 1, joint_state(writer, 1, 'a', (1.0,)))
+            writer.write(topic, 1, joint_state(1, 'a', (1.0,)))
     with Recording(tmp_path / 'bag') as opened:
         assert opened.joint_state_topic() == chosen
 
@@ -269,13 +275,13 @@ def test_several_topics_to_choose_from_or_none(tmp_path):
     with RecordingWriter(tmp_path / 'two') as writer:
         for topic in ('/a', '/b'):
             writer.add_topic(topic, JOINT_STATE)
-            writer.write_message(topic, 1, joint_state(writer, 1, 'a', (1.0,)))
+            writer.write(topic, 1, joint_state(1, 'a', (1.0,)))
     with Recording(tmp_path / 'two') as opened:
         with pytest.raises(RecordingError, match=r"'/a', '/b'"):
             opened.joint_state_topic()
     with RecordingWriter(tmp_path / 'none') as writer:
         writer.add_topic('/text', 'std_msgs/msg/String')
-        writer.write_message('/text', 1, writer.make_message('std_msgs/msg/String', data='x'))
+        writer.write('/text', 1, serialized('std_msgs/msg/String', data='x'))
     with Recording(tmp_path / 'none') as opened:
         with pytest.raises(RecordingError, match=r'none.*/text \(std_msgs/msg/String\)'):
             opened.joint_state_topic()
@@ -292,6 +298,27 @@ def test_what_is_not_a_recording_is_refused(tmp_path):
     broken.write_bytes(b'no mcap')
     with pytest.raises(RecordingError, match=r'broken\.mcap.*cannot be read'):
         Recording(broken)
+
+
+@pytest.mark.parametrize(('definition', 'words'), [
+    ('float64 a', "Could not deserialize 'demo_msgs/msg/Long'"),
+    ('float64[99999999999999999999] a', 'too large'),
+])
+def test_a_message_that_cannot_be_decoded_is_refused(tmp_path, definition, words):
+    kind = 'demo_msgs/msg/Long'
+    with RecordingWriter(tmp_path / 'bag', {kind: definition}) as writer:
+        writer.add_topic('/long', kind)
+        writer.write('/long', 1, b'\0\1\0\0abc')
+    with Recording(tmp_path / 'bag') as opened:
+        with pytest.raises(RecordingError, match=f'a message of /long: .*{words}'):
+            list(opened.messages('/long'))
+
+
+def test_a_fault_of_the_program_is_not_taken_for_damage(recording, monkeypatch):
+    with Recording(recording) as opened:
+        monkeypatch.setattr(opened._types, '_own', None)
+        with pytest.raises(AttributeError, match='fielddefs'):
+            list(opened.messages('/joint_states'))
 
 
 def test_wrong_questions_are_refused(recording):
@@ -317,7 +344,7 @@ def test_an_exception_leaves_a_readable_recording(tmp_path):
     def write_and_fail():
         with RecordingWriter(tmp_path / 'bag') as writer:
             writer.add_topic('/joint_states', JOINT_STATE)
-            writer.write_message('/joint_states', 1, joint_state(writer, 1, 'a', (1.0,)))
+            writer.write('/joint_states', 1, joint_state(1, 'a', (1.0,)))
             raise SomethingElseError
 
     with pytest.raises(SomethingElseError):
@@ -339,9 +366,9 @@ def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
 
         writer._writer.write = write_and_be_interrupted
         for k in range(20):
-            message = writer.make_message('std_msgs/msg/String', data=f'{k}')
+            message = serialized('std_msgs/msg/String', data=f'{k}')
             with pytest.raises(KeyboardInterrupt):
-                writer.write_message('/text', k + 1, message)
+                writer.write('/text', k + 1, message)
             interrupts += 1
     assert interrupts == 20
     with Recording(tmp_path / 'bag') as recording:

@@ -103,6 +103,16 @@ def test_defaults_are_the_same(tmp_path: Path) -> None:
     assert 'motors.gear_ratio' not in offline
 
 
+@pytest.mark.parametrize('text', ['1e-3', '1E3', '-.5e+1', '0.5', '1.e2'])
+def test_a_tool_and_a_node_read_the_same_number(tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'dynamics.yaml'
+    path.write_text(f'dynamics: {{ros__parameters: {{gravity: [0.0, {text}, -9.81]}}}}')
+    gravity = read_parameter_file(path)['gravity']
+    assert [float(value) for value in values_of_node(path)['gravity']] == gravity
+    assert gravity[1] == pytest.approx(float(text))
+    assert not isinstance(gravity[1], str)
+
+
 REFUSED = {
     'a gear ratio that one joint alone has': (
         {'actuator': {'torque_constant': [0.1]}},

@@ -14,13 +14,15 @@
 
 """Recordings of arms whose parameters are known, for the tests of identification."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
-from robot_dynamics.model.regressor import inertial_parameters, with_inertial_parameters
+from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.recordings.reader import JointSeries
 
@@ -87,6 +89,14 @@ def lugre_friction(states: States, seed: int = 0) -> np.ndarray:
         z = end + (z - end) * np.exp(-stiffness * np.abs(moved) / g)
         rows.append(stiffness * z + F_c * np.sign(v) * np.abs(v)**0.8)
     return np.array(rows)
+
+
+def with_inertial_parameters(arm: ArmModel, parameters: np.ndarray) -> ArmModel:
+    """Return the arm with these inertial parameters (10 × bodies,), without a payload."""
+    model = arm.unloaded_model.copy()
+    for i, phi in enumerate(parameters.reshape(-1, 10)):
+        model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(phi)
+    return replace(arm, pinocchio_model=model, unloaded_model=model, payloads=())
 
 
 def changed_arm(arm: ArmModel, size: float, seed: int = 0) -> ArmModel:

@@ -64,6 +64,13 @@ class KnownMotion:
             self.tau if effort else None)))
 
 
+def serialized(kind, types=None, **fields):
+    """Return a message in bytes; `types` is the typestore, that of ROS 2 Jazzy by default."""
+    from rosbags import typesys
+    types = types or typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    return bytes(types.serialize_cdr(types.types[kind](**fields), kind))
+
+
 def write_recording(path, messages, form='mcap', topic='/joint_states', kind=JOINT_STATE):
     """Write (time, bytes) in a format of FORMATS; return the path."""
     from rosbags import rosbag2, typesys

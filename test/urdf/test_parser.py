@@ -115,8 +115,10 @@ def test_a_fixed_joint_mimics_nothing():
 
 
 def test_a_fixed_joint_may_have_any_axis():
-    parse_urdf(joint_of('<axis xyz="0 0 0"/>', 'fixed'))
-    parse_urdf(joint_of('<axis xyz="none"/>', 'fixed'))
+    without = parse_urdf(joint_of('', 'fixed'))
+    assert [joint.kind for joint in without.joints] == ['fixed']
+    for xyz in ('0 0 0', 'none'):
+        assert parse_urdf(joint_of(f'<axis xyz="{xyz}"/>', 'fixed')) == without
 
 
 def test_other_elements_are_passed_over():

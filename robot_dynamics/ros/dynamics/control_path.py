@@ -69,7 +69,6 @@ class ControlCounters:
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
     following: bool = False
-    lacks_velocity: bool = False
     paused_streams: int = 0
     interruption: str = ''
     """Why the last reference ended early, until the next one."""
@@ -297,7 +296,6 @@ class ControlPath:
             self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
         self.counters.states += 1
         self.counters.following = output.sample is not None
-        self.counters.lacks_velocity = v is None
         if not served.check.done:
             served.check.look(
                 served.reader, state, q, v, output.robot_gravity,

@@ -15,8 +15,8 @@
 """
 Record topics as the bytes that come over the wire, without decoding them.
 
-Only the stamp at the beginning of a message is read here, because rosbags and rclpy decode whole
-messages, at many times the cost, and the recorder shares the processor with the nodes.
+Only the bytes of the stamp at the beginning of a message are decoded, because decoding a whole
+message costs many times as much, and the recorder shares the processor with the nodes.
 
 The recorder has no thread and no executor: its owner drains it often enough, or waits on it for
 one topic. A drain takes all that has arrived, which costs far less than to be woken for each
@@ -27,7 +27,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
 from pathlib import Path
-import struct
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
@@ -37,10 +36,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
+from robot_dynamics.recordings.topics import common_types
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
 
 RECEIVE_DEPTH = 2000
 """Messages of one topic that may wait to be drained: seconds, at the rate of a control loop."""
+_STAMP_END = 12
+"""[bytes] of the encapsulation and of the stamp, with which a header begins."""
 
 
 @dataclass(frozen=True)
@@ -183,9 +185,8 @@ def interface_definitions(package: str, names: Sequence[str]) -> dict[str, str]:
 
 def _first_stamp_ns(data: bytes) -> int:
     """Return the stamp [ns] of a serialized message that begins with a header."""
-    order = '<' if data[1] & 1 else '>'  # the second byte of CDR tells the order of bytes
-    sec, nanosec = struct.unpack_from(f'{order}iI', data, 4)
-    return int(sec) * NANOSECONDS_PER_SECOND + int(nanosec)
+    stamp = common_types().deserialize_cdr(data[:_STAMP_END], 'builtin_interfaces/msg/Time')
+    return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
 
 
 def _lost_before(source: _Source, info: Any) -> int:
