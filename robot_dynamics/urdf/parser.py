@@ -25,6 +25,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.urdf.document import check_document
 from robot_dynamics.urdf.pinocchio_xml import INERTIA_ENTRIES, pinocchio_urdf
 from robot_dynamics.urdf.transmissions import read_reductions, Reductions
 from robot_dynamics.validation import LARGEST_VALUE, SMALLEST_DIVISOR
@@ -139,6 +140,7 @@ def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
 def _robot_element(xml: str) -> ElementTree.Element:
     if not xml.strip():
         raise ModelError('robot_description is empty, expected the XML of a URDF')
+    check_document(xml)
     if xml.count('<') > MOST_TAGS:
         raise ModelError(
             f'robot_description has {xml.count("<")} tags, expected at most {MOST_TAGS}')
