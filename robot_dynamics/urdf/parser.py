@@ -326,7 +326,11 @@ def _position_limits(
 
 
 def _size_limit(limit: ElementTree.Element | None, attribute: str, where: str) -> float:
-    size = abs(_number(limit, attribute, 0.0, where))
+    size = _number(limit, attribute, 0.0, where)
+    if size < 0.0:
+        raise ModelError(
+            f'robot_description: {where}: {attribute}={size:g}, expected a limit >= 0 '
+            '(0 means unknown)')
     return size if SMALLEST_DIVISOR <= size <= LARGEST_VALUE else math.inf
 
 

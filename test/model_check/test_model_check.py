@@ -122,7 +122,9 @@ CASES = {
     'infinite travel': (
         arm_of(limit='<limit lower="-inf" upper="inf" effort="9" velocity="2"/>'),
         ('limits', WARNING, 'hinge')),
-    'no travel': (arm_of(limit='<limit effort="9" velocity="2"/>'), ('limits', WARNING, 'hinge')),
+    'no travel': (
+        arm_of(limit='<limit lower="1" upper="1" effort="9" velocity="2"/>'),
+        ('limits', WARNING, 'hinge')),
     'too weak': (
         arm_of(inertial(xyz='0 0 0.4'),
                '<limit lower="-2" upper="2" effort="3.9" velocity="2"/>'),

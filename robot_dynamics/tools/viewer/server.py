@@ -124,7 +124,7 @@ def _own_pages_alone(is_local: bool) -> Iterator[None]:
 
 def _is_own(headers: Any, port: int, is_local: bool) -> bool:
     """
-    Tell whether a request is for this server, and of its own page or of a program.
+    Tell whether a request is for this server, and from its page or from a program.
 
     Programs send no Origin. If others can reach the server (`is_local` is false), its name is
     unknown: then Origin must be the same as Host.
