@@ -95,6 +95,11 @@ BAD_DESCRIPTIONS = {
         r"joint 'joint1' is of type 'floating': an arm needs a fixed base, expected one of"),
     'an axis of zero': Bad(
         changed('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), r"joint 'joint1': axis is zero"),
+    'a negative effort limit': Bad(
+        changed('effort="', 'effort="-'), r"joint 'joint1': effort=-\d+, expected a limit >= 0"),
+    'a hinge without a range': Bad(
+        changed('continuous', 'revolute'),
+        r"joint 'joint1' is revolute with lower=0 and upper=0, expected a range .* or type fixed"),
     'a negative mass': Bad(
         changed('mass value="5.0"', 'mass value="-5.0"'),
         r"link 'link1': inertial: mass is -5, expected a number >= 0"),
