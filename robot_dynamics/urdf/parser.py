@@ -329,8 +329,7 @@ def _size_limit(limit: ElementTree.Element | None, attribute: str, where: str) -
     size = _number(limit, attribute, 0.0, where)
     if size < 0.0:
         raise ModelError(
-            f'robot_description: {where}: {attribute}={size:g}, expected a limit >= 0 '
-            '(0 means unknown)')
+            f'robot_description: {where}: {attribute}={size:g}, expected >= 0 (0: unknown)')
     return size if SMALLEST_DIVISOR <= size <= LARGEST_VALUE else math.inf
 
 
@@ -339,8 +338,7 @@ def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
     if mimic is None or element.get('type') == 'fixed':
         return None
     return Mimic(
-        mimic.get('joint') or '',
-        _finite_number(mimic, 'multiplier', 1.0, where),
+        mimic.get('joint') or '', _finite_number(mimic, 'multiplier', 1.0, where),
         _finite_number(mimic, 'offset', 0.0, where))
 
 

@@ -96,7 +96,7 @@ BAD_DESCRIPTIONS = {
     'an axis of zero': Bad(
         changed('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), r"joint 'joint1': axis is zero"),
     'a negative effort limit': Bad(
-        changed('effort="', 'effort="-'), r"joint 'joint1': effort=-\d+, expected a limit >= 0"),
+        changed('effort="', 'effort="-'), r"joint 'joint1': effort=-\d+, expected >= 0 "),
     'a hinge without a range': Bad(
         changed('continuous', 'revolute'),
         r"joint 'joint1' is revolute with lower=0 and upper=0, expected a range .* or type fixed"),

@@ -100,8 +100,7 @@ def test_an_effort_or_velocity_limit_of_zero_is_not_known():
 def test_a_negative_effort_or_velocity_limit_is_refused(kind, attribute):
     for value, shown in (('-3', '-3'), ('-inf', '-inf'), ('-1e-300', '-1e-300')):
         assert refusal(joint_of('', kind, f'<limit {attribute}="{value}"/>')) == (
-            f"robot_description: joint 'turn': {attribute}={shown}, expected a limit >= 0 "
-            '(0 means unknown)')
+            f"robot_description: joint 'turn': {attribute}={shown}, expected >= 0 (0: unknown)")
 
 
 def test_a_range_may_be_open():
