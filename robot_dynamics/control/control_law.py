@@ -69,7 +69,8 @@ def make_gains(
 
     Each is one value for all joints, or one a joint; `kp` or `kd`, where given, take precedence.
     Raises InvalidInputError on another number of values, a negative one or one beyond
-    LARGEST_VALUE, and on a K_d so small beside K_p that K_p/K_d is.
+    LARGEST_VALUE, on a K_p without damping (K_d = 0), and on a K_d so small that K_p/K_d exceeds
+    LARGEST_VALUE.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
@@ -77,10 +78,10 @@ def make_gains(
         per_joint('gains.kp', kp, joint_names) if not is_empty(kp) else omega**2,
         per_joint('gains.kd', kd, joint_names) if not is_empty(kd) else 2.0 * zeta * omega)
     for name, K_p, K_d, ratio in zip(joint_names, gains.kp, gains.kd, gains.ratio):
-        if ratio > LARGEST_VALUE:
+        if ratio > LARGEST_VALUE or K_p > K_d == 0.0:
             raise InvalidInputError(
-                f'gains.kd of {name!r} is {K_d:g} beside a gains.kp of {K_p:g}, expected 0, or '
-                f'at least 1/{LARGEST_VALUE:g} of that')
+                f'gains.kd of {name!r} is {K_d:g} with gains.kp {K_p:g}, expected damping: at '
+                f'least 1/{LARGEST_VALUE:g} of gains.kp, or gains.damping_ratio above 0')
     return gains
 
 

@@ -219,7 +219,13 @@ def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint,
         if name not in candidates:
             raise InvalidInputError(
                 f'joints has {name!r}, expected joints out of {list(candidates)}')
-    return tuple(candidates[name] for name in names) or tuple(candidates.values())
+    actuated = tuple(candidates[name] for name in names) or tuple(candidates.values())
+    for joint in actuated:
+        if joint.lower == joint.upper == 0.0:
+            raise ModelError(
+                f'robot_description: joint {joint.name!r} is {joint.kind} with lower=0 and '
+                'upper=0, expected a range (lower below upper), or type fixed')
+    return actuated
 
 
 def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, float]:

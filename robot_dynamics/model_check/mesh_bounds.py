@@ -17,16 +17,35 @@ The bounding box of a mesh file: STL, OBJ, Collada and the other formats that `c
 
 The box is that of the triangles: vertices of an OBJ that belong to no triangle do not count. In a
 Collada file `coal` applies the transforms of the nodes, and ignores its up axis and its length
-unit. The unit is applied here, so that the box is the one that RViz shows.
+unit. The unit is applied here, so that the box is the one that RViz shows. The parser of Collada
+does not end for some malformed files, so it runs in a child process with limits.
 """
 
+import json
+import os
 from pathlib import Path
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 
 import coal
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.urdf.mesh_files import find_mesh
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh
+
+COLLADA_TIMEOUT = 30.0
+"""[s] to read a Collada file."""
+_COLLADA_MEMORY = 4 << 30
+"""[bytes]"""
+_READ_COLLADA = f"""
+import json, resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({_COLLADA_MEMORY}, {_COLLADA_MEMORY}))
+import coal, numpy
+mesh = coal.MeshLoader(coal.BV_AABB).load(sys.argv[1], numpy.full(3, float(sys.argv[2])))
+mesh.computeLocalAABB()
+print(json.dumps([mesh.aabb_local.min_.tolist(), mesh.aabb_local.max_.tolist()]))
+"""
 
 
 class MeshReader:
@@ -48,13 +67,27 @@ class MeshReader:
 def bounding_box(path: Path) -> FloatArray | None:
     """Return the lower and upper corner (2, 3) of a mesh file; None if it cannot be read."""
     try:
-        scale = np.full(3, _collada_unit(path) if path.suffix.lower() == '.dae' else 1.0)
-        mesh = coal.MeshLoader(coal.BV_AABB).load(str(path), scale)
-    except (ElementTree.ParseError, OSError, RuntimeError, ValueError):
+        check_mesh_file(path)
+        corners = _collada_box(path) if path.suffix.lower() == '.dae' else _box(path)
+    except (ElementTree.ParseError, ModelError, OSError, RuntimeError, ValueError,
+            subprocess.SubprocessError):
         return None
-    mesh.computeLocalAABB()
-    corners = np.array([mesh.aabb_local.min_, mesh.aabb_local.max_])
     return corners if np.isfinite(corners).all() else None
+
+
+def _box(path: Path) -> FloatArray:
+    mesh = coal.MeshLoader(coal.BV_AABB).load(str(path), np.ones(3))
+    mesh.computeLocalAABB()
+    return np.array([mesh.aabb_local.min_, mesh.aabb_local.max_])
+
+
+def _collada_box(path: Path) -> FloatArray:
+    """Return the corners of a Collada file; raise SubprocessError beyond the limits."""
+    done = subprocess.run(
+        [sys.executable, '-c', _READ_COLLADA, str(path), repr(_collada_unit(path))],
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))},
+        stdin=subprocess.DEVNULL, capture_output=True, check=True, timeout=COLLADA_TIMEOUT)
+    return np.array(json.loads(done.stdout.splitlines()[-1]))
 
 
 def _collada_unit(path: Path) -> float:

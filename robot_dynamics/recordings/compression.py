@@ -13,38 +13,158 @@
 # limitations under the License.
 
 """
-Compressed data of recordings, as far as it can be decompressed.
+Compressed data of recordings, decompressed up to a limit.
 
-The library `mcap` decompresses complete chunks only; of a chunk that was cut off the first part
-is needed too.
+A compressed file may expand to thousands of times its size. What one pass over a file decompresses
+is limited to LARGEST_RATIO times the size of the file on disk, but at least LEAST_LIMIT. The
+library `mcap` decompresses complete chunks only; the first part of a chunk that was cut off is
+decompressed here.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+import sys
 from typing import Any
 
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import RecordingError
 
-def decompress_chunk(data: bytes, compression: str, size: int) -> tuple[bytes, bool]:
-    """Return as much of a chunk as comes out, and whether that is all of it."""
+LEAST_LIMIT = 1 << 28
+"""Bytes that any file may expand to."""
+LARGEST_RATIO = 200
+"""Bytes that each compressed byte of a file may expand to on average."""
+_PIECE = 4096
+
+
+class DecompressionLimitError(RecordingError):
+    """A file expands to more than its limit."""
+
+
+class Budget:
+    """What one pass over a file may still decompress."""
+
+    def __init__(self, name: str, size: int) -> None:
+        """`name` is that of the file in messages, `size` [bytes] its size on disk."""
+        self.limit = max(LEAST_LIMIT, LARGEST_RATIO * size)
+        """[bytes]"""
+        self._name, self._size, self._left = name, size, self.limit
+
+    def most(self, size: int) -> int:
+        """Return how many bytes to decompress of data that should expand to `size` bytes."""
+        return max(min(size, self._left), 0) + 1
+
+    def spend(self, count: int) -> None:
+        """Count decompressed bytes; raise DecompressionLimitError beyond the limit."""
+        self._left -= count
+        if self._left < 0:
+            raise DecompressionLimitError(
+                f'{self._name} has {self._size} bytes and expands to more than {self.limit}, '
+                f'expected at most {LARGEST_RATIO} times its size, or {LEAST_LIMIT} bytes; if the '
+                'recording is genuine, decompress it first, with zstd -d (a file .zstd) or '
+                'ros2 bag convert')
+
+    def decompress(
+        self, data: bytes, compression: str = 'zstd', size: int = sys.maxsize - 1,
+    ) -> bytes:
+        """
+        Return data decompressed; `size` [bytes] is what they should expand to.
+
+        Raises DecompressionLimitError, and for damaged data whatever the library raises.
+        """
+        if compression == '':
+            self.spend(len(data))  # an index may list a chunk many times
+            return data
+        parts = []
+        while True:
+            decompressor = _decompressor(compression)
+            parts.append(decompressor.decompress(data, self.most(size)))
+            self.spend(len(parts[-1]))
+            if not decompressor.eof:
+                raise EOFError('compressed data ended before their end mark')
+            data = decompressor.unused_data or b''
+            if not data or compression == 'lz4':
+                return b''.join(parts)
+
+
+_BUDGET: ContextVar[Budget] = ContextVar('budget of the file that rosbags reads')
+
+
+@contextmanager
+def limited(budget: Budget) -> Iterator[None]:
+    """Let rosbags decompress chunks of MCAP within a budget in the statement."""
+    token = _BUDGET.set(budget)
+    try:
+        yield
+    finally:
+        _BUDGET.reset(token)
+
+
+def limit_rosbags() -> bool:
+    """
+    Make rosbags keep to the budget of `limited`; return whether this version of it can.
+
+    rosbags has no limit of its own, so its table of decompressors is replaced.
+    """
+    storage = optional('rosbags.rosbag2.storage_mcap', 'a recording')
+    table = getattr(storage, 'DECOMPRESSORS', None)
+    if table is None:
+        return False
+    for compression in ('', 'lz4', 'zstd'):
+        usual = table[compression]
+        if not hasattr(usual, 'is_limited'):
+            table[compression] = _limited(compression, usual)
+    return True
+
+
+def _limited(compression: str, usual: Any) -> Any:
+    """Return a decompressor for rosbags; it is the usual one outside `limited`."""
+    def decompress(data: bytes, size: int) -> bytes:
+        budget = _BUDGET.get(None)
+        if budget is None:
+            return bytes(usual(data, size))
+        return budget.decompress(data, compression, size)
+
+    decompress.is_limited = True  # type: ignore[attr-defined]
+    return decompress
+
+
+def decompress_chunk(
+    data: bytes, compression: str, size: int, budget: Budget,
+) -> tuple[bytes, bool]:
+    """
+    Return as much of a chunk as can be decompressed, and whether that is all of it.
+
+    Raises DecompressionLimitError.
+    """
     if compression == '':
         return data[:size], len(data) >= size
-    out = b''.join(_pieces(data, compression))
+    out = b''.join(_pieces(data, compression, budget.most(size)))
+    budget.spend(len(out))
     return out[:size], len(out) == size
 
 
-def _pieces(data: bytes, compression: str) -> Iterator[bytes]:
-    """Yield what can be decompressed, until it fails."""
-    try:
-        if compression == 'zstd':
-            decompressor: Any = zstd_module().ZstdDecompressor()
-        elif compression == 'lz4':
-            from lz4.frame import LZ4FrameDecompressor
-            decompressor = LZ4FrameDecompressor()
-        else:
-            return
-        for at in range(0, len(data), 4096):
-            yield decompressor.decompress(data[at:at + 4096])
-    except (EOFError, RuntimeError, ValueError, OSError, zstd_module().ZstdError):
+def _pieces(data: bytes, compression: str, most: int) -> Iterator[bytes]:
+    """Yield what can be decompressed, until it fails or has `most` bytes."""
+    if compression not in ('lz4', 'zstd'):
         return
+    try:
+        decompressor = _decompressor(compression)
+        for at in range(0, len(data), _PIECE):
+            piece = decompressor.decompress(data[at:at + _PIECE], most)
+            yield piece
+            most -= len(piece)
+            if most <= 0:
+                return
+    except (EOFError, MemoryError, RuntimeError, ValueError, OSError, zstd_module().ZstdError):
+        return
+
+
+def _decompressor(compression: str) -> Any:
+    if compression == 'zstd':
+        return zstd_module().ZstdDecompressor()
+    from lz4.frame import LZ4FrameDecompressor
+    return LZ4FrameDecompressor()
 
 
 def zstd_module() -> Any:

@@ -39,7 +39,7 @@ from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.writer import MCAP0_MAGIC
-from robot_dynamics.recordings.compression import decompress_chunk
+from robot_dynamics.recordings.compression import Budget, decompress_chunk
 from robot_dynamics.recordings.loss import Loss
 
 _FRAME = struct.Struct('<BQ')
@@ -57,9 +57,15 @@ class SalvagedMcap:
     `losses` are complete after construction.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Read through the file once; raise OSError."""
+    def __init__(self, path: Path, name: str, size: int) -> None:
+        """
+        Read through the file once; raise OSError or DecompressionLimitError.
+
+        `name` and `size` [bytes] are those of the file before it was decompressed as a whole.
+        """
         self.path = path
+        self._stored = name, size
+        self._budget = Budget(name, size)
         self.losses: list[Loss] = []
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
@@ -97,6 +103,7 @@ class SalvagedMcap:
 
     def _messages(self) -> Iterator[tuple[Channel, int, bytes]]:
         size = self.path.stat().st_size
+        self._budget = Budget(*self._stored)
         with self.path.open('rb') as file:
             if size == 0:
                 self._lose('is empty')
@@ -158,7 +165,8 @@ class SalvagedMcap:
     ) -> Iterator[tuple[Channel, int, bytes]]:
         first, last, size = (
             chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size)
-        data, sound = decompress_chunk(chunk.data, chunk.compression, size)
+        data, sound = decompress_chunk(
+            chunk.data, chunk.compression, size, self._budget)
         times = {'start_ns': first, 'end_ns': last} if 0 < first <= last else {}
         if whole and not sound:
             self._lose(f'the chunk at byte {start} cannot be decompressed ({chunk.compression}) '

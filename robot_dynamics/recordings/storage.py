@@ -29,7 +29,13 @@ import struct
 from typing import Any, NamedTuple, Protocol
 
 from robot_dynamics.dependencies import optional
-from robot_dynamics.recordings.compression import zstd_module
+from robot_dynamics.recordings.compression import (
+    Budget,
+    DecompressionLimitError,
+    limit_rosbags,
+    limited,
+    zstd_module,
+)
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite
 from robot_dynamics.recordings.topics import qos_from_rosbags, TopicQos
@@ -67,7 +73,8 @@ def open_stored_file(path: Path, scratch: Path) -> StoredFile:
     """
     Open a file of a recording; `scratch` is a directory for what has to be unpacked.
 
-    Raises OSError where the file cannot be opened, MissingDependencyError without `rosbags`.
+    Raises OSError where the file cannot be opened, MissingDependencyError without `rosbags`,
+    DecompressionLimitError if it expands to more than its limit.
     """
     optional('rosbags.rosbag2', 'a recording')
     losses: list[Loss] = []
@@ -79,22 +86,29 @@ def open_stored_file(path: Path, scratch: Path) -> StoredFile:
     elif path.suffix == '.db3':
         unpacked = _with_journal(path, scratch, notes)
     if unpacked.suffix == '.mcap':
-        return McapFile(unpacked, path.name, losses, notes)
-    return SqliteFile(unpacked, path.name, losses, notes)
+        return McapFile(unpacked, path, losses, notes)
+    return SqliteFile(unpacked, path, losses, notes)
 
 
 class _File(ABC):
     """What both kinds of storage share: rosbags first, and the salvager where that fails."""
 
-    def __init__(self, path: Path, name: str, losses: list[Loss], notes: list[str]) -> None:
+    def __init__(self, path: Path, stored: Path, losses: list[Loss], notes: list[str]) -> None:
+        """Open `path`, the file `stored` of the recording or a decompressed copy of it."""
         self.losses, self.notes = losses, notes
-        self._path, self._name = path, name
+        self._path, self._name, self._size = path, stored.name, stored.stat().st_size
         self._salvaged: Any = None
         self._reader: Any = None
         self.topics: list[StoredTopic] = []
         reader = optional('rosbags.rosbag2', 'a recording').Reader(path)
+        if not self._can_be_limited():
+            self._salvage()
+            return
         try:
-            reader.open()
+            with limited(self._budget()):
+                reader.open()
+        except DecompressionLimitError:
+            raise
         except _errors_of_damage():
             self._salvage()
             return
@@ -105,12 +119,27 @@ class _File(ABC):
                 qos_from_rosbags(connection), connection.msgdef.data,
                 connection.msgdef.format.name))
 
+    def _budget(self) -> Budget:
+        """Return what one pass over the file may decompress."""
+        return Budget(self._name, self._size)
+
+    def _can_be_limited(self) -> bool:
+        """Tell whether the decompression by rosbags can be limited."""
+        return True
+
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
-        """Return times [ns] and bytes of the messages of a topic, in the order of time."""
+        """
+        Return times [ns] and bytes of the messages of a topic, in the order of time.
+
+        Raises DecompressionLimitError.
+        """
         if self._reader is not None:
             wanted = [c for c in self._reader.connections if c.topic == topic]
             try:
-                read = list(self._reader.messages(wanted)) if wanted else []
+                with limited(self._budget()):
+                    read = list(self._reader.messages(wanted)) if wanted else []
+            except DecompressionLimitError:
+                raise
             except _errors_of_damage():
                 read = []
             messages = [
@@ -126,10 +155,12 @@ class _File(ABC):
         """Return messages that were compressed one by one as they were before."""
         if not any(data[:4] == ZSTD_MAGIC for _, data in messages):
             return messages
-        zstd, plain, bad = zstd_module(), [], 0
+        zstd, plain, bad, budget = zstd_module(), [], 0, self._budget()
         for time_ns, data in messages:
             try:
-                plain.append((time_ns, zstd.decompress(data)))
+                plain.append((time_ns, budget.decompress(data)))
+            except DecompressionLimitError:
+                raise
             except (zstd.ZstdError, EOFError, ValueError):
                 bad += 1
         if bad:
@@ -198,10 +229,13 @@ def _is_valid(time_ns: Any, data: Any) -> bool:
 class McapFile(_File):
     """A file of MCAP."""
 
+    def _can_be_limited(self) -> bool:
+        return limit_rosbags()
+
     def _salvager(self) -> Any:
         optional('mcap', f'{self._name} is damaged: its intact part')
         from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
-        return SalvagedMcap(self._path)
+        return SalvagedMcap(self._path, self._name, self._size)
 
     def _salvaged_topics(self) -> list[StoredTopic]:
         topics = []
@@ -236,18 +270,23 @@ _LANGUAGES = {'ros2msg': 'MSG', 'ros2idl': 'IDL', 'omgidl': 'IDL'}
 
 
 def _decompress(path: Path, out: Path) -> list[Loss]:
-    """Write what a compressed file holds; return what was lost of it."""
+    """
+    Write what a compressed file holds; return what was lost of it.
+
+    Raises DecompressionLimitError.
+    """
     zstd = zstd_module()
     decompressor: Any = zstd.ZstdDecompressor()
     size = path.stat().st_size
+    budget = Budget(path.name, size)
     done = 0
     with path.open('rb') as source, out.open('wb') as target:
         while part := source.read(_COPY // 16):
             try:
-                while part:
+                while part or not (decompressor.eof or decompressor.needs_input):
                     if decompressor.eof:
                         decompressor = zstd.ZstdDecompressor()
-                    target.write(decompressor.decompress(part))
+                    budget.spend(target.write(decompressor.decompress(part, _COPY)))
                     part = decompressor.unused_data if decompressor.eof else b''
             except zstd.ZstdError as error:
                 return [Loss(path.name, f'cannot be decompressed from about byte {done} of '

@@ -33,8 +33,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 LARGEST_MESSAGE = 1_000_000
 """[bytes]; the slowest to read, of empty names alone, takes 30 ms."""
-LARGEST_DESCRIPTION = 10_000_000
-"""[bytes] of a URDF, which is read in one piece."""
 MOST_POINTS = 2000
 """Points of a trajectory; they take 20 ms to read."""
 ENCAPSULATION = 4

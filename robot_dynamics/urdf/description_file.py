@@ -14,24 +14,31 @@
 
 """Read a robot description from a file, expanding xacro."""
 
+import io
 from pathlib import Path
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.urdf.document import check_document, LARGEST_DESCRIPTION
 
 
 def read_description(path: Path, field: str) -> str:
     """
     Return the URDF in a file; `field` names it in errors.
 
-    Raises ModelError where that fails, MissingDependencyError where xacro is needed and missing.
+    Raises ModelError if that fails or the file is too large or has a DTD, MissingDependencyError
+    where xacro is needed and missing.
     """
-    if path.suffix == '.xacro':
-        return _expand_xacro(path, field)
+    where = f'{field} {str(path)!r}'
     try:
-        return path.read_text(encoding='utf-8')
+        with path.open('rb') as file:
+            data = file.read(LARGEST_DESCRIPTION + 1)
+        check_document(data, where)
+        if path.suffix != '.xacro':
+            return io.StringIO(data.decode(), newline=None).read()
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f'{field} is {str(path)!r}, which cannot be read: {error}') from None
+    return _expand_xacro(path, field)
 
 
 def _expand_xacro(path: Path, field: str) -> str:

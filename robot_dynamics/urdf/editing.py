@@ -23,6 +23,7 @@ from typing import NamedTuple
 from xml.parsers import expat
 
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.urdf.document import check_document
 
 
 class _Change(NamedTuple):
@@ -111,8 +112,10 @@ def with_elements(
     """
     Return the URDF with other `<inertial>` elements of links and `<dynamics>` of joints, by name.
 
-    None takes the element away. Raises ModelError where the text is no XML.
+    None takes the element away. Raises ModelError where the text is no XML, is too large or has a
+    DTD.
     """
+    check_document(urdf)
     data = urdf.strip().encode()
     declared = data.startswith(b'<?xml')
     # the text is UTF-8 now, whatever its declaration says

@@ -25,6 +25,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.urdf.document import check_document
 from robot_dynamics.urdf.pinocchio_xml import INERTIA_ENTRIES, pinocchio_urdf
 from robot_dynamics.urdf.transmissions import read_reductions, Reductions
 from robot_dynamics.validation import LARGEST_VALUE, SMALLEST_DIVISOR
@@ -139,6 +140,7 @@ def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
 def _robot_element(xml: str) -> ElementTree.Element:
     if not xml.strip():
         raise ModelError('robot_description is empty, expected the XML of a URDF')
+    check_document(xml)
     if xml.count('<') > MOST_TAGS:
         raise ModelError(
             f'robot_description has {xml.count("<")} tags, expected at most {MOST_TAGS}')
@@ -324,7 +326,10 @@ def _position_limits(
 
 
 def _size_limit(limit: ElementTree.Element | None, attribute: str, where: str) -> float:
-    size = abs(_number(limit, attribute, 0.0, where))
+    size = _number(limit, attribute, 0.0, where)
+    if size < 0.0:
+        raise ModelError(
+            f'robot_description: {where}: {attribute}={size:g}, expected >= 0 (0: unknown)')
     return size if SMALLEST_DIVISOR <= size <= LARGEST_VALUE else math.inf
 
 
@@ -333,8 +338,7 @@ def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
     if mimic is None or element.get('type') == 'fixed':
         return None
     return Mimic(
-        mimic.get('joint') or '',
-        _finite_number(mimic, 'multiplier', 1.0, where),
+        mimic.get('joint') or '', _finite_number(mimic, 'multiplier', 1.0, where),
         _finite_number(mimic, 'offset', 0.0, where))
 
 

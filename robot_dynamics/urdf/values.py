@@ -23,6 +23,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.urdf.document import check_document
 from robot_dynamics.validation import LARGEST_VALUE
 
 
@@ -36,7 +37,12 @@ def rotation(rpy: FloatArray) -> FloatArray:
 
 
 def robot_element(xml: str) -> ElementTree.Element:
-    """Return the root element of well-formed XML, without namespaces."""
+    """
+    Return the root element of well-formed XML, without namespaces.
+
+    Raises ModelError if the document is too large or has a DTD.
+    """
+    check_document(xml)
     root = ElementTree.fromstring(xml.strip())
     namespace = root.tag[:root.tag.find('}') + 1]
     for element in root.iter():

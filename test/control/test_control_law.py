@@ -72,6 +72,16 @@ def test_a_gain_of_zero_is_a_gain() -> None:
     assert make_gains(NAMES, kp=[0.0], kd=[0.0]).kp.tolist() == [0.0] * 3
 
 
+@pytest.mark.parametrize('given', [
+    {'kp': [0.0, 4.0, 0.0], 'kd': [0.0]}, {'kp': [4.0], 'kd': [1.0, 0.0, 1.0]},
+    {'kp': [1.0, 4.0, 1.0], 'damping_ratio': [1.0, 0.0, 1.0]},
+    {'natural_frequency': [2.0], 'kd': [1.0, 0.0, 1.0]}])
+def test_a_position_gain_without_damping_is_refused(given: dict[str, list[float]]) -> None:
+    with pytest.raises(InvalidInputError, match=(
+            rf"^gains\.kd of '{NAMES[1]}' is 0 with gains\.kp 4, expected damping")):
+        make_gains(NAMES, **given)
+
+
 @pytest.mark.parametrize('field', ['natural_frequency', 'damping_ratio', 'kp', 'kd'])
 @pytest.mark.parametrize(('value', 'words'), [
     ([1.0, 2.0], 'has 2 values, expected 3, one for each of'),

@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.control_law import Gains, make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.control.gain_softening import crossover_frequency, gain_scale
@@ -55,7 +55,7 @@ def test_it_is_the_largest_scale_that_the_rate_lets_through(
 
 def test_the_crossover_is_a_bound_of_that_of_each_joint() -> None:
     for kp, kd in ((400.0, 40.0), (100.0, 3.0), (0.0, 5.0), (25.0, 0.0)):
-        omega = crossover_frequency(make_gains(['a'], kp=[kp], kd=[kd]))
+        omega = crossover_frequency(Gains(np.array([kp]), np.array([kd])))
         assert abs(complex(kp, kd * omega)) / omega**2 <= 1.0
     assert crossover_frequency(make_gains(['a'], kp=[0.0], kd=[0.0])) == 0.0
 

@@ -33,6 +33,7 @@ from robot_dynamics.ros import memory, message_bytes, robot_description
 from robot_dynamics.ros.dynamics import command_output as safe_command
 from robot_dynamics.ros.dynamics import control_path
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
+from robot_dynamics.urdf import document
 from robot_dynamics.urdf import parser as urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
@@ -137,7 +138,7 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('more than {} off', {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
     ('topic | {:,} bytes', message_bytes.LARGEST_MESSAGE),
     ('points of a trajectory | {:,}', message_bytes.MOST_POINTS),
-    ('`robot_description` | {:,} bytes', message_bytes.LARGEST_DESCRIPTION),
+    ('`robot_description` | {:,} bytes', document.LARGEST_DESCRIPTION),
     ('{} links', urdf.MOST_LINKS),
     ('{} joints in use', robot_description.MOST_JOINTS),
     ('{:.0f} GiB', memory.MEMORY_LIMIT / 2**30),

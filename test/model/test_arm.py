@@ -89,6 +89,17 @@ def test_limits_by_joint():
     npt.assert_array_equal(limits.effort, [80.0, 30.0, inf])
 
 
+@pytest.mark.parametrize('limit', [
+    '', 'lower="0"', 'upper="0.0"', 'lower="-0" upper="0"'])
+def test_an_actuated_joint_that_may_not_leave_zero_is_refused(limit):
+    urdf = arm_urdf().replace('lower="0.5" upper="2"', limit)
+    with pytest.raises(ModelError, match=(
+            "^robot_description: joint 'far' is revolute with lower=0 and upper=0, expected a "
+            r'range \(lower below upper\), or type fixed$')):
+        load_arm(urdf)
+    assert load_arm(urdf, ['slide', 'roll']).locked_joints == {'far': 0.0}
+
+
 def test_joints_left_out_are_locked_as_near_to_zero_as_they_may_be():
     assert load_arm(arm_urdf(), ['roll']).locked_joints == {'slide': 0.0, 'far': 0.5}
     below = arm_urdf().replace('lower="0.5" upper="2"', 'lower="-2" upper="-0.5"')

@@ -50,7 +50,8 @@ def test_the_reproduction_shows_the_energy_of_the_rotor_missing() -> None:
 @pytest.mark.parametrize('kind', ['revolute', 'continuous', 'prismatic'])
 def test_the_energy_of_a_rotor_is_ours_whatever_pinocchio_counts(kind: str, axis: str) -> None:
     urdf = planar_arm_urdf([2.0], [1.0], [0.5], [0.1]).replace(
-        'xyz="0 1 0"', f'xyz="{axis}"').replace('"continuous"', f'"{kind}"')
+        'xyz="0 1 0"', f'xyz="{axis}"').replace('"continuous"', f'"{kind}"').replace(
+            '<limit ', '<limit lower="-1" upper="1" ')
     bare = load_arm(urdf)
     geared = bare.with_actuators(make_actuators(('joint1',), [1.0], [10.0], rotor_inertia=[0.01]))
     q, v = np.array([0.3]), np.array([2.0])

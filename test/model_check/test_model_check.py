@@ -30,10 +30,12 @@ from robot_dynamics.model.worst_gravity import (
     THOROUGH,
     worst_gravity,
 )
+from robot_dynamics.model_check import mesh_bounds
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, refuse_errors, WARNING
 from robot_dynamics.model_check.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.urdf import mesh_files
 from robot_dynamics.urdf.values import rotation
 from robots import robot_urdf
 
@@ -122,7 +124,9 @@ CASES = {
     'infinite travel': (
         arm_of(limit='<limit lower="-inf" upper="inf" effort="9" velocity="2"/>'),
         ('limits', WARNING, 'hinge')),
-    'no travel': (arm_of(limit='<limit effort="9" velocity="2"/>'), ('limits', WARNING, 'hinge')),
+    'no travel': (
+        arm_of(limit='<limit lower="1" upper="1" effort="9" velocity="2"/>'),
+        ('limits', WARNING, 'hinge')),
     'too weak': (
         arm_of(inertial(xyz='0 0 0.4'),
                '<limit lower="-2" upper="2" effort="3.9" velocity="2"/>'),
@@ -348,6 +352,26 @@ def test_bounds_of_meshes(tmp_path: Path, name, content):
 def test_meshes_that_cannot_be_read(tmp_path: Path, name, content):
     (tmp_path / name).write_bytes(content)
     assert bounding_box(tmp_path / name) is None
+
+
+def test_a_collada_file_that_takes_too_long_or_has_a_dtd_cannot_be_read(
+        tmp_path: Path, monkeypatch):
+    file = tmp_path / 'a.dae'
+    file.write_bytes(b'<!DOCTYPE COLLADA [<!ENTITY e "x">]>' + collada().partition(b'?>')[2])
+    assert bounding_box(file) is None
+    file.write_bytes(collada())
+    assert bounding_box(file) is not None
+    monkeypatch.setattr(mesh_bounds, 'COLLADA_TIMEOUT', 0.01)
+    assert bounding_box(file) is None
+
+
+def test_a_mesh_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch):
+    file = tmp_path / 'a.stl'
+    file.write_bytes(binary_stl())
+    monkeypatch.setattr(mesh_files, 'LARGEST_MESH', file.stat().st_size)
+    assert bounding_box(file) is not None
+    monkeypatch.setattr(mesh_files, 'LARGEST_MESH', file.stat().st_size - 1)
+    assert bounding_box(file) is None
 
 
 MESH = '<visual><geometry><mesh filename="{}" scale="0.1 0.1 0.1"/></geometry></visual>'

@@ -473,7 +473,8 @@ def test_the_energy_of_a_geared_arm_does_not_depend_on_how_axes_point(
 ) -> None:
     """A free arm keeps its energy, rotors included."""
     urdf = planar_arm_urdf([1.0, 0.8], [2.0, 1.0], [0.5, 0.4], [0.1, 0.05]).replace(
-        '<axis xyz="0 1 0"', f'<axis xyz="{axis}"').replace('"continuous"', f'"{kind}"')
+        '<axis xyz="0 1 0"', f'<axis xyz="{axis}"').replace('"continuous"', f'"{kind}"').replace(
+        '<limit ', '<limit lower="-100" upper="100" ')
     arm = load_arm(urdf)
     assert arm.joint_kinds == (kind, kind)
     geared = arm.with_actuators(make_actuators(

@@ -50,6 +50,7 @@ from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of
 from robot_dynamics.tools.viewer.plots import LivePlot, SHOWN
 from robot_dynamics.tools.viewer.scene import ArmScene
 from robot_dynamics.tools.viewer.server import start_server, stop_server
+import trimesh
 
 SECOND = 1_000_000_000
 ONE_JOINT = """
@@ -237,10 +238,10 @@ def test_what_has_no_mesh_is_named_and_has_bones(server, tmp_path):
         assert all('bone' in name for name in nodes)
 
 
-def scene_with_mesh(server, directory, name):
+def scene_with_mesh(server, directory, name, mesh_paths=()):
     xml = default_arm_urdf().replace('</link>', (
         f'<visual><geometry><mesh filename="{name}"/></geometry></visual></link>'), 1)
-    return closing(ArmScene(server, load_arm(xml), xml, directory))
+    return closing(ArmScene(server, load_arm(xml), xml, directory, mesh_paths))
 
 
 @pytest.mark.parametrize('name', [
@@ -252,6 +253,26 @@ def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(server, tmp_path, n
         (words,) = scene.missing
         assert words.startswith(f'{name}: ')
         assert 'not found' not in words
+
+
+def test_meshes_of_a_description_from_a_topic_are_drawn_from_declared_directories_only(
+        server, tmp_path):
+    trimesh.creation.box().export(tmp_path / 'body.stl')
+    file = str(tmp_path / 'body.stl')
+    with scene_with_mesh(server, tmp_path, file) as scene:
+        assert scene.missing == []
+    with scene_with_mesh(server, None, file) as scene:
+        assert [words.partition(', expected')[0] for words in scene.missing] == [
+            f'mesh {file!r} of a description from a topic is not opened']
+    with scene_with_mesh(server, None, file, [tmp_path]) as scene:
+        assert scene.missing == []
+
+
+def test_a_collada_file_with_a_dtd_is_not_drawn(server, tmp_path):
+    (tmp_path / 'body.dae').write_text('<!DOCTYPE COLLADA [<!ENTITY e "x">]><COLLADA/>')
+    with scene_with_mesh(server, tmp_path, 'body.dae') as scene:
+        assert scene.missing[0].startswith(
+            'body.dae: it has a document type declaration (DTD), ')
 
 
 def test_a_mesh_whose_name_is_too_long_is_named(server, tmp_path):

@@ -18,6 +18,7 @@ import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 import errno
+import http.client
 import os
 from pathlib import Path
 import re
@@ -86,7 +87,9 @@ def connected(server, **options):
 @pytest.mark.parametrize('origin', [
     'http://evil.example', 'https://evil.example', 'http://evil.example:{port}',
     'http://127.0.0.1.evil.example', 'http://localhost.evil.example:{port}',
-    'http://evil.example/http://localhost:{port}', 'http://192.168.0.1:{port}', 'null', 'file://'])
+    'http://evil.example/http://localhost:{port}', 'http://192.168.0.1:{port}', 'null', 'file://',
+    'http://localhost', 'http://localhost:1', 'http://127.0.0.1:1{port}', 'http://localhost:{port}/',
+    'http://localhost:{port}:{port}'])
 def test_a_page_of_another_site_is_refused(server, origin):
     with pytest.raises(InvalidStatus) as refused, \
             connected(server, origin=origin.format(port=server.get_port())):
@@ -101,6 +104,45 @@ def test_its_own_page_and_programs_get_in(server, origin):
     with connected(server, origin=own) as connection:
         assert connection.subprotocol == PROTOCOL
         assert isinstance(connection.recv(TIMEOUT), bytes)
+
+
+def status_of(server, host, origin=None, upgrade=False):
+    """Return the status of a request with these headers."""
+    address, port = server.get_host(), server.get_port()
+    connection = http.client.HTTPConnection(address, port, timeout=TIMEOUT)
+    headers = {'Host': host.format(port=port)}
+    if origin:
+        headers['Origin'] = origin.format(port=port)
+    if upgrade:
+        headers |= {'Upgrade': 'websocket', 'Connection': 'Upgrade', 'Sec-WebSocket-Version': '13',
+                    'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
+                    'Sec-WebSocket-Protocol': PROTOCOL}
+    try:
+        connection.request('GET', '/', headers=headers)
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+@pytest.mark.parametrize('upgrade', [False, True])
+@pytest.mark.parametrize(('host', 'is_own'), [
+    ('127.0.0.1:{port}', True), ('localhost:{port}', True), ('[::1]:{port}', True),
+    ('localhost', False), ('localhost:1', False), ('evil.example:{port}', False),
+    ('127.0.0.1.evil.example:{port}', False), ('', False)])
+def test_only_requests_for_its_own_address_are_answered(server, host, is_own, upgrade):
+    accepted = 101 if upgrade else 200
+    assert status_of(server, host, upgrade=upgrade) == (accepted if is_own else 403)
+
+
+def test_beyond_this_computer_a_page_must_come_from_the_address_that_it_asks():
+    server = start_server('0.0.0.0', 0, 'a page')
+    try:
+        for origin, status in (('http://robot.example:{port}', 200), (None, 200),
+                               ('https://robot.example:{port}', 200),
+                               ('http://robot.example', 403), ('http://evil.example', 403)):
+            assert status_of(server, 'robot.example:{port}', origin) == status, origin
+    finally:
+        stop_server(server)
 
 
 @pytest.mark.skipif(not Path('/proc/net/tcp').exists(), reason='looks at /proc/net/tcp')

@@ -90,11 +90,17 @@ def test_a_continuous_joint_has_no_range_and_needs_no_limit():
     assert joint.effort_limit == 4.0
 
 
-def test_an_effort_or_velocity_limit_of_zero_is_not_known_and_its_sign_means_nothing():
+def test_an_effort_or_velocity_limit_of_zero_is_not_known():
     zero = parse_urdf(joint_of('', limit='<limit velocity="0" effort="0.0"/>')).joints[0]
     assert (zero.velocity_limit, zero.effort_limit) == (math.inf, math.inf)
-    negative = parse_urdf(joint_of('', limit='<limit velocity="-3" effort="-4"/>')).joints[0]
-    assert (negative.velocity_limit, negative.effort_limit) == (3.0, 4.0)
+
+
+@pytest.mark.parametrize('kind', ['revolute', 'continuous', 'prismatic'])
+@pytest.mark.parametrize('attribute', ['velocity', 'effort'])
+def test_a_negative_effort_or_velocity_limit_is_refused(kind, attribute):
+    for value, shown in (('-3', '-3'), ('-inf', '-inf'), ('-1e-300', '-1e-300')):
+        assert refusal(joint_of('', kind, f'<limit {attribute}="{value}"/>')) == (
+            f"robot_description: joint 'turn': {attribute}={shown}, expected >= 0 (0: unknown)")
 
 
 def test_a_range_may_be_open():

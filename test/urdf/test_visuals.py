@@ -20,7 +20,8 @@ import numpy as np
 import numpy.testing as npt
 import pinocchio as pin
 import pytest
-from robot_dynamics.urdf.mesh_files import find_mesh
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.urdf.mesh_files import find_mesh, find_untrusted_mesh
 from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere
 from robots import ARMS, robot_path, robot_urdf
 
@@ -234,3 +235,54 @@ def test_packages_of_the_environment_are_found_after_those_beside_the_urdf(
     assert find_mesh(name, urdf) == others[1]
     monkeypatch.delenv('AMENT_PREFIX_PATH')
     assert find_mesh(name, urdf) is None
+
+
+# --- meshes of a description from a topic --------------------------------------------------------
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Return a mesh in the share directory of the package `arm`, and others outside."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path}/install:{tmp_path}/none')
+    for name in ('install/share/arm', 'own/arm', 'secret'):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / 'link.stl').touch()
+    (tmp_path / 'own' / 'out.stl').symlink_to(tmp_path / 'secret' / 'link.stl')
+    (tmp_path / 'own' / 'in.stl').symlink_to('arm/link.stl')
+    (tmp_path / 'install/share/arm/source.stl').symlink_to(tmp_path / 'secret' / 'link.stl')
+    return tmp_path
+
+
+@pytest.mark.parametrize(('name', 'file'), [
+    ('package://arm/link.stl', 'install/share/arm/link.stl'),
+    ('package:///arm/../arm/link.stl', 'install/share/arm/link.stl'),
+    ('package://arm/source.stl', 'install/share/arm/source.stl'),  # as colcon --symlink-install
+    ('file://{}/install/share/arm/link.stl', 'install/share/arm/link.stl'),
+    ('{}/own/arm/link.stl', 'own/arm/link.stl'), ('arm/link.stl', 'own/arm/link.stl'),
+    ('in.stl', 'own/in.stl'), ('{}/own/in.stl', 'own/in.stl')])
+def test_meshes_of_packages_and_declared_directories_are_found(installed, name, file):
+    assert find_untrusted_mesh(name.format(installed), [installed / 'own']) == installed / file
+
+
+@pytest.mark.parametrize('name', [
+    'package://../../secret/link.stl', 'package://arm/../../../secret/link.stl',
+    'package://secret/../../../secret/link.stl', 'file://{}/secret/link.stl',
+    'file://{}/install/share/../../secret/link.stl', '{}/secret/link.stl', '/etc/passwd',
+    'file:///etc/passwd', '../secret/link.stl', 'out.stl', '{}/own/out.stl'])
+def test_other_meshes_are_not_opened_and_it_is_not_told_whether_they_exist(installed, name):
+    for word in ('link', 'gone'):
+        path = name.format(installed).replace('link', word)
+        with pytest.raises(ModelError, match=(
+                rf'^mesh {path!r} of a description from a topic is not opened, expected a file')):
+            find_untrusted_mesh(path, [installed / 'own'])
+    with pytest.raises(ModelError, match='is not opened|is not found'):
+        find_untrusted_mesh(name.format(installed))
+
+
+@pytest.mark.parametrize(('name', 'words'), [
+    ('package://arm/gone.stl', 'is not found'), ('package://arm/\0', 'is not found'),
+    ('gone.stl', 'is not found'), ('http://example.com/a.stl', 'of an unknown kind'),
+    ('package://' + 'a' * 300, 'is not found')])
+def test_a_mesh_that_is_not_there_is_told(installed, name, words):
+    with pytest.raises(ModelError, match=words):
+        find_untrusted_mesh(name, [installed / 'own'])

@@ -53,7 +53,6 @@ from robot_dynamics.ros.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
 )
-from robot_dynamics.ros.message_bytes import LARGEST_DESCRIPTION
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
 from robot_dynamics.ros.robot_description import (
     check_joint_count,
@@ -62,6 +61,7 @@ from robot_dynamics.ros.robot_description import (
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.urgent_service import UrgentService
+from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String

@@ -19,8 +19,9 @@ All of it happens in one thread, PERIOD by PERIOD; the page's own threads only p
 what was asked.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
+from pathlib import Path
 import queue
 import time
 from typing import Any
@@ -55,8 +56,15 @@ LARGEST_LAG = 0.01
 class Viewer:
     """A page on a server of viser, beside the nodes that `node` hears."""
 
-    def __init__(self, server: Any, node: ViewerNode, robot: str | None = None) -> None:
-        """`robot` is the file of a URDF; without one, it is that of `dynamics`, or a topic's."""
+    def __init__(
+        self, server: Any, node: ViewerNode, robot: str | None = None,
+        mesh_paths: Sequence[Path] = (),
+    ) -> None:
+        """
+        Show the arm of the URDF in the file `robot`, else that of `dynamics`, or of a topic.
+
+        `mesh_paths` are directories in which meshes of a URDF from a topic may be opened.
+        """
         self._server, self._node = server, node
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._words = server.gui.add_markdown('Waiting for an arm …')
@@ -71,6 +79,7 @@ class Viewer:
         self._load = ''
         self._warnings: list[str] = []
         self._source = ArmSource(node, robot)
+        self._mesh_paths = mesh_paths
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Keep the page up to date until it is over."""
@@ -111,7 +120,7 @@ class Viewer:
             self._shown.scene.close()
             self._shown.panel.close()
         self._words.content = f'Drawing {arm.name} …'
-        scene = ArmScene(self._server, arm, xml, directory)
+        scene = ArmScene(self._server, arm, xml, directory, self._mesh_paths)
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
         self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
         self._actions = PageActions(self._node, self._shown)

@@ -21,6 +21,7 @@ Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the
 import argparse
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 import signal
 import sys
 import threading
@@ -57,6 +58,10 @@ def _parser() -> Parser:
         help='(default: %(default)s; 0 for a free one)')
     add_robot(
         parser, '--robot', 'that of the dynamics node, or of the topic robot_description', 'URDF')
+    parser.add_argument(
+        '--mesh-path', action='append', default=[], type=Path, metavar='DIR',
+        help='Directory with meshes of a description that comes over a topic, besides the share '
+             'directories of packages; may be repeated')
     parser.add_argument(
         '--dynamics', default='dynamics', metavar='NAME',
         help='the node to look at (default: %(default)s)')
@@ -99,7 +104,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         rclpy.try_shutdown()
         raise InvalidInputError(' '.join(str(error).split())) from None
     try:
-        viewer = Viewer(server, node, arguments.robot)
+        viewer = Viewer(server, node, arguments.robot, arguments.mesh_path)
         server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
         print(f'{AT} {address_of(server)} (Ctrl-C ends)', flush=True)
         if not is_loopback(arguments.host):

@@ -26,10 +26,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.urdf.inertials import read_joint_origins
-from robot_dynamics.urdf.mesh_files import find_mesh
+from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
 from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere, Visual
 import trimesh
 from visualization_msgs.msg import Marker
@@ -53,8 +54,16 @@ class _Part(NamedTuple):
 class ArmScene:
     """One arm in the scene of a server of viser; `close` takes it away."""
 
-    def __init__(self, server: Any, arm: ArmModel, xml: str, directory: Path) -> None:
-        """`directory` is that of the URDF, whose meshes are looked for there."""
+    def __init__(
+        self, server: Any, arm: ArmModel, xml: str, directory: Path | None,
+        mesh_paths: Sequence[Path] = (),
+    ) -> None:
+        """
+        Draw an arm.
+
+        `directory` is that of the URDF, None for a URDF that came over a topic, whose meshes are
+        opened only in packages and below `mesh_paths`.
+        """
         self._server, self._scene = server, server.scene
         self._arm, self._data = arm, arm.pinocchio_model.createData()
         self._marks: dict[tuple[str, int, int], Any] = {}
@@ -67,7 +76,9 @@ class ArmScene:
         self._grid = self._scene.add_grid(
             '/ground', width=4.0 * self.reach, height=4.0 * self.reach,
             cell_size=0.1 * self.reach, section_size=0.5 * self.reach)
-        self._parts = self._draw_links(xml, directory.resolve())
+        self._directory = None if directory is None else directory.resolve()
+        self._mesh_paths = mesh_paths
+        self._parts = self._draw_links(xml)
 
     def close(self) -> None:
         """Take all away."""
@@ -93,13 +104,13 @@ class ArmScene:
         frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
         return np.array(self._data.oMf[frame].rotation)
 
-    def _draw_links(self, xml: str, directory: Path) -> list[_Part]:
+    def _draw_links(self, xml: str) -> list[_Part]:
         visuals, bones, parts = read_visuals(xml), read_joint_origins(xml), []
         for i, link in enumerate(self._arm.link_names):
             node = f'/arm/{i}'
             handle = self._scene.add_frame(node, show_axes=False)
             own = [visual for visual in visuals if visual.link == link]
-            drawn = [self._draw_visual(f'{node}/{k}', visual, directory)
+            drawn = [self._draw_visual(f'{node}/{k}', visual)
                      for k, visual in enumerate(own)]
             if not any(drawn):
                 self._draw_bones(node, bones.get(link, []))
@@ -107,13 +118,13 @@ class ArmScene:
             parts.append(_Part(frame, handle))
         return parts
 
-    def _draw_visual(self, node: str, visual: Visual, directory: Path) -> bool:
+    def _draw_visual(self, node: str, visual: Visual) -> bool:
         """Draw one shape; return whether that could be done."""
         x, y, z, w = pin.Quaternion(visual.rotation).coeffs().tolist()
         pose = {'wxyz': (w, x, y, z), 'position': tuple(visual.place.tolist())}
         colour, shape = visual.colour or LINK_COLOUR, visual.shape
         if isinstance(shape, Mesh):
-            return self._draw_mesh(node, shape, visual, directory, pose)
+            return self._draw_mesh(node, shape, visual, pose)
         looks = {'color': colour[:3], 'opacity': None if colour[3] == 1.0 else colour[3]}
         if isinstance(shape, Box):
             self._scene.add_box(node, dimensions=tuple(shape.size.tolist()), **looks, **pose)
@@ -126,14 +137,16 @@ class ArmScene:
         return True
 
     def _draw_mesh(
-        self, node: str, mesh: Mesh, visual: Visual, directory: Path, pose: dict[str, Any],
+        self, node: str, mesh: Mesh, visual: Visual, pose: dict[str, Any],
     ) -> bool:
-        path = find_mesh(mesh.name, directory)
-        if path is None:
-            self.missing.append(f'{mesh.name}: not found')
+        try:
+            path = self._mesh_file(mesh.name)
+        except ModelError as error:
+            self.missing.append(str(error))
             return False
         scale = tuple(mesh.scale.tolist())
         try:
+            check_mesh_file(path)
             scene = trimesh.load_scene(path)
             if scene.is_empty or not scene.triangles.size:
                 raise ValueError('it has no triangles')
@@ -148,6 +161,15 @@ class ArmScene:
             self.missing.append(f'{mesh.name}: {error}')
             return False
         return True
+
+    def _mesh_file(self, name: str) -> Path:
+        """Return the file of a mesh; raise ModelError if there is none or it is not opened."""
+        if self._directory is None:
+            return find_untrusted_mesh(name, self._mesh_paths)
+        path = find_mesh(name, self._directory)
+        if path is None:
+            raise ModelError(f'{name}: not found')
+        return path
 
     def _draw_bones(self, node: str, ends: Sequence[FloatArray]) -> None:
         for k, end in enumerate(ends):

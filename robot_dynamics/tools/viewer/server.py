@@ -16,12 +16,15 @@
 The web server of the viewer: on this computer alone, and for its own page alone.
 
 Who reaches the page moves the arm. A browser lets any page of any site open a connection to this
-computer, and says only afterwards from where it came: connections of other pages are refused.
+computer, and states in the headers Host and Origin (RFC 9110, section 7.2; RFC 6454) which server
+it means and from which page the request comes: requests for another server or from another page
+are refused.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 import functools
+from http import HTTPStatus
 import io
 import ipaddress
 import re
@@ -31,7 +34,8 @@ from typing import Any
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 
-OWN_PAGES = re.compile(r'https?://(localhost|127(\.\d{1,3}){3}|\[::1\])(:\d+)?')
+_THIS_COMPUTER = re.compile(r'localhost|127(\.\d{1,3}){3}|\[::1\]')
+_HTTP_PORT = 80
 
 
 def is_loopback(host: str) -> bool:
@@ -91,21 +95,54 @@ def _check_port(host: str, port: int) -> None:
 
 
 @contextmanager
-def _own_pages_alone(is_wanted: bool) -> Iterator[None]:
+def _own_pages_alone(is_local: bool) -> Iterator[None]:
     """
-    Refuse connections of the pages of other sites, for servers that start in the statement.
+    Refuse requests of other pages, for servers that start in the statement.
 
-    viser gives its server of WebSockets no `origins`, so that these are added to its call.
+    viser gives its server of WebSockets no such check, so that it is added to its call.
     """
     from websockets.asyncio import server as sockets
     serve = sockets.serve
-    if is_wanted:
-        sockets.serve = functools.partial(
-            serve, origins=[OWN_PAGES, None])  # programs have none
+
+    def serve_own(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        def checked(connection: Any, request: Any) -> Any:
+            port = connection.local_address[1]
+            if not _is_own(request.headers, port, is_local):
+                return connection.respond(
+                    HTTPStatus.FORBIDDEN,
+                    f'Refused: expected a request of the page of this viewer at port {port}.\n')
+            return process_request(connection, request)
+
+        return serve(*arguments, process_request=checked, **options)
+
+    sockets.serve = serve_own
     try:
         yield
     finally:
         sockets.serve = serve
+
+
+def _is_own(headers: Any, port: int, is_local: bool) -> bool:
+    """
+    Tell whether a request is for this server, and from its page or from a program.
+
+    Programs send no Origin. If others can reach the server (`is_local` is false), its name is
+    unknown: then Origin must be the same as Host.
+    """
+    hosts, origins = headers.get_all('Host'), headers.get_all('Origin')
+    if len(hosts) != 1 or len(origins) > 1:
+        return False
+    pages = [re.sub('^https?://', '', origin) for origin in origins]
+    if not is_local:
+        return all(page == hosts[0] for page in pages)
+    return all(_is_own_address(address, port) for address in (*hosts, *pages))
+
+
+def _is_own_address(address: str, port: int) -> bool:
+    """Tell whether HOST:PORT is this server; a browser leaves out the port of HTTP."""
+    end = f':{port}'
+    name = address.removesuffix(end)
+    return (name != address or port == _HTTP_PORT) and bool(_THIS_COMPUTER.fullmatch(name))
 
 
 def _tolerate_races() -> None:

@@ -31,10 +31,10 @@ ASK_PERIOD = 1.0
 
 
 class Description(NamedTuple):
-    """A URDF, the directory where its meshes are looked for, and the joints that are actuated."""
+    """A URDF, the directory of its file (None: it came over a topic), and the actuated joints."""
 
     xml: str
-    directory: Path
+    directory: Path | None
     joints: tuple[str, ...]
 
 
@@ -63,7 +63,7 @@ class ArmSource:
         if not self._node.has_dynamics:
             self._described, self.problem = None, ''  # it may come back with another arm
             if self._topic_xml and self._robot is None:
-                self._found = Description(self._topic_xml, Path(), ())
+                self._found = Description(self._topic_xml, None, ())
         elif self._described is None and time.monotonic() - self._asked_time >= ASK_PERIOD:
             self._asked_time = time.monotonic()
             self._node.ask_description(self._take)
@@ -88,7 +88,7 @@ class ArmSource:
                         f'{error}; expected it here too, or on the topic robot_description')
                     return
         xml = described.xml or self._topic_xml or embedded_description()
-        self._found = Description(xml, Path(), described.joints)
+        self._found = Description(xml, None, described.joints)
 
 
 def _of_file(file: str, field: str, joints: tuple[str, ...] = ()) -> Description:

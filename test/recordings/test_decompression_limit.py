@@ -1,0 +1,138 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recording that expands to far more than its size is refused, and others are read."""
+
+import subprocess
+import sys
+
+import children
+import pytest
+from recordings import KnownMotion, START_NS, stored_file, write_recording
+from robot_dynamics.recordings import compression
+from robot_dynamics.recordings.compression import (
+    Budget,
+    DecompressionLimitError,
+    LARGEST_RATIO,
+    LEAST_LIMIT,
+    limit_rosbags,
+    limited,
+    zstd_module,
+)
+from robot_dynamics.recordings.reader import Recording
+from rosbags.rosbag2 import storage_mcap
+
+COMPRESSED = ('mcap_chunk', 'mcap_message', 'mcap_file', 'sqlite3_message', 'sqlite3_file')
+LIMIT = 1_000_000
+TOPIC = '/joint_states'
+
+
+@pytest.fixture
+def _low_limit(monkeypatch):
+    monkeypatch.setattr(compression, 'LEAST_LIMIT', LIMIT)
+
+
+def expanding(path, form, size=10 * LIMIT):
+    """Return a file of a recording with one message of zeros."""
+    return stored_file(write_recording(path, [(START_NS, b'\0\1\0\0' + bytes(size))], form))
+
+
+def check_refused(file):
+    words = (rf'{file.name} has {file.stat().st_size} bytes and expands to more than [0-9]+, '
+             rf'expected at most {LARGEST_RATIO} times its size, or {LIMIT} bytes; .*zstd -d')
+    with pytest.raises(DecompressionLimitError, match=words), Recording(file) as recording:
+        list(recording.raw_messages(TOPIC))
+
+
+@pytest.mark.usefixtures('_low_limit')
+@pytest.mark.parametrize('form', COMPRESSED)
+def test_a_file_that_expands_beyond_its_limit_is_refused(tmp_path, form):
+    check_refused(expanding(tmp_path / 'bag', form))
+
+
+@pytest.mark.usefixtures('_low_limit')
+def test_a_damaged_one_is_refused_too(tmp_path):
+    file = expanding(tmp_path / 'bag', 'mcap_chunk')
+    file.write_bytes(file.read_bytes()[:-100])
+    check_refused(file)
+
+
+@pytest.mark.usefixtures('_low_limit')
+def test_where_rosbags_cannot_be_limited_its_reader_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.delattr(storage_mcap, 'DECOMPRESSORS')
+    check_refused(expanding(tmp_path / 'bag', 'mcap_chunk'))
+    motion = KnownMotion(1.0)
+    file = stored_file(write_recording(tmp_path / 'good', motion.messages(), 'mcap_chunk'))
+    with Recording(file) as recording:
+        assert list(recording.raw_messages(TOPIC)) == motion.messages()
+        assert not recording.losses
+
+
+@pytest.mark.usefixtures('_low_limit')
+@pytest.mark.parametrize('form', COMPRESSED)
+def test_an_expansion_within_the_limit_is_read(tmp_path, form):
+    file = expanding(tmp_path / 'bag', form, LIMIT // 2)
+    with Recording(file) as recording:
+        assert [len(data) for _, data in recording.raw_messages(TOPIC)] == [4 + LIMIT // 2]
+        assert [len(data) for _, data in recording.raw_messages(TOPIC)] == [4 + LIMIT // 2]
+
+
+@pytest.mark.parametrize('kind', ['lz4', 'zstd'])
+def test_no_more_is_decompressed_than_a_chunk_states_or_the_limit_allows(kind):
+    lz4 = pytest.importorskip('lz4.frame')
+    data = {'lz4': lz4, 'zstd': zstd_module()}[kind].compress(bytes(LIMIT))
+    assert Budget('a', 0).decompress(data, kind, LIMIT) == bytes(LIMIT)
+    for size in (LIMIT // 2, 0, -2):  # rosbags reads the size as a signed number
+        with pytest.raises(EOFError):
+            Budget('a', 0).decompress(data, kind, size)
+    budget = Budget('a', 0)
+    for _ in range(LEAST_LIMIT // LIMIT):
+        budget.decompress(data, kind, LIMIT)
+    with pytest.raises(DecompressionLimitError):
+        budget.decompress(data, kind, LIMIT)
+
+
+def test_a_chunk_that_an_index_lists_again_and_again_counts_each_time():
+    assert limit_rosbags()
+    chunk = bytes(LEAST_LIMIT // 4)
+    for kind, data in (('', chunk), ('zstd', zstd_module().compress(chunk))):
+        with limited(Budget('a', 0)):
+            for _ in range(4):
+                assert storage_mcap.decompress(data, kind, len(chunk), 0) == chunk
+            with pytest.raises(DecompressionLimitError):
+                storage_mcap.decompress(data, kind, len(chunk), 0)
+        assert storage_mcap.decompress(data, kind, len(chunk), 0) == chunk  # of other programs
+
+
+def test_a_large_file_may_expand_further():
+    assert Budget('a', 0).limit == LEAST_LIMIT
+    assert Budget('a', LEAST_LIMIT).limit == LARGEST_RATIO * LEAST_LIMIT
+
+
+def test_a_file_of_zeros_is_refused_in_bounded_memory(tmp_path):
+    zstd = zstd_module()
+    compressor, file = zstd.ZstdCompressor(), tmp_path / 'zeros.mcap.zstd'
+    file.write_bytes(b''.join(
+        [*(compressor.compress(bytes(10_000_000)) for _ in range(100)), compressor.flush()]))
+    script = (
+        'import pathlib, resource, sys\n'
+        'from robot_dynamics.recordings.reader import Recording\n'
+        'try:\n    Recording(pathlib.Path(sys.argv[1]))\n'
+        'except ValueError as error:\n    print(type(error).__name__)\n'
+        'print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)')
+    done = children.run(
+        [sys.executable, '-c', script, str(file)], stdout=subprocess.PIPE, text=True, timeout=60)
+    error, peak = done.stdout.split()
+    assert error == 'DecompressionLimitError'
+    assert int(peak) < 300_000  # [KiB]

@@ -1,0 +1,90 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A description with a DTD, or one that is too large, is refused before it is parsed."""
+
+import resource
+import time
+
+import pytest
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.urdf.description_file import read_description
+from robot_dynamics.urdf.document import find_dtd, LARGEST_DESCRIPTION
+from robot_dynamics.urdf.editing import with_elements
+from robot_dynamics.urdf.parser import parse_urdf
+from robot_dynamics.urdf.visuals import read_visuals
+
+ARM = default_arm_urdf()
+DTD = '<!DOCTYPE robot [<!ENTITY e "x">]>'
+REFUSED = r"has a document type declaration \(DTD\), '<!DOCTYPE robot .*expected a URDF without"
+
+
+def amplified():
+    """Return a robot of 390 KB with 9 million elements, fewer than the parser's own limit."""
+    entity, padding = '<a/>' * 20_000, 'x' * 305_000
+    return (f'<!DOCTYPE robot [<!ENTITY e "{entity}"><!--{padding}-->]>'
+            f'<robot name="r">{"&e;" * 450}</robot>')
+
+
+@pytest.mark.parametrize('read', [
+    parse_urdf, check_model, read_visuals, lambda xml: with_elements(xml, {}, {})])
+def test_entities_are_refused_before_they_expand(read):
+    memory, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    with pytest.raises(ModelError, match=REFUSED):
+        read(amplified())
+    assert time.process_time() - began < 1.0
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory < 50_000  # [KiB]
+
+
+@pytest.mark.parametrize('before', [
+    '', ' \n', '\ufeff', '<?xml version="1.0"?>\n', '<!-- a > comment --><!---->',
+    '<?xml version="1.0" encoding="UTF-16"?><?style x="<robot>"?>\n<!-- <robot/> -->\t'])
+@pytest.mark.parametrize('encoding', [None, 'utf-8-sig', 'utf-16', 'utf-16-le', 'utf-16-be'])
+def test_a_dtd_is_found_wherever_xml_allows_it(before, encoding):
+    with_dtd, without = (before + part for part in (f'{DTD}<robot/>', f'<robot>{DTD}</robot>'))
+    if encoding is not None:
+        with_dtd, without = with_dtd.encode(encoding), without.encode(encoding)
+    assert find_dtd(with_dtd).startswith('<!DOCTYPE robot')
+    assert find_dtd(without) == ''
+
+
+def test_a_prolog_that_does_not_end_is_searched_once():
+    began = time.process_time()
+    assert find_dtd('<!--' * 250_000).startswith('<!--')
+    assert find_dtd('<?a?>' * 200_000 + '<?') == ''
+    assert time.process_time() - began < 1.0
+
+
+@pytest.mark.parametrize('name', ['arm.urdf', 'arm.xacro'])
+def test_a_file_with_a_dtd_or_too_large_is_refused(tmp_path, name):
+    file = tmp_path / name
+    for encoding in ('utf-8', 'utf-16'):
+        file.write_text(DTD + ARM, encoding=encoding)
+        with pytest.raises(ModelError, match=rf"URDF '.*{name}' {REFUSED}"):
+            read_description(file, 'URDF')
+    file.write_text(ARM + ' ' * LARGEST_DESCRIPTION)
+    with pytest.raises(ModelError, match=rf"{name}' has more than {LARGEST_DESCRIPTION} bytes"):
+        read_description(file, 'URDF')
+
+
+def test_a_description_that_is_too_large_is_refused():
+    with pytest.raises(ModelError, match=f'has more than {LARGEST_DESCRIPTION} characters'):
+        parse_urdf(ARM + ' ' * LARGEST_DESCRIPTION)
+
+
+def test_a_file_with_the_line_ends_of_windows_is_read(tmp_path):
+    (tmp_path / 'arm.urdf').write_bytes(ARM.replace('\n', '\r\n').encode())
+    assert read_description(tmp_path / 'arm.urdf', 'URDF') == ARM
