@@ -21,6 +21,7 @@ import re
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robots import robot_urdf
@@ -48,12 +49,14 @@ class Driver:
     """Length of `velocity`; None for one per name."""
     robot: str = ''
     """Of example-robot-data; '' for a generated chain with the joints of the file."""
+    holds_itself: str = ''
+    """Log of the effort check for an arm that holds itself; '' if its effort is not used."""
 
     def message(self) -> JointState:
-        """Return joint states at zero, of an arm at rest."""
+        """Return the joint states of an arm at rest."""
         n = len(self.names)
         return JointState(
-            name=self.names, position=[0.0] * n,
+            name=self.names, position=[0.3] * n,
             velocity=[0.0] * (n if self.velocities is None else self.velocities),
             effort=self.effort or [0.0] * n)
 
@@ -63,22 +66,27 @@ def numbered(prefix: str, count: int) -> tuple[str, ...]:
     return tuple(f'{prefix}{j}' for j in range(1, count + 1))
 
 
+PASSED = 'Effort check passed: '
+TWICE = r'\[WARN\].*Effort check: .* exceeds the command by 1\.00 times g\(q\), expected 0'
 DRIVERS = {
-    'ros2_control.yaml': Driver((*numbered('joint', 6), 'finger'), (*[0.0] * 6, NAN)),
+    'ros2_control.yaml': Driver(
+        (*numbered('joint', 6), 'finger'), (*[0.0] * 6, NAN), holds_itself=TWICE),
     'ur.yaml': Driver((
         'elbow_joint', 'shoulder_lift_joint', 'shoulder_pan_joint', 'wrist_1_joint',
         'wrist_2_joint', 'wrist_3_joint'), robot='ur10'),
-    'franka_fr3.yaml': Driver(numbered('fr3_joint', 7)),
+    'franka_fr3.yaml': Driver(numbered('fr3_joint', 7), holds_itself=PASSED),
     'kinova_gen3.yaml': Driver(
-        (*numbered('joint_', 7), 'finger_joint'), (*[0.0] * 7, NAN)),
+        (*numbered('joint_', 7), 'finger_joint'), (*[0.0] * 7, NAN), holds_itself=TWICE),
     'xarm.yaml': Driver(numbered('joint', 7), (NAN,) * 7, robot='xarm7'),
-    'kuka_lbr.yaml': Driver(numbered('lbr_A', 7)),
-    'openarm.yaml': Driver((*numbered('openarm_joint', 7), 'openarm_finger_joint1')),
-    'piper.yaml': Driver((*numbered('joint', 6), 'gripper'), velocities=6),
-    'yam.yaml': Driver(numbered('joint', 6)),
+    'kuka_lbr.yaml': Driver(numbered('lbr_A', 7), holds_itself=PASSED),
+    'openarm.yaml': Driver(
+        (*numbered('openarm_joint', 7), 'openarm_finger_joint1'), holds_itself=TWICE),
+    'piper.yaml': Driver((*numbered('joint', 6), 'gripper'), holds_itself=TWICE),
+    'yam.yaml': Driver(numbered('joint', 6), holds_itself=PASSED),
 }
-COMPLETE_PIPER = Driver((*numbered('joint', 6), 'gripper'))
-"""As a relay republishes the joint states of piper_ros."""
+"""Of Piper the joint states that a relay has completed."""
+PIPER = Driver(DRIVERS['piper.yaml'].names, velocities=6)
+"""The joint states of piper_ros as they are."""
 
 
 def parameters_of(file: str) -> dict[str, Any]:
@@ -157,11 +165,30 @@ def running(file: str) -> NodeProcess:
         namespace='/cell', node_name='arm_model')
 
 
+def check_effort(
+    client: RosClient, states: Any, message: JointState, gravity: JointState, node: NodeProcess,
+) -> None:
+    """Publish the effort of an arm that holds itself until the effort check has a result."""
+    held = dict(zip(gravity.name, gravity.effort, strict=True))
+    message.effort = [held.get(name, NAN) for name in message.name]
+
+    def is_judged() -> bool:
+        message.header.stamp = client.node.get_clock().now().to_msg()
+        states.publish(message)
+        return bool(re.search(f'{PASSED}|Effort check: in a static hold', node.log))
+    wait_until(is_judged, 'a result of the effort check')
+
+
 @pytest.mark.parametrize('file', DRIVERS)
 def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
-    """Every parameter is in force, and g(q) comes for the joint states as the driver has them."""
-    driver = COMPLETE_PIPER if file == 'piper.yaml' else DRIVERS[file]
-    with running(file), \
+    """
+    Every parameter is taken, g(q) comes for the joint states as the driver has them.
+
+    The effort check has the result that the page names for an arm that holds itself.
+    """
+    driver = DRIVERS[file]
+    message = driver.message()
+    with running(file) as node, \
             client.collect(JointState, f'{NODE}/gravity_compensation') as efforts, \
             client.collect(JointState, '/cell/effort_command') as commands:
         for name, value in parameters_of(file).items():
@@ -170,9 +197,12 @@ def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
         efforts.wait_matched()
         commands.wait_matched()
         states = client.publisher(JointState, '/cell/joint_states')
-        result = answer(client, states, driver.message(), efforts)
-        assert list(result.name) == joints_of(file)
-        assert all(map(math.isfinite, result.effort))
+        gravity = answer(client, states, message, efforts)
+        assert list(gravity.name) == joints_of(file)
+        assert np.linalg.norm(gravity.effort) > 1.0
+        if driver.holds_itself:
+            check_effort(client, states, message, gravity, node)
+            assert re.search(driver.holds_itself, node.log), node.log
         assert not commands.messages
         client.forget(NODE)
 
@@ -184,7 +214,7 @@ def test_joint_states_of_piper_need_a_relay(client: RosClient) -> None:
         diagnostics.wait_matched()
         states = client.publisher(JointState, '/cell/joint_states')
         report = client.ask(
-            states, DRIVERS['piper.yaml'].message(), diagnostics, lambda message: any(
+            states, PIPER.message(), diagnostics, lambda message: any(
                 'velocity has 6 values, expected 7 as name has' in status.message
                 and status.level == DiagnosticStatus.ERROR for status in message.status))
     assert report.status[0].name.endswith('arm_model: joint states')
