@@ -1,0 +1,220 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""docs/robots.md and its parameter files: a node runs on each, with the messages of the driver."""
+
+from dataclasses import dataclass
+import math
+from pathlib import Path
+import re
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import numpy as np
+import pytest
+from robot_dynamics.planar.urdf import planar_arm_urdf
+from robots import robot_urdf
+from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, wait_until
+from sensor_msgs.msg import JointState
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = ROOT / 'config' / 'robots'
+PAGE = (ROOT / 'docs' / 'robots.md').read_text(encoding='utf-8')
+NODE = '/cell/arm_model'
+"""Another namespace and name than the default, as the files are for any of both."""
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class Driver:
+    """The joint states of a driver, and the robot that the test loads."""
+
+    names: tuple[str, ...]
+    """In the order of the message, a gripper included."""
+    effort: tuple[float, ...] = ()
+    """NaN where the driver has no effort; () for 0 at every joint."""
+    velocities: int | None = None
+    """Length of `velocity`; None for one per name."""
+    robot: str = ''
+    """Of example-robot-data; '' for a generated chain with the joints of the file."""
+    holds_itself: str = ''
+    """Log of the effort check for an arm that holds itself; '' if its effort is not used."""
+
+    def message(self) -> JointState:
+        """Return the joint states of an arm at rest."""
+        n = len(self.names)
+        return JointState(
+            name=self.names, position=[0.3] * n,
+            velocity=[0.0] * (n if self.velocities is None else self.velocities),
+            effort=self.effort or [0.0] * n)
+
+
+def numbered(prefix: str, count: int) -> tuple[str, ...]:
+    """Return so many names, which end with 1, 2 and so on."""
+    return tuple(f'{prefix}{j}' for j in range(1, count + 1))
+
+
+PASSED = 'Effort check passed: '
+TWICE = r'\[WARN\].*Effort check: .* exceeds the command by 1\.00 times g\(q\), expected 0'
+DRIVERS = {
+    'ros2_control.yaml': Driver(
+        (*numbered('joint', 6), 'finger'), (*[0.0] * 6, NAN), holds_itself=TWICE),
+    'ur.yaml': Driver((
+        'elbow_joint', 'shoulder_lift_joint', 'shoulder_pan_joint', 'wrist_1_joint',
+        'wrist_2_joint', 'wrist_3_joint'), robot='ur10'),
+    'franka_fr3.yaml': Driver(numbered('fr3_joint', 7), holds_itself=PASSED),
+    'kinova_gen3.yaml': Driver(
+        (*numbered('joint_', 7), 'finger_joint'), (*[0.0] * 7, NAN), holds_itself=TWICE),
+    'xarm.yaml': Driver(numbered('joint', 7), (NAN,) * 7, robot='xarm7'),
+    'kuka_lbr.yaml': Driver(numbered('lbr_A', 7), holds_itself=PASSED),
+    'openarm.yaml': Driver(
+        (*numbered('openarm_joint', 7), 'openarm_finger_joint1'), holds_itself=TWICE),
+    'piper.yaml': Driver((*numbered('joint', 6), 'gripper'), holds_itself=TWICE),
+    'yam.yaml': Driver(numbered('joint', 6), holds_itself=PASSED),
+}
+"""Of Piper the joint states that a relay has completed."""
+PIPER = Driver(DRIVERS['piper.yaml'].names, velocities=6)
+"""The joint states of piper_ros as they are."""
+
+
+def parameters_of(file: str) -> dict[str, Any]:
+    """Return the parameters that a file sets, by name."""
+    tree = yaml.safe_load((FILES / file).read_text(encoding='utf-8'))
+    assert list(tree) == ['/**'], 'expected parameters for any namespace and node name'
+    assert list(tree['/**']) == ['ros__parameters']
+    return dict(tree['/**']['ros__parameters'])
+
+
+def joints_of(file: str) -> list[str]:
+    """Return the joints that the node must use."""
+    return list(parameters_of(file).get('joints', numbered('joint', 6)))
+
+
+def description(file: str) -> str:
+    """Return a URDF that has the joints of the file."""
+    if DRIVERS[file].robot:
+        return robot_urdf(DRIVERS[file].robot)
+    joints = joints_of(file)
+    ones = [1.0] * len(joints)
+    return planar_arm_urdf(ones, ones, ones, ones, joint_names=joints)
+
+
+def sections() -> dict[str, str]:
+    """Return the sections of the page that name a parameter file, by heading."""
+    parts = re.split(r'^###? (.+)$', PAGE, flags=re.MULTILINE)
+    return {
+        heading: text for heading, text in zip(parts[1::2], parts[2::2], strict=True)
+        if 'config/robots/' in text}
+
+
+def test_the_page_names_every_file_and_no_other() -> None:
+    files = {path.name for path in FILES.iterdir()}
+    assert set(re.findall(r'config/robots/([\w.]+)', PAGE)) == files
+    assert set(DRIVERS) == files
+
+
+@pytest.mark.parametrize('heading', sections())
+def test_sections_separate_documentation_from_trials(heading: str) -> None:
+    text = sections()[heading]
+    assert text.count('**From the documentation') == text.count('**Tried here') == 1
+    source = text[text.index('**From the documentation'):text.index('**Tried here')]
+    assert re.search(r'\b(?=\w*\d)[0-9a-f]{7}\b|\b\d+\.\d+\.\d+\b', source), 'no version'
+
+
+@pytest.mark.parametrize('file', DRIVERS)
+def test_files_command_nothing_and_tune_nothing(file: str) -> None:
+    parameters = parameters_of(file)
+    assert parameters['command'] == 'none'
+    assert not {'gains', 'friction', 'actuator', 'robot_description'} & set(parameters)
+    assert 'robot_description_file' in (FILES / file).read_text(encoding='utf-8')
+
+
+def answer(
+    client: RosClient, states: Any, message: JointState, answers: Collector,
+) -> JointState:
+    """Publish the message with the present time until it is answered; return the answer."""
+    found: list[JointState] = []
+
+    def is_answered() -> bool:
+        message.header.stamp = client.node.get_clock().now().to_msg()
+        states.publish(message)
+        result = answers.find(lambda m: m.header.stamp == message.header.stamp, 0.5)
+        found.extend([result] if result else [])
+        return bool(found)
+    wait_until(is_answered, 'effort for the joint states of the driver')
+    return found[0]
+
+
+def running(file: str) -> NodeProcess:
+    """Return a node with this file and a robot that has its joints."""
+    return NodeProcess(
+        DYNAMICS, {'robot_description': description(file)}, patient=False,
+        arguments=('--ros-args', '--params-file', str(FILES / file)),
+        namespace='/cell', node_name='arm_model')
+
+
+def check_effort(
+    client: RosClient, states: Any, message: JointState, gravity: JointState, node: NodeProcess,
+) -> None:
+    """Publish the effort of an arm that holds itself until the effort check has a result."""
+    held = dict(zip(gravity.name, gravity.effort, strict=True))
+    message.effort = [held.get(name, NAN) for name in message.name]
+
+    def is_judged() -> bool:
+        message.header.stamp = client.node.get_clock().now().to_msg()
+        states.publish(message)
+        return bool(re.search(f'{PASSED}|Effort check: in a static hold', node.log))
+    wait_until(is_judged, 'a result of the effort check')
+
+
+@pytest.mark.parametrize('file', DRIVERS)
+def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
+    """
+    Every parameter is taken, g(q) comes for the joint states as the driver has them.
+
+    The effort check has the result that the page names for an arm that holds itself.
+    """
+    driver = DRIVERS[file]
+    message = driver.message()
+    with running(file) as node, \
+            client.collect(JointState, f'{NODE}/gravity_compensation') as efforts, \
+            client.collect(JointState, '/cell/effort_command') as commands:
+        for name, value in parameters_of(file).items():
+            taken = client.get_parameter(NODE, name)
+            assert (list(taken) if isinstance(value, list) else taken) == value, name
+        efforts.wait_matched()
+        commands.wait_matched()
+        states = client.publisher(JointState, '/cell/joint_states')
+        gravity = answer(client, states, message, efforts)
+        assert list(gravity.name) == joints_of(file)
+        assert np.linalg.norm(gravity.effort) > 1.0
+        if driver.holds_itself:
+            check_effort(client, states, message, gravity, node)
+            assert re.search(driver.holds_itself, node.log), node.log
+        assert not commands.messages
+        client.forget(NODE)
+
+
+def test_joint_states_of_piper_need_a_relay(client: RosClient) -> None:
+    """The driver sends a velocity less than it has names, which the node reports and drops."""
+    with running('piper.yaml'), \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+        diagnostics.wait_matched()
+        states = client.publisher(JointState, '/cell/joint_states')
+        report = client.ask(
+            states, PIPER.message(), diagnostics, lambda message: any(
+                'velocity has 6 values, expected 7 as name has' in status.message
+                and status.level == DiagnosticStatus.ERROR for status in message.status))
+    assert report.status[0].name.endswith('arm_model: joint states')
