@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_angle, wrap_to_pi
-from robot_dynamics.control.control_law import ErrorFeedback, make_gains
+from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.segment_tracking import FEW, TrackingLaw
 from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
@@ -51,8 +51,7 @@ def test_it_asks_for_what_the_feedback_law_asks_for(
     active = segment_of(n, kind, rng)
     kp, kd = rng.uniform(0.1, 400.0, (2, n))
     feedback = ErrorFeedback(
-        make_gains([f'joint{j}' for j in range(n)], kp=kp.tolist(),
-                   kd=(kd * has_damping).tolist()), [joint] * n)
+        Gains(kp, kd * has_damping), [joint] * n)
     q, v = rng.uniform(-9.0, 9.0, (2, n))
     now = SECOND + round(2e9 * phase)
     segment = active.segment(now)

@@ -301,8 +301,8 @@ def test_what_is_not_a_recording_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(('definition', 'words'), [
-    ('float64 a', "Could not deserialize 'demo_msgs/msg/Long'"),
-    ('float64[99999999999999999999] a', 'too large'),
+    ('float64 a', "a message of /long: .*Could not deserialize 'demo_msgs/msg/Long'"),
+    ('float64[99999999999999999999] a', 'field a is an array of 99999999999999999999, expected'),
 ])
 def test_a_message_that_cannot_be_decoded_is_refused(tmp_path, definition, words):
     kind = 'demo_msgs/msg/Long'
@@ -310,7 +310,7 @@ def test_a_message_that_cannot_be_decoded_is_refused(tmp_path, definition, words
         writer.add_topic('/long', kind)
         writer.write('/long', 1, b'\0\1\0\0abc')
     with Recording(tmp_path / 'bag') as opened:
-        with pytest.raises(RecordingError, match=f'a message of /long: .*{words}'):
+        with pytest.raises(RecordingError, match=words):
             list(opened.messages('/long'))
 
 
