@@ -70,6 +70,7 @@ def main(argv: Sequence[str] = ()) -> None:
     """Run the cases and print the tables; exit with status 1 if any run is bad."""
     arguments = _parser().parse_args(argv)
     cases = all_cases(_installed(arguments.arms))[::arguments.quick]
+    cases = [case._replace(has_velocity=not arguments.positions_only) for case in cases]
     start = time.perf_counter()
     runs = run_all(cases, arguments.jobs)
     _print_report(runs, time.perf_counter() - start, arguments.jobs)
@@ -93,6 +94,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--quick', type=int, nargs='?', const=QUICK, default=1, metavar='K',
         help=f'run every K-th case, every {QUICK}th without a number')
+    parser.add_argument(
+        '--positions-only', action='store_true',
+        help='joint states without velocities; with noise, that of the positions')
     parser.add_argument(
         '--figure', type=Path, metavar='FILE', help='plot of the largest velocities (PNG)')
     parser.add_argument('--csv', type=Path, metavar='FILE', help='table of all runs')

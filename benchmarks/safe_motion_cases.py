@@ -71,6 +71,8 @@ DELAYS = (0, 4, 8)
 """[ms] from the time of a state until its effort acts."""
 NOISE = 0.2
 """Standard deviation of the measured velocity [rad/s], in the cases with noise."""
+POSITION_NOISE = 1e-4
+"""Standard deviation of the measured position [rad], in the cases with noise and no velocity."""
 GOAL_MARGIN = 0.1
 """[rad]"""
 
@@ -108,11 +110,12 @@ class Case(NamedTuple):
     rate: int
     delay: int
     noisy: bool
+    has_velocity: bool = True
 
     @property
     def seed(self) -> int:
         """Return the seed of the noise, the same in any order of execution."""
-        return zlib.crc32(repr(tuple(self)).encode())
+        return zlib.crc32(repr(tuple(self[:6])).encode())
 
 
 class Message(NamedTuple):

@@ -32,6 +32,7 @@ from benchmarks.safe_motion_cases import (
     motion_of,
     NOISE,
     PERIODS,
+    POSITION_NOISE,
     PUSH,
 )
 import numpy as np
@@ -105,7 +106,7 @@ class ControlLoop:
         rate = np.where(np.isfinite(effort), effort / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
         self._controller = Controller(arm, ControllerOptions(
             make_gains(arm.joint_names), effort_rate=rate, softens_gains=True,
-            conditions_references=True, stops_and_holds=True))
+            conditions_references=True, stops_and_holds=True, estimates_velocity=True))
         self._supervisor = CommandSupervisor(
             arm.joint_names,
             EffortLimits(limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, rate),
@@ -122,7 +123,7 @@ class ControlLoop:
         if self._supervisor.mode is Mode.RUNNING:
             self._controller.follow(trajectory, stamp_ns)
 
-    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> FloatArray | None:
+    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> FloatArray | None:
         """Return the effort (n,) that answers a measured state, None if none is published."""
         controller, supervisor = self._controller, self._supervisor
         output = controller.answer(stamp_ns, q, v)
@@ -230,8 +231,7 @@ def simulate(case: Case) -> Trace:
             loop.send(messages.popleft().trajectory)
         answer = None
         if k % period == 0:
-            noise = rng.normal(0.0, NOISE, arm.joint_count) if case.noisy else 0.0
-            answer = loop.answer(stamp, plant.q, plant.v + noise)
+            answer = loop.answer(stamp, *_measured(case, plant, rng))
         elif k % ACTION_PERIOD == 0:
             answer = loop.tick(stamp)
         if answer is not None:
@@ -249,6 +249,16 @@ def simulate(case: Case) -> Trace:
             break
     q, v = (np.array(values) for values in zip(*states))
     return Trace(q, v, loop.reference is not None, diverges, loop.faults)
+
+
+def _measured(
+    case: Case, plant: Plant, rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return the measured position and velocity, (n,), as the case has them."""
+    n = len(plant.q)
+    if case.has_velocity:
+        return plant.q, plant.v + (rng.normal(0.0, NOISE, n) if case.noisy else 0.0)
+    return plant.q + (rng.normal(0.0, POSITION_NOISE, n) if case.noisy else 0.0), None
 
 
 def _push_at(motion: Motion, t: float) -> FloatArray | float:

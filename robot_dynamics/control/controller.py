@@ -39,6 +39,7 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
@@ -72,6 +73,7 @@ class Controller:
         self._load = LoadedArm(arm)
         self._reference = FollowedReference(arm)
         self._adaptation = GainAdaptation(arm.joint_kinds)
+        self._velocity = VelocityEstimate(arm.is_continuous)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
         self._last: tuple[LawOutput, RobotEffort] | None = None
         """The answer to the last state, and what the robot adds to it by itself."""
@@ -154,6 +156,11 @@ class Controller:
         return self._load.dynamics.arm
 
     @property
+    def estimates_velocity(self) -> bool:
+        """Whether velocities that are not measured are estimated from the positions."""
+        return self._options.estimates_velocity
+
+    @property
     def has_reference(self) -> bool:
         """Whether a reference is followed."""
         return self._reference.active is not None
@@ -172,6 +179,7 @@ class Controller:
         """Take the next state as a first one: it need not follow from the last."""
         with self._lock:
             self._state = None
+            self._velocity.restart()
 
     def stop_from_state(self) -> None:
         """Forget the reference; stop from the next measured state and hold, if so chosen."""
@@ -218,8 +226,9 @@ class Controller:
         """
         Return the efforts for the state (q, v) measured at stamp_ns; v may be unknown (None).
 
-        Without a velocity there is gravity compensation alone. Efforts that are not finite raise
-        NonFiniteEffortError: such a state is outside anything the model can answer.
+        Without a velocity, measured or estimated, there is gravity compensation alone. Efforts
+        that are not finite raise NonFiniteEffortError: such a state is outside anything the model
+        can answer.
         """
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
             output = self._update(stamp_ns, q, v)
@@ -250,12 +259,15 @@ class Controller:
 
     def _take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> FloatArray | None:
         """Take over a state; start the stop that waits for it; return the velocity to use."""
+        delay = 0.0
+        if v is None and self._options.estimates_velocity:
+            v, delay = self._velocity.update(stamp_ns, q), self._velocity.delay
         if v is None:
             self._lose_velocity()
             return None
         last = self._state
         v, has_changed = self._adaptation.take(
-            0.0 if last is None else _NS * (stamp_ns - last[0]), q, v)
+            0.0 if last is None else _NS * (stamp_ns - last[0]), q, v, delay)
         if has_changed:
             self._scale_motion()
         self._state = stamp_ns, q, v

@@ -52,15 +52,19 @@ class GainAdaptation:
         """Factor by which references are slowed down, in (0, 1]."""
         return self.scale if self.quality.is_known else min(1.0, self.scale / UNKNOWN)
 
-    def take(self, dt: float, q: FloatArray, v: FloatArray) -> tuple[FloatArray, bool]:
+    def take(
+        self, dt: float, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
+    ) -> tuple[FloatArray, bool]:
         """
         Take a state dt [s] after the last one, 0 if that is unknown; arrays are (n,).
 
-        Returns the velocity to use, and whether `scale` has changed.
+        `velocity_delay` [s] is that of v if it is estimated. Returns the velocity to use, and
+        whether `scale` has changed.
         """
         if self._gains is None:
             return v, False
         quality = self.quality
+        quality.velocity_delay = velocity_delay
         v = quality.velocity(dt, q, v)
         period = quality.period
         if not (quality.is_due or (

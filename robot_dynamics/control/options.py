@@ -55,6 +55,8 @@ class ControllerOptions:
     """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
     stream_timeout: float = 0.1
     """[s] for which a set-point with a velocity is followed."""
+    estimates_velocity: bool = False
+    """Estimate a velocity that is not measured from the positions (`velocity_estimate`)."""
 
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
         """Return the limit of the following error (n,) [rad] or [m], ∞ for none."""

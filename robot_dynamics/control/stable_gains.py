@@ -18,7 +18,8 @@ Which velocity the feedback uses, and at which share of its bandwidth it is stab
 PD feedback with natural frequency ω and damping ratio 1 crosses over at ω_x = √(2 + √5) ω, with a
 phase margin of 76°. Two delays reduce the margin:
 
-- sampling and transport: half a period of the states, and LOOP_DELAY;
+- sampling and transport: half a period of the states, LOOP_DELAY, and the delay of an estimated
+  velocity (`velocity_estimate`);
 - the rate limit of the effort. Noise σ of the velocity is amplified to M K_d σ. Where that exceeds
   what the limit τ̇ lets through, the limit acts as a low-pass of the time constant
   M K_d σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal noise.
@@ -102,6 +103,8 @@ class StateQuality:
         """[s]; follows a longer period at once, and a shorter one in about 50 states."""
         self.differs = False
         """Whether the velocity is the difference of positions."""
+        self.velocity_delay = 0.0
+        """[s] by which the given velocity is late: 0 for a measured one."""
         self._measured, self._difference = Noise(n), Noise(n)
         self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
         self._q: FloatArray | None = None
@@ -147,7 +150,8 @@ class StateQuality:
 
     def __str__(self) -> str:
         noise = float(self._measured.deviation.max(initial=0.0))
-        source = 'differences of the positions' if self.differs else 'measured velocities'
+        source = 'differences of the positions' if self.differs else (
+            'estimated velocities' if self.velocity_delay else 'measured velocities')
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
                 f'{noise:.2g} per second, {source} in use')
 
@@ -179,7 +183,8 @@ class StateQuality:
             self._measured = Noise(len(measured))
             self._count, self.is_known, self.differs = 0, False, False
             measured = self._measured.deviation
-        scale, delay = largest_scale(measured), 0.5 * self.period + LOOP_DELAY
+        scale = largest_scale(measured)
+        delay = 0.5 * self.period + LOOP_DELAY + self.velocity_delay
         self.is_known = self._count >= (_TURN if scale < _QUIET else _FEW)
         was_noisy, self._is_noisy = self._is_noisy, scale < 1.0 or not self.is_known
         if self._is_noisy and not was_noisy:
@@ -191,7 +196,7 @@ class StateQuality:
             of_difference = largest_scale(self._difference.deviation)
             self.differs = self.differs or LESS * of_difference**2 > scale**2
             if self.differs:
-                scale, delay = of_difference, delay + 0.5 * self.period
+                scale, delay = of_difference, self.period + LOOP_DELAY
         else:
             self.differs = False
         scale = max(min(scale, DELAY_LAG / (CROSSOVER * omega * delay), 1.0), LEAST)

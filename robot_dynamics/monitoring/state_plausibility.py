@@ -13,12 +13,21 @@
 # limitations under the License.
 
 """
-Whether a measured state can be what comes after the one before it.
+Whether a measured state can follow the one before it.
 
-A state is judged by its stamp, by its age where stamps are of the clock of this computer, and by
-how far the joints have moved since. Where it cannot follow, time and place start anew from it (a
-robot or a simulator was set back); only if several publishers speak of these joints is it refused,
-as nobody can tell which of them to believe.
+A state is judged by its stamp, by the clock of this computer, and by how far the joints have moved
+since. Stamps belong to one of three clocks:
+
+- that of this computer, if they are within SAME_CLOCK of it: a state is refused if its age is
+  above `max_age`;
+- the clock of another computer: a state is refused if that clock runs ahead of, or behind, its
+  first offset by more than `max_age`;
+- simulated time, if they are before SIMULATED_BEFORE: it may run slowly or stand still.
+
+A stamp that jumps, back or ahead, starts time anew, and so does a position that jumps (a robot or
+a simulator was set back). If the topic has several publishers, such a state is refused until
+CONFIRMATIONS states have followed it; states that follow the old ones meanwhile show that
+publishers contradict each other.
 """
 
 from collections.abc import Callable
@@ -31,13 +40,24 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.whole_turns import nearest_turn
 
 SAME_CLOCK = 3600.0
-"""[s] within which the first stamp is taken to be of the clock of this computer."""
+"""[s] within which a stamp is taken to be of the clock of this computer."""
+SIMULATED_BEFORE = 1e9
+"""[s] since 1970: stamps before this time, in 2001, are simulated time."""
 LONGEST_GAP = 30.0
 """[s] between two states after which nothing is known any more."""
 _LONGEST_GAP_NS = int(1e9 * LONGEST_GAP)
+JUMP = 1.0
+"""[s] by which a stamp may run ahead of the clock between two states, without a `max_age`."""
+_JUMP_NS = int(1e9 * JUMP)
+DRIFT = 1e-3
+"""[s/s] by which the offset of the clock of another computer is followed."""
 PLAY = 0.05
 """[rad] or [m] that a joint may move between two states, whatever its speed."""
 SPEED_FACTOR = 1.5
+CONFIRMATIONS = 5
+"""States that must follow a state that did not follow, if there are several publishers."""
+CONTRADICTION = 100
+"""Good states in a row after which publishers that contradicted each other agree again."""
 
 
 class ImplausibleStateError(InvalidInputError):
@@ -85,25 +105,36 @@ class StateMonitor:
         self._stamp: int | None = None
         self._received = 0
         self._is_same_clock = self._is_unstamped = False
+        self._offset = 0.0
+        """[s], of the clock of the stamps behind that of this computer."""
+        self._challenger: tuple[int, FloatArray, int] | None = None
+        """Stamp and position of the newest refused state, and how many preceded it in a row."""
+        self._contradiction = 0
+        """Good states until publishers that contradicted each other agree again."""
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
-        has_several_publishers: Callable[[], bool],
+        has_several_publishers: Callable[[], bool], steady: int | None = None,
     ) -> StateVerdict:
         """
         Return what the state is; `clock` is the time of this computer, never that of /clock.
 
+        `steady` [ns] is that of a clock that is never set; left out, it is `clock`.
+
         A stamp of 0 is none, and the clock stands in for it; unless it was the first of a
         simulation, whose stamps then go on from 0.
-        `has_several_publishers` is asked where the state does
-        not follow. Raises ImplausibleStateError, reason 'too old', 'from the future', 'stamp went
-        back' or 'jump'.
+        `has_several_publishers` is asked if the state does not follow. Raises
+        ImplausibleStateError, reason 'too old', 'from the future', 'stamp jumped ahead', 'stamp
+        went back' or 'jump'.
         """
-        if self._is_usual(stamp, clock, q):
+        if steady is None:
+            steady = clock
+        if self._is_usual(stamp, clock, steady, q):
             dt = 1e-9 * (stamp - self._stamp)  # type: ignore[operator]
-            self._stamp, self._q, self._received = stamp, q, clock
+            self._stamp, self._q, self._received = stamp, q, steady
             return StateVerdict(True, dt, '', stamp)
-        if self._stamp is not None and not 0 <= clock - self._received <= _LONGEST_GAP_NS:
+        passed = 1e-9 * (steady - self._received)
+        if not 0.0 <= passed <= LONGEST_GAP:
             self._stamp = None
         is_unstamped, shift = stamp == 0, 0
         if is_unstamped:
@@ -112,13 +143,13 @@ class StateMonitor:
             shift = self._stamp if stamp < 1e9 * SAME_CLOCK else 0
             self._stamp = None
         age = 1e-9 * (clock - stamp)
-        is_same_clock = self._is_same_clock if self._stamp is not None else (
-            abs(age) < SAME_CLOCK)
-        if is_same_clock and self.max_age > 0.0:
-            self._check_age(age)
-        judgement = self._follows(stamp, q, v, has_several_publishers)
+        is_same_clock = abs(age) < SAME_CLOCK or self._stamp is not None and self._is_same_clock
+        if self.max_age > 0.0:
+            self._check_clock(stamp, age, is_same_clock)
+        judgement = self._follows(stamp, passed, q, v, has_several_publishers)
         if judgement.is_new:
-            self._stamp, self._q, self._received = stamp, q, clock
+            self._follow_offset(age, passed, bool(judgement.restart))
+            self._stamp, self._q, self._received = stamp, q, steady
             self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
         is_new, dt, restart, *_ = judgement
         return StateVerdict(is_new, dt, '' if shift else restart, stamp, shift)
@@ -128,7 +159,7 @@ class StateMonitor:
         """Tell whether stamps are those of a simulation, or of any other clock than this one's."""
         return not self._is_same_clock
 
-    def _is_usual(self, stamp: int, clock: int, q: FloatArray) -> bool:
+    def _is_usual(self, stamp: int, clock: int, steady: int, q: FloatArray) -> bool:
         """
         Tell in a few steps, for the common case, that a state follows the one before.
 
@@ -136,25 +167,38 @@ class StateMonitor:
         and the arm has hardly moved. Whatever is not is looked at in full.
         """
         last = self._stamp
+        if last is None or self._challenger is not None or self._contradiction:
+            return False
+        passed, largest = steady - self._received, 1e9 * self.max_age or _JUMP_NS
         return (
-            last is not None and last < stamp <= last + _LONGEST_GAP_NS and self._is_same_clock
-            and not self._is_unstamped and 0 <= clock - self._received <= _LONGEST_GAP_NS
-            and (self.max_age <= 0.0 or abs(clock - stamp) <= 1e9 * self.max_age)
+            last < stamp <= last + passed + largest and 0 <= passed <= _LONGEST_GAP_NS
+            and self._is_same_clock and not self._is_unstamped
+            and (self.max_age <= 0.0 or abs(clock - stamp) <= largest)
             and self._has_hardly_moved(q))
 
-    def _check_age(self, age: float) -> None:
-        if abs(age) <= self.max_age or not self.has_age():
+    def _check_clock(self, stamp: int, age: float, is_same_clock: bool) -> None:
+        """Raise ImplausibleStateError for a stamp that is too far from its clock."""
+        if is_same_clock:
+            excess, clock = age, 'by the clock of this computer'
+        elif self._stamp is None or stamp < 1e9 * SIMULATED_BEFORE:
             return
-        expected = (f'expected at most {self.max_age:g} s (state_max_age), by the clock of this '
-                    'computer')
-        if age > self.max_age:
+        else:
+            excess, clock = age - self._offset, 'by the offset of its clock so far'
+        if abs(excess) <= self.max_age or not self.has_age():
+            return
+        expected = f'expected at most {self.max_age:g} s (state_max_age), {clock}'
+        if excess > 0.0:
             raise ImplausibleStateError(
-                'too old', f'header.stamp is {age:.3f} s old, {expected}')
+                'too old', f'header.stamp is {excess:.3f} s old, {expected}')
         raise ImplausibleStateError(
-            'from the future', f'header.stamp is {-age:.3f} s in the future, {expected}')
+            'from the future', f'header.stamp is {-excess:.3f} s in the future, {expected}')
+
+    def _follow_offset(self, age: float, interval: float, is_first: bool) -> None:
+        most = math.inf if is_first else DRIFT * interval
+        self._offset += min(max(age - self._offset, -most), most)
 
     def _follows(
-        self, stamp: int, q: FloatArray, v: FloatArray | None,
+        self, stamp: int, passed: float, q: FloatArray, v: FloatArray | None,
         has_several_publishers: Callable[[], bool],
     ) -> StateVerdict:
         if self._stamp is None:
@@ -162,29 +206,53 @@ class StateMonitor:
         if stamp == self._stamp:
             return StateVerdict(False)
         dt = 1e-9 * (stamp - self._stamp)
-        if stamp - self._stamp > _LONGEST_GAP_NS:
-            return StateVerdict(True, restart='stamp jumped ahead')
-        if dt > 0.0 and self._has_hardly_moved(q):
-            return StateVerdict(True, dt)
         try:
             with np.errstate(over='ignore', invalid='ignore'):  # any finite number is measured
-                self._check_follows(dt, q, v)
+                self._check_follows(dt, passed, q, v)
         except ImplausibleStateError as error:
-            if has_several_publishers():
+            if has_several_publishers() and not self._is_confirmed(stamp, q):
                 raise
-            return StateVerdict(True, dt if dt > 0.0 else None, error.reason)
+            self._challenger = None
+            return StateVerdict(True, dt if error.reason == 'jump' else None, error.reason)
+        if self._challenger is not None:
+            self._challenger, self._contradiction = None, CONTRADICTION
+        self._contradiction = max(self._contradiction - 1, 0)
         return StateVerdict(True, dt)
+
+    def _is_confirmed(self, stamp: int, q: FloatArray) -> bool:
+        """Tell whether enough states that did not follow the old ones follow each other."""
+        if self._contradiction > 0:
+            return False
+        count = 0
+        if self._challenger is not None:
+            before, q_before, count = self._challenger
+            follows = 0 < stamp - before <= _LONGEST_GAP_NS and (
+                math.dist(q.tolist(), q_before.tolist()) <= PLAY)
+            count = count + 1 if follows else 0
+        self._challenger = stamp, q, count
+        return count >= CONFIRMATIONS
 
     def _has_hardly_moved(self, q: FloatArray) -> bool:
         """Tell in one step, for the common case, whether the way is PLAY at most."""
         return math.dist(q.tolist(), self._q.tolist()) <= PLAY
 
-    def _check_follows(self, dt: float, q: FloatArray, v: FloatArray | None) -> None:
-        crowd = 'there are several publishers of joint_states'
+    def _check_follows(
+        self, dt: float, passed: float, q: FloatArray, v: FloatArray | None,
+    ) -> None:
+        crowd, is_conflict = 'there are several publishers of joint_states', (
+            self._contradiction > 0)
         if dt < 0.0:
             raise ImplausibleStateError(
                 'stamp went back', f'header.stamp is {-dt:.3f} s before that of the state before, '
-                f'expected it later; {crowd}', is_conflict=True)
+                f'expected it later; {crowd}', is_conflict)
+        largest = self.max_age if self.max_age > 0.0 else JUMP
+        if dt > LONGEST_GAP or dt - passed > largest:
+            raise ImplausibleStateError(
+                'stamp jumped ahead', f'header.stamp is {dt:.3f} s after that of the state '
+                f'{passed:.3f} s before, expected at most {largest:g} s more; {crowd}',
+                is_conflict)
+        if self._has_hardly_moved(q):
+            return
         speed = self._velocity_limit if v is None else np.maximum(
             self._velocity_limit, np.abs(v))
         moved = np.abs(nearest_turn(q, self._q, self._wraps) - self._q)
@@ -194,4 +262,4 @@ class StateMonitor:
             raise ImplausibleStateError(
                 'jump', f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from '
                 f'that of {dt:.3f} s before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times '
-                f'the way at its velocity limit; {crowd}', is_conflict=True)
+                f'the way at its velocity limit; {crowd}', is_conflict)

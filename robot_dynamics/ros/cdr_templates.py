@@ -44,6 +44,8 @@ STAMP = slice(4, 12)
 """Where a message that begins with a std_msgs/Header has its stamp."""
 _SEC_NANOSEC = struct.Struct('<iI')
 _FLOAT64 = np.dtype(np.float64)
+MOST_LAYOUTS = 8
+"""Layouts that a decoder remembers: those of the publishers on one topic."""
 
 
 class Layout(NamedTuple):
@@ -89,24 +91,44 @@ class SensedState(NamedTuple):
 
 
 class JointStateDecoder:
-    """Reads serialized `sensor_msgs/JointState` of any layout, that of the one before quickly."""
+    """Reads serialized `sensor_msgs/JointState` of any layout, known ones quickly."""
+
+    def __init__(self) -> None:
+        self._known: list[_LayoutDecoder] = []
+
+    def decode(self, data: bytes) -> SensedState:
+        """Return what a message says; raise UnreadableMessageError."""
+        for known in self._known:
+            state = known.decode(data)
+            if state is not None:
+                return state
+        new = _LayoutDecoder()
+        state = new.learn(data)
+        if new.layout is not None:
+            self._known = [new, *self._known[:MOST_LAYOUTS - 1]]
+        return state
+
+
+class _LayoutDecoder:
+    """Reads messages of one layout."""
 
     def __init__(self) -> None:
         self._names: list[str] = []
         self._known: list[tuple[int, int, bytes]] = []
         self._length = self._start = self._number_count = 0
-        self._layout: Layout | None = None
+        self.layout: Layout | None = None
+        """None until one is learned; that of a message in another encapsulation never is."""
         self._skeleton = struct.Struct('')
         self._bones: list[bytes] = []
 
-    def decode(self, data: bytes) -> SensedState:
-        """Return what a message says; raise UnreadableMessageError."""
-        layout = self._layout
+    def decode(self, data: bytes) -> SensedState | None:
+        """Return what a message of this layout says, None for another layout."""
+        layout = self.layout
         if layout is None or len(data) != self._length or data[:4] != ENCAPSULATION:
-            return self._learn(data)
+            return None
         sec, nanosec, *fixed_bytes = self._skeleton.unpack(data)
         if fixed_bytes != self._bones and not self._has_known_bones(data):
-            return self._learn(data)
+            return None
         return SensedState(
             data[STAMP], NANOSECONDS_PER_SECOND * sec + nanosec, self._names,
             np.frombuffer(data, _FLOAT64, self._number_count, self._start), layout)
@@ -120,9 +142,9 @@ class JointStateDecoder:
 
     # ------------------------------------------------------------------ any message
 
-    def _learn(self, data: bytes) -> SensedState:
+    def learn(self, data: bytes) -> SensedState:
+        """Learn the layout of a message; raise UnreadableMessageError."""
         message = read_message(data, JointState)
-        self._layout = None
         if data[:4] == ENCAPSULATION:
             self._known = [(0, 4, ENCAPSULATION)]
             end = self._learn_names(data, message)
@@ -167,7 +189,7 @@ class JointStateDecoder:
         first += (4 - first) % 8
         self._length, self._start = len(data), first
         self._number_count = max(end - first, 0) // 8
-        self._layout = Layout(*(
+        self.layout = Layout(*(
             slice((start - first) // 8, (end - first) // 8) if end > start else slice(0, 0)
             for start, end in places))
         self._skeleton = _skeleton(places, len(data))

@@ -42,10 +42,11 @@ class JointStateReader:
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """
-        Return position (n,) and velocity (n,), the latter None where the message has none.
+        Return position (n,) and velocity (n,), None if the message lacks a velocity or it is NaN.
 
-        Raises OtherJointsError where none of the joints is there; InvalidInputError where some
-        are missing, a name stands twice, lengths differ, or a value of these joints is not finite.
+        Raises OtherJointsError if none of the joints is there; InvalidInputError if some are
+        missing, a name stands twice, lengths differ, or another value of these joints is not
+        finite.
         """
         n = len(self._joint_names)
         layout = message.layout if isinstance(message, SensedState) else None
@@ -54,10 +55,15 @@ class JointStateReader:
             if all_finite(values):
                 return values[:n], values[n:] if len(values) > n else None
         q = self._values(message, 'position')
-        v = self._values(message, 'velocity') if len(message.velocity) else None
+        v = self._velocity(message)
         if layout is not None:
-            self._learn_places(layout, v is not None)
+            self._learn_places(layout, len(message.velocity) > 0)
         return q, v
+
+    def _velocity(self, message: JointState | SensedState) -> FloatArray | None:
+        if not len(message.velocity) or np.isnan(self._values(message, 'velocity', None)).any():
+            return None  # as `joint_state_broadcaster` sends for an interface that is missing
+        return self._values(message, 'velocity')
 
     def effort(self, message: JointState | SensedState) -> FloatArray | None:
         """Return the efforts of shape (n,) likewise, NaN where one is not measured."""

@@ -22,7 +22,7 @@ rclpy.wait_for_message does. Where that is unwanted, `in_thread=False` leaves th
 the node's executor.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterator, Sequence
 import threading
 from typing import Any
 
@@ -35,6 +35,8 @@ from robot_dynamics.ros.message_bytes import UnreadableMessageError
 
 TURN = 100_000_000
 """[ns] after which a wait looks whether the loop is to end."""
+MOST_WAITING = 16
+"""Messages of one topic that are taken together; the queue of the middleware is no longer."""
 LOG_PERIOD = 5.0
 """[s] between warnings of one kind."""
 
@@ -56,21 +58,32 @@ LEFT_TO_THE_LOOP = _LeftToTheLoop()
 """The group of entities that a thread waits on by itself."""
 
 
+def _one_source(message: Any) -> Hashable:
+    return None
+
+
 class MessageLoop:
-    """A subscription whose callback runs in a thread of its own, newest message first."""
+    """
+    A subscription whose callback runs in a thread of its own.
+
+    Of several messages that wait, the newest one of each source is delivered.
+    """
 
     def __init__(
         self, node: Node, message_type: type, topic: str, qos: QoSProfile,
         read: Callable[[bytes], Any], callback: Callable[[Any], None],
         refuse: Callable[[UnreadableMessageError], None], in_thread: bool = True,
+        source: Callable[[Any], Hashable] = _one_source,
     ) -> None:
         """
         Subscribe; `callback` gets what `read` makes of a message, without numpy's warnings.
 
-        `refuse` gets what `read` calls unreadable. Neither of the two may raise.
+        `refuse` gets the errors of `read`. Neither of the two may raise. `source` returns what
+        messages of one source have in common.
         """
         self._node, self._context, self._message_type = node, node.context, message_type
         self._read, self._callback, self._refuse = read, callback, refuse
+        self._source = source
         self._stop = False
         group = LEFT_TO_THE_LOOP if in_thread else None
         self._subscription = node.create_subscription(
@@ -113,12 +126,25 @@ class MessageLoop:
             self._deliver(data)
 
     def _deliver(self, data: bytes) -> None:
-        try:
-            message = self._read(data)
-        except UnreadableMessageError as error:
-            self._refuse(error)
-        else:
+        """Deliver this message and those that wait behind it, without the outdated ones."""
+        waiting = [data]
+        while len(waiting) < MOST_WAITING and (following := self._take()) is not None:
+            waiting.append(following)
+        newest: dict[Hashable, Any] = {}
+        for message in self._readable(waiting):
+            source = self._source(message)
+            newest.pop(source, None)
+            newest[source] = message
+        for message in newest.values():
             self._callback(message)
+
+    def _readable(self, waiting: Sequence[bytes]) -> Iterator[Any]:
+        """Yield what `read` makes of messages; refuse those that it cannot read."""
+        for data in waiting:
+            try:
+                yield self._read(data)
+            except UnreadableMessageError as error:
+                self._refuse(error)
 
     def _take(self) -> bytes | None:
         """Return the newest message as bytes, or None where it was taken back."""

@@ -48,7 +48,8 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         GROUP, f'before any other: {words}', 'dropped and told; not one effort goes out'))
     for words, change, reported in (
         ('an empty message', lambda _: JointState(), ''),
-        ('a joint missing', altered(name=NAMES[:1], position=Q[:1], velocity=[]), 'leaves out'),
+        ('a joint missing', altered(name=NAMES[:1], position=Q[:1], velocity=[]),
+         "no samples of ['joint2']"),
         ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
         ('a stamp 10 s in the past', shifted(-10.0), 's old'),
         ('a stamp 10 s in the future', shifted(10.0), 's in the future'))])

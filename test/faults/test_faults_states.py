@@ -22,6 +22,7 @@ from fault_bench import Change, fault_bench, FaultBench, figure_of, G, NAMES, Q
 from fault_stimuli import altered
 from fault_table import fault
 import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
@@ -34,7 +35,8 @@ ANSWERED = 'answered as ever'
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
-    with fault_bench(client, '/faults_states') as one:
+    with fault_bench(
+            client, '/faults_states', {'robot_description': default_arm_urdf()}) as one:
         yield one
 
 
@@ -55,11 +57,8 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str 
         ('NaN in a position that is used', {'position': [NAN, 0.0]}, "position of 'joint1' is"),
         ('infinity in a position that is used', {'position': [0.0, INF]},
          "position of 'joint2' is"),
-        ('NaN in a velocity that is used', {'velocity': [NAN, 0.0]}, "velocity of 'joint1' is"),
         ('infinity in a velocity that is used', {'velocity': [0.0, -INF]},
          "velocity of 'joint2' is"),
-        ('a joint missing', {'name': NAMES[:1], 'position': Q[:1], 'velocity': [0.0]},
-         "name leaves out ['joint2']"),
         ('a joint twice', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
          "name has 'joint1' twice"),
         ('fewer positions than names', {'position': Q[:1]}, 'position has 1 values, expected 2'),
@@ -74,6 +73,36 @@ def test_a_state_that_cannot_be_used(
     bench: FaultBench, fields: dict[str, Any], reported: str,
 ) -> None:
     check_dropped(bench, altered(**fields), 'invalid', reported)
+
+
+@fault(GROUP, 'a joint missing', 'reported as incomplete, with the joint; fault `state_timeout`; '
+       'back by itself')
+def test_a_joint_that_is_missing(bench: FaultBench) -> None:
+    bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[0.0])
+    bench.wait_status('joint states', lambda status: (
+        status.level == DiagnosticStatus.ERROR
+        and "no samples of ['joint2']" in status.message))
+    bench.wait_state_timeout()
+    bench.check_alive()
+
+
+@pytest.mark.parametrize('velocity', [
+    pytest.param(velocity, marks=fault(
+        GROUP, words, 'velocities are estimated from the positions; told once'))
+    for words, velocity in (
+        ('NaN in a velocity that is used', [NAN, 0.0]),
+        ('no velocities', []))])
+def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -> None:
+    bench.check_alive()
+    bench.driver.change = altered(velocity=velocity)
+    bench.wait_status('joint states', lambda status: any(
+        value.key == 'velocities' and value.value == 'estimated from positions'
+        for value in status.values))
+    bench.node.wait_for_log('The joint states have no velocities: they are estimated')
+    before = bench.efforts.messages
+    for message in bench.efforts.wait_count(len(before) + 50)[len(before):]:
+        assert message.effort == pytest.approx(G, abs=1e-6)
+    bench.check_alive()
 
 
 @pytest.mark.parametrize('change', [

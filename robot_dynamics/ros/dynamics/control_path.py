@@ -14,9 +14,8 @@
 
 """From a joint state message to effort messages: the control path of `dynamics`."""
 
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import threading
 import time
 from typing import Any
@@ -30,8 +29,8 @@ from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
-from robot_dynamics.monitoring.event_timing import EventTiming
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateMonitor
+from robot_dynamics.monitoring.velocity_estimate import SPAN
 from robot_dynamics.ros.cdr_templates import (
     effort_template,
     MessageTemplate,
@@ -40,12 +39,14 @@ from robot_dynamics.ros.cdr_templates import (
 )
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.dynamics.command_output import SafeCommand
+from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.dynamics.markers import LiveMarkers
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.state_assembly import ForeignJointsError, StateAssembly
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
@@ -54,29 +55,18 @@ EXTERNAL_RECOVERY = 25
 """Valid states in a row without an excess after which a fault of external effort has ended."""
 CONFLICT_RECOVERY = 100
 """Good states in a row after which publishers that contradicted each other agree again."""
+COMPLETION_TIME = 1.0
+"""[s] without a complete state after which its missing joints are logged."""
+DISCOVERY_TIME = 2.0
+"""[s] after the start in which a publisher of robot_description may still be found."""
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
-
-
-@dataclass
-class ControlCounters:
-    """What the control path did since the start; read by the diagnostics."""
-
-    states: int = 0
-    repeated: int = 0
-    timing: EventTiming = field(default_factory=lambda: EventTiming(time.monotonic()))
-    restarts: Counter[str] = field(default_factory=Counter)
-    dropped: Counter[str] = field(default_factory=Counter)
-    last_drop: str = ''
-    following: bool = False
-    paused_streams: int = 0
-    interruption: str = ''
-    """Why the last reference ended early, until the next one."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Served:
     controller: Controller
+    assembly: StateAssembly
     reader: JointStateReader
     names: list[str]
     template: MessageTemplate
@@ -102,7 +92,10 @@ class ControlPath:
         self._served: _Served | None = None
         self._answering = threading.Lock()
         self._stream = SetPointStream()
-        self._state_max_age = 0.0
+        self._state_max_age = self._sample_max_age = 0.0
+        self._foreign_joints = ''
+        """Why the embedded arm is not served, empty if it is."""
+        self._awaits_description, self._used_at = False, 0.0
         self.counters = ControlCounters()
 
         def publisher(message_type: type, topic: str) -> Any:
@@ -127,14 +120,24 @@ class ControlPath:
     def use(
         self, controller: Controller, watch: StateMonitor, check: EffortCheck,
         estimates: Estimates, limits: EffortLimits, options: SafetyOptions,
+        is_embedded: bool = False,
     ) -> None:
-        """Serve this arm from the next joint state on, and let `check` look until it is done."""
+        """
+        Serve this arm from the next joint state on, and let `check` look until it is done.
+
+        With `is_embedded` nothing is published once the joint states contain other joints.
+        """
         names = controller.arm.joint_names
         watch.max_age, watch.has_age = self._state_max_age, self._has_age
         with self._answering:  # no state is answered by one model and commanded by another
             self._served = _Served(
-                controller, JointStateReader(names), list(names), effort_template(names),
+                controller, StateAssembly(names, self._sample_max_age, is_embedded),
+                JointStateReader(names), list(names), effort_template(names),
                 state_template(names, has_effort=False), watch, check)
+            self._foreign_joints = ''
+            self._awaits_description = is_embedded
+            self._used_at = time.monotonic()
+            self.counters.velocities = 'measured'
             self.estimates.use(estimates)
             self.command.use(controller.arm, limits, options)
 
@@ -147,18 +150,21 @@ class ControlPath:
             self.command.forget()
 
     def set_limits(
-        self, state_max_age: float, reference_timeout: float,
+        self, state_max_age: float, sample_max_age: float, reference_timeout: float,
         external_effort: FloatArray | None = None,
     ) -> None:
         """
-        Take over the largest age of a state [s] and the largest pause of a stream [s].
+        Take over the largest age of a state, of a joint's sample in it, and the pause of a stream.
 
+        All in [s]; a `sample_max_age` of 0 is half a period of the messages.
         `external_effort` (n,) is the limit of the external effort [N·m] or [N], None for none.
         """
         self.estimates.external_limit = external_effort
         self._stream.timeout, self._state_max_age = reference_timeout, state_max_age
+        self._sample_max_age = sample_max_age
         if self._served is not None:
             self._served.watch.max_age = state_max_age
+            self._served.assembly.max_age = sample_max_age
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory; raise RobotDynamicsError where that cannot be."""
@@ -219,6 +225,8 @@ class ControlPath:
                 self._answer(state)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
+        except ForeignJointsError as error:
+            self._refuse_embedded(str(error))
         except NonFiniteEffortError as error:
             self._drop('no finite effort', f'Dropped a joint state: {error}')
             self.command.fail(Fault('non_finite', str(error), latched=True))
@@ -241,15 +249,50 @@ class ControlPath:
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
-    def _answer(self, state: SensedState) -> None:
+    def _take_part(self, missing: list[str], now: float) -> None:
+        """Take note of a message that does not complete a state; log it if none was complete."""
+        self.counters.incomplete += 1
+        self.counters.missing = tuple(missing)
+        if now - max(self._used_at, self.counters.answered_at) > COMPLETION_TIME:
+            self._node.get_logger().warning(
+                f'No joint state is complete: there are no new samples of {missing}. Publish '
+                'them on joint_states, or set the parameter joints to the joints in use.',
+                throttle_duration_sec=LOG_PERIOD)
+
+    def _description_is_published(self) -> bool:
+        """Tell whether a description that was not received yet will replace the embedded arm."""
+        self._awaits_description = time.monotonic() - self._used_at < DISCOVERY_TIME
+        return bool(self._node.count_publishers('robot_description') > 0)
+
+    def _refuse_embedded(self, words: str) -> None:
+        """Serve the embedded arm no longer: the robot is another one."""
+        self.counters.dropped['not the embedded arm'] += 1
+        if not self._foreign_joints:
+            self._foreign_joints = words
+            self._node.get_logger().error(f'Nothing is published: {words}')
+        self.counters.last_drop = f'Nothing is published: {self._foreign_joints}'
+
+    def _answer(self, received: SensedState) -> None:
         if self._served is None:
             self.counters.dropped['no model yet'] += 1
             self.counters.last_drop = 'Dropped a joint state: no model yet'
             return
+        if self._foreign_joints:
+            self._refuse_embedded(self._foreign_joints)
+            return
+        if self._awaits_description and self._description_is_published():
+            self.counters.dropped['robot_description not received yet'] += 1
+            self.counters.last_drop = 'Dropped a joint state: robot_description not received yet'
+            return
         served = self._served
+        state = served.assembly.take(received)
+        steady_ns = time.monotonic_ns()
+        if state is None:
+            self._take_part(served.assembly.missing, 1e-9 * steady_ns)
+            return
         q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
-            state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers)
+            state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers, steady_ns)
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._interrupt(f'joint states restarted: {judgement.restart}')
@@ -257,7 +300,7 @@ class ControlPath:
             self._resume()
         if judgement.time_shift:
             served.controller.shift_time(judgement.time_shift)
-        now = time.monotonic()
+        now = 1e-9 * steady_ns
         if self._stream.is_over(now):
             self._stream.end()
             served.controller.stop_on_path()
@@ -267,9 +310,15 @@ class ControlPath:
             self._node.get_logger().warning(
                 'The stream of set-points paused for more than reference_timeout; reference_loss '
                 'defines the reaction.', throttle_duration_sec=LOG_PERIOD)
-        if v is None and served.controller.has_reference:
-            self.counters.interruption = 'the joint states have no velocity'
+        had_reference = v is None and served.controller.has_reference
         output = served.controller.answer(judgement.stamp, q, v)
+        if v is None:
+            v = output.velocity
+            self._report_velocities(served.controller, v)
+            if v is None and had_reference:
+                self.counters.interruption = 'the joint states have no velocity'
+        elif self.counters.velocities != 'measured':
+            self.counters.velocities = 'measured'
         if served.controller.bandwidth_scale != self._bandwidth_scale:
             self._report_scale(served.controller)
         # A simulation in lock-step repeats its state until an effort lets it go on.
@@ -282,6 +331,7 @@ class ControlPath:
                 if output.is_far else None)
         else:
             command = self.command.repeat(state.stamp)
+        self.counters.answered_at = now
         if judgement.is_new:
             self.counters.timing.happened(now)
         else:
@@ -300,6 +350,21 @@ class ControlPath:
             served.check.look(
                 served.reader, state, q, v, output.robot_gravity,
                 command if self.command.has_listeners() else None)
+
+    def _report_velocities(self, controller: Controller, v: FloatArray | None) -> None:
+        """Log once that the joint states have no velocities, and what follows from that."""
+        if v is None and controller.estimates_velocity:
+            return  # the first state, which has nothing to be compared with
+        source = 'missing' if v is None else 'estimated from positions'
+        if source == self.counters.velocities:
+            return
+        self.counters.velocities = source
+        self._node.get_logger().warning(
+            'The joint states have no velocities: only gravity is compensated, and no reference '
+            'is followed. Publish velocities, or set require_measured_velocities to false.'
+            if v is None else
+            'The joint states have no velocities: they are estimated from the positions, over '
+            f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if that is needed.')
 
     def _fail_by_external_effort(self, served: _Served, j: int) -> None:
         effort, limit = self.estimates.external_effort, self.estimates.external_limit

@@ -53,7 +53,7 @@ from robot_dynamics.ros.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
 )
-from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop
+from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop, MOST_WAITING
 from robot_dynamics.ros.robot_description import (
     check_joint_count,
     description_from_parameters,
@@ -71,7 +71,7 @@ from trajectory_msgs.msg import JointTrajectory
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
 """Parameters that decide whether the loop is stable."""
-NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class DynamicsNode(GuardedCallbacks, LifecycleNode):
@@ -89,6 +89,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._effort_check: EffortCheck | None = None
         self._estimates: Estimates | None = None
         self._xml = ''
+        self._is_embedded = False
+        """Whether the arm is the embedded one, as no description was given."""
         self._waiting: tuple[str, ArmModel] | None = None
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
@@ -105,9 +107,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             refuse=self._refuse_trajectory)
         self._report = StateReport(self._path.counters)
         self._loop = MessageLoop(
-            self, JointState, 'joint_states', NEWEST_STATE, JointStateDecoder().decode,
+            self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
             self._path.on_state, self._path.refuse,
-            in_thread=self._settings.values['state_thread'])
+            in_thread=self._settings.values['state_thread'],
+            source=lambda state: tuple(state.name))
         if self._settings.values['autostart']:
             self._start()
 
@@ -166,7 +169,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = self._estimates = None
-        self._xml, self._waiting = '', None
+        self._xml, self._is_embedded, self._waiting = '', False, None
         if self._descriptions is not None:
             self.destroy_subscription(self._descriptions)
             self._descriptions = None
@@ -199,30 +202,42 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if xml is not None:
             self._use_model(xml, self._checked_arm(xml))
             return
-        try:
-            load_arm(embedded_description(), values['joints'], values['gravity'])
-        except InvalidInputError:  # joints of another arm, whose description is yet to come
-            self.get_logger().info(
-                f'Waiting for a URDF with the joints {list(values["joints"])} on the topic '
-                'robot_description.')
+        obstacle = self._obstacle_of_embedded_arm()
+        if obstacle:
+            self.get_logger().warning(
+                f'{obstacle}. Waiting for a URDF on the topic robot_description; '
+                'robot_description_file may name one.')
         else:
             self._use_model(
-                embedded_description(), self._checked_arm(embedded_description()))
-            self.get_logger().info(
-                'No robot_description given: serving the embedded planar two-link arm until '
-                'one arrives on the topic robot_description.')
+                embedded_description(), self._checked_arm(embedded_description()),
+                is_embedded=True)
+            self.get_logger().warning(
+                'No robot_description was given: the embedded planar two-link arm is used, for '
+                'joint states that contain joint1 and joint2 only. For a robot, set '
+                'robot_description_file, or publish the topic robot_description.')
         if self._descriptions is None:
             self._descriptions = self.create_subscription(
                 String, 'robot_description', self._on_description, LATCHED,
                 refuse=self._refuse_description, largest=LARGEST_DESCRIPTION)
 
+    def _obstacle_of_embedded_arm(self) -> str:
+        """Return why the embedded arm cannot be used without a description, empty if it can."""
+        values, topic = self._settings.values, self.resolve_topic_name('~/commands')
+        try:
+            load_arm(embedded_description(), values['joints'], values['gravity'])
+        except InvalidInputError:
+            return f'joints is {list(values["joints"])}, of an arm without a description'
+        if topic != f'{self.get_fully_qualified_name()}/commands':
+            return f'~/commands is remapped to {topic}, and no robot_description was given'
+        return ''
+
     def _on_description(self, message: String) -> None:
         self._waiting = None
-        if message.data == self._xml:
+        if message.data == self._xml and not self._is_embedded:
             return
         try:
             arm = self._checked_arm(message.data)
-            if self._path.command.is_commanding and self._xml != embedded_description():
+            if self._path.command.is_commanding and not self._is_embedded:
                 self._waiting = message.data, arm
                 self.get_logger().error(
                     'Kept the model in use, as efforts go out by it: the new robot_description '
@@ -253,7 +268,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         options_from(values, arm)
         return arm
 
-    def _use_model(self, xml: str, arm: ArmModel) -> None:
+    def _use_model(self, xml: str, arm: ArmModel, is_embedded: bool = False) -> None:
         values = self._settings.values
         options = options_from(values, arm)
         controller = Controller(arm, options)
@@ -263,11 +278,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         estimates = Estimates(controller, options.semantics, values)
         self._path.use(
             controller, watch, check, estimates, guard_limits(values, arm),
-            safety_options(values))
+            safety_options(values), is_embedded)
         self._limit_path(values, arm)
         self._path.markers.use(controller, parse_urdf(xml).root_link)
         self._dynamics_services.use(controller)
-        self._arm, self._controller, self._xml = arm, controller, xml
+        self._arm, self._controller = arm, controller
+        self._xml, self._is_embedded = xml, is_embedded
         self._effort_check, self._estimates = check, estimates
         self._payload_in_force(None)
         self._warn_of_loop(controller, options)
@@ -309,7 +325,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _limit_path(self, values: Values, arm: ArmModel) -> None:
         limit = optional_limits('external_effort_limit', values, arm)
         self._path.set_limits(
-            values['state_max_age'], values['reference_timeout'],
+            values['state_max_age'], values['joint_sample_max_age'], values['reference_timeout'],
             None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))
 
     # ------------------------------------------------------------------ the reference

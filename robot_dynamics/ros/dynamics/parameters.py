@@ -63,7 +63,9 @@ SAFETY_SPECS = (
     ParameterSpec(
         'state_max_age', Type.DOUBLE, 0.2,
         'How far the stamp of a joint state may be from the clock of this computer [s]; 0 for '
-        'any. Stamps more than an hour off are of another clock, and not judged.',
+        'any. Stamps that are more than an hour off at first are of another clock: then this '
+        'limits how far that clock may run ahead of or behind its first offset. Stamps before '
+        '2001 are simulated time, which may run slowly.',
         minimum=0.0, maximum=60.0),
     ParameterSpec(
         'reference_timeout', Type.DOUBLE, 0.1,
@@ -155,6 +157,16 @@ SPECS = (
         'What the robot adds by itself to the effort that it is commanded, and effort_command '
         'so leaves out: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
     ParameterSpec(
+        'require_measured_velocities', Type.BOOL, False,
+        'Follow references only if the joint states contain velocities. By default, velocities '
+        'that are missing or NaN are estimated from the positions, 5 ms late or half a period '
+        'of the states, and the gains are lowered accordingly.'),
+    ParameterSpec(
+        'joint_sample_max_age', Type.DOUBLE, 0.0,
+        'Largest difference [s] between the stamps of the samples of a state, if the joints of '
+        'the arm are spread over several messages. 0 for half a period of these messages.',
+        minimum=0.0, maximum=10.0),
+    ParameterSpec(
         'effort_check', Type.BOOL, True,
         'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
         'is compensated twice, or not as declared.', read_only=True),
@@ -183,7 +195,8 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         effort_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
         values['condition_references'], values['infeasible_trajectory'] == 'slow_down',
         values['reference_loss'] == 'hold',
-        optional_limits('following_error_limit', values, arm), values['reference_timeout'])
+        optional_limits('following_error_limit', values, arm), values['reference_timeout'],
+        not values['require_measured_velocities'])
 
 
 def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:

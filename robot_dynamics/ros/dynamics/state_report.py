@@ -17,7 +17,7 @@
 import time
 
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
-from robot_dynamics.ros.dynamics.control_path import ControlCounters
+from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 
 
 class StateReport:
@@ -50,9 +50,15 @@ class StateReport:
             level, words = ERROR, counters.last_drop
         elif rate == 0.0:
             level, words = WARN, 'none arrive'
+            if counters.missing:
+                level, words = ERROR, (
+                    f'incomplete: no samples of {list(counters.missing)} that are new enough '
+                    '(joint_sample_max_age)')
         return Status('joint states', level, words, {
             'answered': counters.states,
             'not new (stamp repeated)': counters.repeated,
+            'parts of a state': counters.incomplete,
+            'velocities': counters.velocities,
             **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
             **{f'started anew: {reason}': count for reason, count in sorted(restarts.items())}})
 

@@ -1,0 +1,45 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the control path of `dynamics` counts, for the diagnostics."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+import math
+import time
+
+from robot_dynamics.monitoring.event_timing import EventTiming
+
+
+@dataclass
+class ControlCounters:
+    """What the control path did since the start; read by the diagnostics."""
+
+    states: int = 0
+    repeated: int = 0
+    incomplete: int = 0
+    """Messages with some of the joints that did not complete a state."""
+    missing: tuple[str, ...] = ()
+    """Joints without a sample new enough, at the last message with some of the joints."""
+    velocities: str = 'measured'
+    answered_at: float = -math.inf
+    """[s] of the steady clock, of the last answer."""
+    timing: EventTiming = field(default_factory=lambda: EventTiming(time.monotonic()))
+    restarts: Counter[str] = field(default_factory=Counter)
+    dropped: Counter[str] = field(default_factory=Counter)
+    last_drop: str = ''
+    following: bool = False
+    paused_streams: int = 0
+    interruption: str = ''
+    """Why the last reference ended early, until the next one."""

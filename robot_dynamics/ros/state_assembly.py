@@ -1,0 +1,147 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+States of one arm from messages that contain all of its joints, some, or none.
+
+Several publishers may share the topic `joint_states`: an arm, a gripper, the halves of an arm. A
+message with all joints of the arm is a state. From messages with some of them a state is
+assembled: when every joint has a sample that is not too old, with the newest stamp.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.cdr_templates import Layout, SensedState, stamp_bytes
+from robot_dynamics.ros.joint_state_reader import OtherJointsError
+from robot_dynamics.validation import check_unique
+
+HALF_PERIOD = 0.55
+"""Largest age of a sample, in periods: half of one, and jitter."""
+MOST_SOURCES = 32
+"""Sources with some of the joints that are remembered."""
+_SMOOTHING = 0.1
+"""Weight of a new interval in the period of a source."""
+_LONGEST_PERIOD_NS = 2_000_000_000
+
+
+class ForeignJointsError(InvalidInputError):
+    """A message with joints that the embedded arm does not have."""
+
+
+class _Part:
+    """What the messages of one source contain: joints of the arm, and their period [ns]."""
+
+    def __init__(self, names: list[str], joint_names: tuple[str, ...]) -> None:
+        used = [name for name in joint_names if name in names]
+        check_unique('name', [name for name in names if name in used])
+        self.rows: IntArray = np.array([joint_names.index(name) for name in used], dtype=np.intp)
+        self.columns: IntArray = np.array([names.index(name) for name in used], dtype=np.intp)
+        self.stamp, self.period = -1, 0.0
+
+    def happened(self, stamp: int) -> bool:
+        """Take the stamp [ns] of a message; return whether it follows the one before."""
+        interval, is_first = stamp - self.stamp, self.stamp < 0
+        self.stamp = stamp
+        if is_first or not 0 < interval < _LONGEST_PERIOD_NS:
+            self.period = 0.0
+            return is_first or interval == 0
+        weight = _SMOOTHING if self.period else 1.0
+        self.period += weight * (interval - self.period)
+        return True
+
+
+class _Buffer(NamedTuple):
+    """The newest samples of n joints: position, velocity, effort (3, n), and stamps (n,) [ns]."""
+
+    numbers: FloatArray
+    stamps: IntArray
+
+
+class StateAssembly:
+    """Assembles the states of one arm."""
+
+    def __init__(
+        self, joint_names: tuple[str, ...], max_age: float = 0.0, is_exact: bool = False,
+    ) -> None:
+        """
+        `max_age` [s] is the largest age of a sample, 0 for half of a period.
+
+        With `is_exact`, messages with other joints are errors.
+        """
+        n = len(joint_names)
+        self._names, self.max_age, self._is_exact = joint_names, max_age, is_exact
+        self._whole: Layout | None = None
+        self._parts: dict[tuple[str, ...], _Part] = {}
+        self._buffer = _Buffer(np.full((3, n), np.nan), np.full(n, -1, dtype=np.int64))
+        self._layouts = tuple(
+            Layout(slice(0, n), slice(n, 2 * n), slice(2 * n, end)) for end in (2 * n, 3 * n))
+        self.missing: list[str] = []
+        """Joints without a sample that is new enough, at the last message with some joints."""
+
+    def take(self, state: SensedState) -> SensedState | None:
+        """
+        Return the state that a message is or completes; None if samples are missing.
+
+        Raises OtherJointsError for a message with none of the joints, ForeignJointsError if
+        `is_exact` and it has others, InvalidInputError for one that cannot be read.
+        """
+        if state.layout is self._whole:
+            return state
+        names = set(state.name)
+        if self._is_exact and not names <= set(self._names):
+            raise ForeignJointsError(
+                f'the joint states contain {list(state.name)}, but no robot_description was given '
+                f'and the embedded arm has {list(self._names)} only. Expected a description of '
+                'the robot: set robot_description_file, or publish the topic robot_description')
+        if names.isdisjoint(self._names):
+            raise OtherJointsError(
+                f'name has none of {list(self._names)} among its {len(state.name)}')
+        if names.issuperset(self._names):
+            self._whole = state.layout
+            return state
+        return self._take_part(state)
+
+    def _take_part(self, state: SensedState) -> SensedState | None:
+        key = tuple(state.name)
+        part = self._parts.get(key)
+        if part is None:
+            if len(self._parts) == MOST_SOURCES:
+                self._parts.clear()
+            part = self._parts[key] = _Part(state.name, self._names)
+        if len(state.position) != len(key):
+            raise InvalidInputError(
+                f'position has {len(state.position)} values, expected {len(key)} as name has')
+        numbers, stamps = self._buffer
+        if not part.happened(state.stamp_ns):  # time began anew
+            stamps[:] = -1
+        for row, values in zip(numbers, (state.position, state.velocity, state.effort)):
+            row[part.rows] = values[part.columns] if len(values) == len(key) else np.nan
+        stamps[part.rows] = state.stamp_ns
+        newest = int(stamps.max())
+        outdated = (stamps < 0) | (newest - stamps > self._largest_age())
+        self.missing = [name for name, lacks in zip(self._names, outdated) if lacks]
+        if self.missing:
+            return None
+        layout = self._layouts[not np.isnan(numbers[2]).all()]
+        return SensedState(
+            stamp_bytes(newest), newest, list(self._names), numbers.ravel().copy(), layout)
+
+    def _largest_age(self) -> float:
+        """Return the largest age of a sample [ns]; 0 until the period is known."""
+        if self.max_age > 0.0:
+            return 1e9 * self.max_age
+        return HALF_PERIOD * max(part.period for part in self._parts.values())

@@ -1,0 +1,129 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Velocities estimated from positions: their delay, their noise, and the loop that uses them."""
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.stable_gains import CROSSOVER, DELAY_LAG, LOOP_DELAY
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.monitoring.velocity_estimate import SPAN, VelocityEstimate
+from robot_dynamics.planar.urdf import default_arm_urdf
+
+SECOND = 1_000_000_000
+ARM = load_arm(default_arm_urdf())
+RATES = (30, 100, 125, 250, 500, 1000)
+
+laws = settings(deadline=None, derandomize=True)
+
+
+def span_of(rate: int) -> float:
+    """Return the span of the difference [s]: whole periods, at least SPAN."""
+    return math.ceil(SPAN * rate - 1e-9) / rate
+
+
+@laws
+@given(st.sampled_from(RATES), st.floats(-3.0, 3.0), st.floats(-9.0, 9.0))
+def test_it_is_late_by_half_of_its_span(rate: int, v0: float, a: float) -> None:
+    """Of a motion with constant acceleration it is the velocity at the time t − delay."""
+    estimate = VelocityEstimate(np.array([False]))
+    for k in range(40):
+        t = k / rate
+        found = estimate.update(round(SECOND * t), np.array([v0 * t + 0.5 * a * t * t]))
+        if k == 0:
+            assert found is None
+            continue
+        assert found is not None
+        assert estimate.delay == pytest.approx(0.5 * min(k / rate, span_of(rate)), abs=1e-9)
+        assert found[0] == pytest.approx(v0 + a * (t - estimate.delay), abs=1e-5)
+
+
+@pytest.mark.parametrize('rate', RATES)
+def test_its_noise_is_that_of_two_positions_over_the_span(rate: int) -> None:
+    estimate, sigma = VelocityEstimate(np.zeros(4, dtype=bool)), 1e-4
+    rng = np.random.default_rng(0)
+    found = [estimate.update(round(SECOND * k / rate), rng.normal(0.0, sigma, 4))
+             for k in range(2000)]
+    noise = np.std(np.array(found[100:], dtype=float))
+    assert noise == pytest.approx(math.sqrt(2.0) * sigma / span_of(rate), rel=0.05)
+
+
+def test_a_joint_without_an_end_may_jump_by_a_turn() -> None:
+    estimate = VelocityEstimate(np.array([True, False]))
+    for k, q in enumerate((3.13, 3.14, -3.133185307, -3.123185307)):
+        found = estimate.update(k * SECOND // 100, np.array([q, 0.01 * k]))
+    assert found == pytest.approx(np.array([1.0, 1.0]), abs=1e-6)
+
+
+def test_after_a_pause_or_a_step_back_it_begins_anew() -> None:
+    estimate = VelocityEstimate(np.array([False]))
+    for stamp in (0, SECOND // 100):
+        estimate.update(stamp, np.array([0.0]))
+    assert estimate.update(SECOND, np.array([5.0])) is None
+    assert estimate.update(SECOND // 2, np.array([7.0])) is None
+    assert estimate.update(SECOND // 2, np.array([8.0])) is None  # the same stamp again
+    estimate.restart()
+    assert estimate.update(SECOND // 2 + 1, np.array([9.0])) is None
+
+
+def controller(**changes: object) -> Controller:
+    return Controller(ARM, ControllerOptions(
+        make_gains(ARM.joint_names), effort_rate=10.0 * ARM.limits.effort, softens_gains=True,
+        **changes))
+
+
+def states(one: Controller, rate: int, velocities: bool, noise: float = 0.0) -> list[object]:
+    rng, outputs = np.random.default_rng(0), []
+    for k in range(400):
+        q = np.full(2, 0.2) + rng.normal(0.0, noise, 2)
+        outputs.append(one.answer(
+            SECOND + SECOND * k // rate, q, np.zeros(2) if velocities else None))
+    return outputs
+
+
+@pytest.mark.parametrize('rate', RATES)
+def test_the_gains_follow_the_delay(rate: int) -> None:
+    measured, estimated = controller(), controller(estimates_velocity=True)
+    states(measured, rate, True)
+    states(estimated, rate, False)
+    omega = math.sqrt(make_gains(ARM.joint_names).kp.max())
+
+    def scale(delay: float) -> float:
+        return min(1.0, DELAY_LAG / (CROSSOVER * omega * (0.5 / rate + LOOP_DELAY + delay)))
+
+    assert measured.bandwidth_scale == pytest.approx(scale(0.0), rel=0.11)
+    assert estimated.bandwidth_scale == pytest.approx(scale(0.5 * span_of(rate)), rel=0.11)
+    assert 'estimated velocities' in estimated.quality
+    assert estimated.bandwidth_scale <= measured.bandwidth_scale
+
+
+def test_noise_of_the_positions_lowers_the_gains() -> None:
+    quiet, noisy = controller(estimates_velocity=True), controller(estimates_velocity=True)
+    states(quiet, 500, False)
+    states(noisy, 500, False, noise=3e-3)
+    assert noisy.bandwidth_scale < 0.8 * quiet.bandwidth_scale
+
+
+def test_measured_velocities_may_be_demanded() -> None:
+    outputs = states(controller(), 500, False)
+    assert all(output.velocity is None for output in outputs)
+    outputs = states(controller(estimates_velocity=True), 500, False)
+    assert [output.velocity is None for output in outputs] == [True] + [False] * 399

@@ -1,0 +1,158 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""States assembled from messages with all, some or none of the joints of an arm."""
+
+from collections.abc import Sequence
+import itertools
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.cdr_templates import JointStateDecoder, SensedState
+from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
+from robot_dynamics.ros.state_assembly import ForeignJointsError, MOST_SOURCES, StateAssembly
+from sensor_msgs.msg import JointState
+
+rclpy_serialization = pytest.importorskip('rclpy.serialization')
+
+NAMES = ('a', 'b', 'c')
+MS = 1_000_000
+PERIOD = 2 * MS
+DECODER = JointStateDecoder()
+
+laws = settings(deadline=None, derandomize=True)
+
+
+def message(
+    stamp_ns: int, names: Sequence[str], first: float = 0.0, has_velocity: bool = True,
+) -> SensedState:
+    """Return a decoded message; the position of its i-th joint is first + i."""
+    state = JointState(name=list(names))
+    state.header.stamp.sec, state.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+    state.position = [first + i for i in range(len(names))]
+    state.velocity = [0.5 * x for x in state.position] if has_velocity else []
+    return DECODER.decode(bytes(rclpy_serialization.serialize_message(state)))
+
+
+def test_a_message_with_all_joints_is_a_state_as_it_is() -> None:
+    assembly = StateAssembly(NAMES)
+    state = message(PERIOD, ['gripper', 'c', 'a', 'b'])
+    assert assembly.take(state) is state
+
+
+def test_a_message_with_none_of_the_joints_is_another_one() -> None:
+    assembly = StateAssembly(NAMES)
+    with pytest.raises(OtherJointsError, match='none of'):
+        assembly.take(message(PERIOD, ['gripper']))
+
+
+@laws
+@given(st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
+def test_two_halves_are_answered_once_per_period(phase: float, seed: int) -> None:
+    """Whatever the time between both halves is, and with jitter of 2 % of a period."""
+    assembly, rng, answers = StateAssembly(NAMES), np.random.default_rng(seed), []
+    times = sorted(
+        (round(PERIOD * (k + offset + 0.01 * rng.uniform(-1.0, 1.0))), part)
+        for k in range(10, 110) for offset, part in ((0.0, ('a', 'c')), (phase, ('b', 'hand'))))
+    for t, part in times:
+        state = assembly.take(message(t, part, float(t)))
+        if state is not None:
+            answers.append(state)
+            assert state.stamp_ns == t
+    stamps = np.array([state.stamp_ns for state in answers])
+    assert len(answers) >= 97
+    assert np.diff(stamps).max() < 1.2 * PERIOD
+    q, v = JointStateReader(NAMES).read(answers[-1])
+    last = {part: t for t, part in times if t <= stamps[-1]}
+    assert q.tolist() == [last['a', 'c'], last['b', 'hand'], last['a', 'c'] + 1.0]
+    assert v is not None
+    assert v.tolist() == [0.5 * x for x in q]
+
+
+def test_a_half_that_is_missing_is_named() -> None:
+    assembly = StateAssembly(NAMES)
+    for k in range(1, 20):
+        assert assembly.take(message(k * PERIOD, ['a', 'c'])) is None
+        assert assembly.missing == ['b']
+    assert assembly.take(message(19 * PERIOD + PERIOD // 5, ['b'])) is not None
+    assert assembly.missing == []
+    for k in range(21, 30):  # it no longer arrives
+        state = assembly.take(message(k * PERIOD, ['a', 'c']))
+        assert state is None
+        assert assembly.missing == ['b']
+
+
+def test_the_largest_age_of_a_sample_may_be_set() -> None:
+    assembly = StateAssembly(NAMES, max_age=0.1)
+    assert assembly.take(message(PERIOD, ['b'])) is None
+    assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
+    assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
+
+
+def test_time_that_begins_anew_forgets_the_samples() -> None:
+    assembly = StateAssembly(NAMES)
+    for k in range(10, 13):
+        assembly.take(message(k * PERIOD, ['a', 'c']))
+        assembly.take(message(k * PERIOD, ['b']))
+    assert assembly.missing == []
+    assert assembly.take(message(PERIOD, ['a', 'c'])) is None
+    assert assembly.missing == ['b']
+
+
+def test_a_half_without_velocities_leaves_the_state_without() -> None:
+    assembly = StateAssembly(NAMES, max_age=1.0)
+    assembly.take(message(PERIOD, ['b'], has_velocity=False))
+    state = assembly.take(message(PERIOD, ['a', 'c']))
+    assert state is not None
+    assert JointStateReader(NAMES).read(state)[1] is None
+    assert JointStateReader(NAMES).effort(state) is None
+
+
+def test_the_embedded_arm_has_its_joints_only() -> None:
+    assembly = StateAssembly(NAMES, is_exact=True)
+    assert assembly.take(message(PERIOD, ['c', 'b', 'a'])) is not None
+    for names in (['a', 'b', 'c', 'd'], ['gripper'], [f'joint{i}' for i in range(7)]):
+        with pytest.raises(ForeignJointsError, match='set robot_description_file') as caught:
+            assembly.take(message(PERIOD, names))
+        assert str(names) in str(caught.value)
+
+
+def test_a_joint_that_stands_twice_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match=r"name has .*'a'"):
+        StateAssembly(NAMES).take(message(PERIOD, ['a', 'a']))
+
+
+def test_sources_that_are_remembered_are_bounded() -> None:
+    assembly = StateAssembly(NAMES)
+    for i in range(5 * MOST_SOURCES):
+        assembly.take(message(PERIOD, ['a', f'joint{i}']))
+    assert len(assembly._parts) <= MOST_SOURCES
+
+
+def test_a_decoder_knows_the_layouts_of_several_publishers() -> None:
+    decoder = JointStateDecoder()
+    layouts: dict[tuple[str, ...], list[object]] = {}
+    for k, names in itertools.product(range(1, 6), (['a', 'b', 'c'], ['grip', 'hand'], ['c'])):
+        state = JointState(name=names, position=[float(k)] * len(names))
+        state.header.stamp.nanosec = k
+        decoded = decoder.decode(bytes(rclpy_serialization.serialize_message(state)))
+        assert decoded.name == names
+        assert decoded.stamp_ns == k
+        assert decoded.position.tolist() == [float(k)] * len(names)
+        layouts.setdefault(tuple(names), []).append(decoded.layout)
+    for seen in layouts.values():
+        assert all(layout is seen[1] for layout in seen[1:])
