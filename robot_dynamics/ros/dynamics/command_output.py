@@ -173,6 +173,12 @@ class SafeCommand:
         return bool(
             self._command.get_subscription_count() or self._commands.get_subscription_count())
 
+    @property
+    def topics(self) -> dict[str, str]:
+        """The full names of the command topics, by the names in the documentation."""
+        return {
+            'effort_command': self._command.topic_name, '~/commands': self._commands.topic_name}
+
     # ------------------------------------------------------------------ start and end
 
     def activate(self) -> None:

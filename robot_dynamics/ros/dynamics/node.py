@@ -48,6 +48,7 @@ from robot_dynamics.ros.dynamics.parameters import (
 )
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
+from robot_dynamics.ros.graph_watch import GraphWatch
 from robot_dynamics.ros.guarded_callbacks import (
     describe_error,
     destroyed_unless_made,
@@ -97,6 +98,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
+        self._graph = GraphWatch(
+            self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
@@ -343,6 +346,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._reference_status(),
             self._path.command.status(),
             self._path.estimates.status(),
+            self._graph.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],

@@ -20,11 +20,13 @@ import threading
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
 from robot_dynamics.ros.guarded_callbacks import (
     describe_error,
     destroyed_unless_made,
@@ -151,6 +153,10 @@ class SimulatedArmNode(GuardedCallbacks):
             self._loop.real_time_factor = values['real_time_factor']
         self._apply(values)
         self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
+        self.create_timer(
+            LOOK_PERIOD, GraphWatch(
+                self, {'joint_states': topics.topic}, 'Stop any that reports joints of this arm.'
+            ).look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
         self.get_logger().info(
