@@ -32,7 +32,7 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
-from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
+from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
@@ -94,7 +94,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
-        self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
+        self._settings = DeclaredParameters(
+            self, SPECS, self._check, self._apply, _specs_of_simulated_arm)
         self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
@@ -366,6 +367,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             'slowed down by': 1.0 if controller is None else round(controller.slowness, 3),
             'share of the gains that the state rate allows':
                 1.0 if controller is None else round(controller.bandwidth_scale, 3)})
+
+
+def _specs_of_simulated_arm() -> Sequence[ParameterSpec]:
+    from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+    return SIMULATED_ARM_SPECS
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -130,7 +130,8 @@ class SimulatedArmNode(GuardedCallbacks):
             self._set_up()
 
     def _set_up(self) -> None:
-        parameters = DeclaredParameters(self, SPECS, _check, self._apply)
+        parameters = DeclaredParameters(
+            self, SPECS, _check, self._apply, _specs_of_dynamics)
         values = parameters.values
         xml = description_from_parameters(values) or embedded_description()
         self._arm = arm_from_parameters(xml, values)
@@ -228,6 +229,11 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             'paused is true, expected false, or lock_step or publish_clock as well: the time of '
             'the computer cannot be paused')
+
+
+def _specs_of_dynamics() -> Sequence[ParameterSpec]:
+    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+    return DYNAMICS_SPECS
 
 
 def _has_own_time(values: Values) -> bool:
