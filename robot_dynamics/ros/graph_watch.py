@@ -45,7 +45,7 @@ class GraphWatch:
         self._looked_at = self._reported_at = -math.inf
 
     def status(self) -> Status:
-        """Return what was found, for the diagnostics; look at most once per second."""
+        """Return the findings for the diagnostics; look at most once per second."""
         self.look()
         level, words = (WARN, '; '.join(self._findings)) if self._findings else (
             OK, 'no other publisher or node of this name')

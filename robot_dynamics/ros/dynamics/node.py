@@ -48,6 +48,7 @@ from robot_dynamics.ros.dynamics.parameters import (
 )
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
+from robot_dynamics.ros.dynamics.usage import USAGE
 from robot_dynamics.ros.graph_watch import GraphWatch
 from robot_dynamics.ros.guarded_callbacks import (
     describe_error,
@@ -376,7 +377,7 @@ def _specs_of_simulated_arm() -> Sequence[ParameterSpec]:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(DynamicsNode, args)
+    return run_node(DynamicsNode, args, USAGE)
 
 
 if __name__ == '__main__':

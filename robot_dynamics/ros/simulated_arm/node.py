@@ -32,6 +32,7 @@ from robot_dynamics.ros.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
 )
+from robot_dynamics.ros.node_arguments import NodeUsage
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     check_joint_count,
@@ -118,6 +119,18 @@ SPECS = (
         'max_step', Type.DOUBLE, DEFAULT_MAX_STEP,
         'Longest step of integration [s].', read_only=True, minimum=1e-6, maximum=0.1),
 )
+
+USAGE = NodeUsage(
+    'simulated_arm',
+    'Simulates the arm of a URDF: integrates its motion under the commanded efforts, and '
+    'publishes its joint states.',
+    SPECS,
+    ('robot_description_file', 'joints', 'rate', 'lock_step', 'initial_position', 'brakes',
+     'command_timeout', 'measured_effort', 'robot_compensates', 'position_noise'),
+    (('effort_command', 'Subscribed: the efforts of the joints.'),
+     ('~/external_wrench', 'Subscribed: a wrench on a link.'),
+     ('joint_states', 'Published: position, velocity and effort.'),
+     ('~/reset, ~/set_payload', 'Services: return to the initial pose, attach a payload.')))
 
 
 class SimulatedArmNode(GuardedCallbacks):
@@ -242,7 +255,7 @@ def _has_own_time(values: Values) -> bool:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(SimulatedArmNode, args)
+    return run_node(SimulatedArmNode, args, USAGE)
 
 
 if __name__ == '__main__':
