@@ -333,6 +333,10 @@ class SafeCommand:
             self._node.get_logger().info(
                 'The fault has ended: commanding again, from the measured state.',
                 throttle_duration_sec=LOG_PERIOD)
+        if supervisor.mode is Mode.RUNNING and self._mode_seen in (Mode.INACTIVE, Mode.WAITING):
+            self._node.get_logger().info(
+                f'Joint states arrive: commanding on {" and ".join(self.topics.values())}, from '
+                'the measured state.', throttle_duration_sec=LOG_PERIOD)
         if self._mode_seen is not supervisor.mode:
             self._mode_seen = supervisor.mode
             self._when_changed()

@@ -54,6 +54,14 @@ EXTERNAL_RECOVERY = 25
 """Valid states in a row without an excess after which a fault of external effort has ended."""
 CONFLICT_RECOVERY = 100
 """Good states in a row after which publishers that contradicted each other agree again."""
+REMEDIES = {
+    'too old': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'stamp went back': 'stop all but one publisher of the joints of this arm',
+    'jump': 'stop all but one publisher of the joints of this arm',
+    'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
+}
+"""What to do about dropped joint states, by the reason."""
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
 
@@ -130,6 +138,7 @@ class ControlPath:
     ) -> None:
         """Serve this arm from the next joint state on, and let `check` look until it is done."""
         names = controller.arm.joint_names
+        self.note_lost_reference('another model was loaded')
         watch.max_age, watch.has_age = self._state_max_age, self._has_age
         with self._answering:  # no state is answered by one model and commanded by another
             self._served = _Served(
@@ -194,6 +203,11 @@ class ControlPath:
         self.counters.interruption = '~/stop was called'
         return words
 
+    def note_lost_reference(self, reason: str) -> None:
+        """Report until the next reference why the present one, if any, ends."""
+        if self._served is not None and self._served.controller.has_reference:
+            self.counters.interruption = reason
+
     def _interrupt(self, reason: str, resumes: bool = True) -> None:
         """End the reference; the next command starts from the measured state, if it `resumes`."""
         if self._served is None:
@@ -237,6 +251,8 @@ class ControlPath:
         self._drop('unreadable', f'Dropped a joint state: {error}')
 
     def _drop(self, reason: str, words: str) -> None:
+        remedy = REMEDIES.get(reason)
+        words = words if remedy is None else f'{words}; {remedy}'
         self.counters.dropped[reason] += 1
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)

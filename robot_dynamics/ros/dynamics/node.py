@@ -34,6 +34,7 @@ from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
@@ -159,6 +160,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let efforts out, from the next joint state on."""
         self._path.command.activate()
+        self.get_logger().info(active_words(
+            self._settings.values['command'], self._loop.topic, self.get_name()))
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -304,6 +307,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._estimates.set_bandwidths(values)
         if self._controller is not None and self._arm is not None:
             options = options_from(values, self._arm)
+            if values['command'] != self._settings.values['command']:
+                self._path.note_lost_reference(f'command was set to {values["command"]!r}')
             self._controller.set_options(options)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
                 self._warn_of_loop(self._controller, options)

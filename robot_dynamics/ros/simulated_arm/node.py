@@ -175,6 +175,9 @@ class SimulatedArmNode(GuardedCallbacks):
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
         self.get_logger().info(
             f'Model {self._arm.name!r}: joints {list(self._arm.joint_names)}')
+        self.get_logger().info(
+            f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first effort '
+            f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
 
     def begin(self) -> None:
         """Let time pass; called when the process is ready."""
@@ -242,6 +245,12 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             'paused is true, expected false, or lock_step or publish_clock as well: the time of '
             'the computer cannot be paused')
+
+
+def _before_efforts(values: Values) -> str:
+    if values['lock_step']:
+        return 'simulated time waits (lock_step)'
+    return 'the brakes hold the arm' if values['brakes'] else 'the arm falls freely (no brakes)'
 
 
 def _specs_of_dynamics() -> Sequence[ParameterSpec]:
