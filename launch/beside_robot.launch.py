@@ -25,19 +25,20 @@ ros2 launch robot_dynamics beside_robot.launch.py params:=ur10.yaml [controller:
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from robot_dynamics.ros.launch_arguments import parameter_files
 
 from launch import LaunchDescription
 
 
 def _node(context, *_):
-    params = LaunchConfiguration('params').perform(context)
+    params = parameter_files(LaunchConfiguration('params').perform(context))
     controller = LaunchConfiguration('controller').perform(context)
     remappings = [('joint_states', LaunchConfiguration('joint_states').perform(context))]
     if controller:
         remappings.append(('~/commands', f'/{controller}/commands'))
     return [Node(
         package='robot_dynamics', executable='dynamics_node',
-        parameters=[params] if params else [], remappings=remappings)]
+        parameters=params, remappings=remappings)]
 
 
 def generate_launch_description():

@@ -23,18 +23,17 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from robot_dynamics.ros.robot_description import embedded_description, read_description_file
+from robot_dynamics.ros.launch_arguments import launched_description, parameter_files
 
 from launch import LaunchDescription
 
 
 def _nodes(context, *_):
-    robot = LaunchConfiguration('robot').perform(context)
-    params = LaunchConfiguration('params').perform(context)
-    xml = read_description_file(robot) if robot else embedded_description()
+    params = parameter_files(LaunchConfiguration('params').perform(context))
+    xml = launched_description(LaunchConfiguration('robot').perform(context))
     # Said to be text, or launch takes it for YAML, to which ': ' and ' #' mean something.
     description = {'robot_description': ParameterValue(xml, value_type=str)}
-    parameters = [*([params] if params else []), description]
+    parameters = [*params, description]
     return [
         Node(package='robot_dynamics', executable='simulated_arm', parameters=parameters),
         Node(package='robot_dynamics', executable='dynamics_node', parameters=parameters),

@@ -25,19 +25,18 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-from robot_dynamics.ros.robot_description import embedded_description, read_description_file
+from robot_dynamics.ros.launch_arguments import launched_description, parameter_files
 from robot_dynamics.urdf.parser import parse_urdf
 
 from launch import LaunchDescription
 
 
 def _nodes(context, *_):
-    robot = LaunchConfiguration('robot').perform(context)
-    params = LaunchConfiguration('params').perform(context)
-    xml = read_description_file(robot) if robot else embedded_description()
+    params = parameter_files(LaunchConfiguration('params').perform(context))
+    xml = launched_description(LaunchConfiguration('robot').perform(context))
     # Said to be text, or launch takes it for YAML, to which ': ' and ' #' mean something.
     description = {'robot_description': ParameterValue(xml, value_type=str)}
-    parameters = [*([params] if params else []), description]
+    parameters = [*params, description]
     loop = IfCondition(LaunchConfiguration('nodes'))
     display = PathJoinSubstitution([FindPackageShare('robot_dynamics'), 'rviz', 'dynamics.rviz'])
     return [

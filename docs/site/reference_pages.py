@@ -194,7 +194,7 @@ def _executables_page() -> str:
         text.append(f'## {name}\n')
         if module == 'robot_dynamics.ros.entry_points':
             doc = getattr(import_module(module), function).__doc__.strip()
-            text.append(f'{doc} It has no options but those of ROS: [topics and services]'
+            text.append(f'{doc} Its options are `--help` and those of ROS: [topics and services]'
                         '(docs/reference/topics.md), [parameters](docs/reference/parameters.md).'
                         '\n')
         else:

@@ -202,7 +202,9 @@ class CommandSupervisor:
 
     def _timeout(self) -> Fault:
         limit = self.options.state_timeout
-        return Fault('state_timeout', f'no valid joint state for {limit:g} s (state_timeout)')
+        return Fault(
+            'state_timeout', f'no valid joint state for {limit:g} s (state_timeout): check the '
+            'driver, and the status `joint states` for dropped ones')
 
     def _hold_on(self, now: float, hold: FloatArray) -> FloatArray | None:
         """Answer a valid state in a fault: hold the arm, and let the fault action start later."""

@@ -101,16 +101,19 @@ class DeclaredParameters:
     def __init__(
         self, node: Node, specs: Sequence[ParameterSpec],
         check: Callable[[Values], Any], apply: Callable[[Values], None],
+        others: Callable[[], Sequence[ParameterSpec]] = tuple,
     ) -> None:
         """
         Declare all parameters; `values` are then those of the command line and files.
 
         `check` looks at all values together and raises RobotDynamicsError on what does not fit;
-        `apply` takes over an accepted change. Raises InvalidInputError on a bad start value.
+        `apply` takes over an accepted change. `others` returns the parameters of the node that
+        shares a parameter file with this one; it is called if the file has some that this node
+        lacks. Raises InvalidInputError on a bad start value.
         """
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
-        self._check, self._apply = check, apply
+        self._check, self._apply, self._others = check, apply, others
         self._values: dict[str, Any] = {}
         for spec in specs:
             self._values[spec.name] = self._declare(spec)
@@ -145,11 +148,14 @@ class DeclaredParameters:
         return value
 
     def _log_unknown(self) -> None:
-        """Warn of values for parameters that there are not, which ROS passes over in silence."""
-        for name in self._node._parameter_overrides:
-            if not self._node.has_parameter(name):
+        """Warn of values whose names neither this node nor the other one has as parameters."""
+        node = self._node
+        unknown = [name for name in node._parameter_overrides if not node.has_parameter(name)]
+        of_others = {spec.name for spec in self._others()} if unknown else set()
+        for name in unknown:
+            if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)
-                self._node.get_logger().warning(
+                node.get_logger().warning(
                     f'There is no parameter {name!r}: its value is not used'
                     f'{f"; is {close[0]!r} meant?" if close else "."}')
 

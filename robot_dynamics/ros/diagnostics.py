@@ -70,9 +70,10 @@ class Diagnostics:
         self._publisher.publish(message)
 
     def _to_ros(self, status: Status) -> DiagnosticStatus:
+        full_name = self._node.get_fully_qualified_name()
         return DiagnosticStatus(
-            name=f'{self._node.get_name()}: {status.name}',
-            hardware_id=self._node.get_fully_qualified_name().strip('/'),
+            name=f'{full_name}: {status.name}',
+            hardware_id=full_name.strip('/'),
             level=status.level,
             message=status.message,
             values=[KeyValue(key=key, value=str(value)) for key, value in status.values.items()])

@@ -87,8 +87,10 @@ class JointStateReader:
             raise OtherJointsError(
                 f'name has none of {list(self._joint_names)} among its {len(names)}')
         if missing:
+            present = [name for name in self._joint_names if name in names]
             raise InvalidInputError(
-                f'name leaves out {missing}, expected all of {list(self._joint_names)}')
+                f'name leaves out {missing}, expected all of {list(self._joint_names)}; set '
+                f'`joints:={present}` if no others are to be commanded')
         check_unique('name', [name for name in names if name in self._joint_names])
         self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
         self._known_names = list(names)

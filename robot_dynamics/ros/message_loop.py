@@ -102,6 +102,11 @@ class MessageLoop:
         if self._thread is not None and self._thread.is_alive():
             self._thread.join()
 
+    @property
+    def topic(self) -> str:
+        """The full name of the topic."""
+        return str(self._subscription.topic_name)
+
     def publisher_count(self) -> int:
         """Return how many publishers match this subscription."""
         return int(self._subscription.get_publisher_count())

@@ -27,6 +27,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.description_file import read_description
 
+FILE = 'robot_description_file'
 MOST_JOINTS = 100
 """Joints of an arm; the check of the model takes 2 s for so many, and minutes for more."""
 
@@ -113,13 +114,13 @@ def embedded_description() -> str:
     return default_arm_urdf()
 
 
-def read_description_file(file: str) -> str:
-    """Return the URDF in a file, expanding xacro; raise ModelError where that fails."""
-    return read_description(description_path(file), 'robot_description_file')
+def read_description_file(file: str, field: str = FILE) -> str:
+    """Return the URDF in a file, expanding xacro; raise ModelError, naming `field`, on failure."""
+    return read_description(description_path(file, field), field)
 
 
-def description_path(file: str) -> Path:
-    """Return the path of a path, file:// or package://; raise ModelError for what is none."""
+def description_path(file: str, field: str = FILE) -> Path:
+    """Return the path of a path, file:// or package://; raise ModelError for anything else."""
     scheme, separator, rest = file.partition('://')
     if not separator:
         return Path(file).expanduser()
@@ -127,12 +128,12 @@ def description_path(file: str) -> Path:
         return Path(rest)
     if scheme != 'package':
         raise ModelError(
-            f'robot_description_file is {file!r}, expected a path, file:// or package://')
+            f'{field} is {file!r}, expected a path, file:// or package://')
     from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
     package, _, inside = rest.partition('/')
     try:
         return Path(get_package_share_directory(package)) / inside
     except (PackageNotFoundError, ValueError):
         raise ModelError(
-            f'robot_description_file is {file!r}, but there is no package {package!r} in this '
+            f'{field} is {file!r}, but there is no package {package!r} in this '
             'environment') from None

@@ -28,6 +28,7 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.node_arguments import NodeUsage, outside_of_ros_args
 from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
 
 LONGEST_TURN = 0.0001
@@ -35,15 +36,24 @@ LONGEST_TURN = 0.0001
 MiddlewareError = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
 
-def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+def run_node(
+    make_node: Callable[[], Node], args: Sequence[str] | None = None,
+    usage: NodeUsage | None = None,
+) -> int:
     """
     Run a node until it is told to stop; return the exit status.
+
+    With `usage`, `--help` prints it and returns 0; an argument outside `--ros-args` is refused
+    in one line with status 2.
 
     A node that cannot start says why in one line and gives status 1. One that has a method `begin`
     is called when all is set up, and not held up from then on. One that has a method
     `request_shutdown` is called at once when it is to stop, in another thread, whatever its
     callbacks do.
     """
+    status = None if usage is None else _look_at_arguments(args, usage)
+    if status is not None:
+        return status
     with ShutdownRequest() as end:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -70,6 +80,18 @@ def run_node(make_node: Callable[[], Node], args: Sequence[str] | None = None) -
             with ends_in_time():
                 rclpy.try_shutdown()
     return 0
+
+
+def _look_at_arguments(args: Sequence[str] | None, usage: NodeUsage) -> int | None:
+    """Return the exit status of a node that is not to run, None for one that is."""
+    others = outside_of_ros_args((sys.argv if args is None else args)[1:])
+    if {'-h', '--help'} & set(others):
+        print(usage.help(), end='')
+        return 0
+    if others:
+        print(usage.refusal(others), file=sys.stderr)
+        return 2
+    return None
 
 
 def _when_asked(node: Node) -> Callable[[], None]:

@@ -15,13 +15,22 @@
 """The shipped parameter files and launch files are such as the nodes take."""
 
 import ast
+from collections.abc import Callable
 from pathlib import Path
 import re
+import subprocess
 from typing import Any
 
+import children
 import pytest
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.identification.identified_arm import parameter_file
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.launch_arguments import launched_description, parameter_files
+from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from robots import robot_path
-from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 import yaml
 
@@ -46,30 +55,72 @@ def test_every_file_is_tried() -> None:
     assert {name for name in files if not name.startswith('planar')} == set(ROBOTS)
 
 
+NAMES = {DYNAMICS: 'my_model', SIMULATED_ARM: 'my_arm'}
+"""Other names than those that the nodes have by default."""
+SPECS = {DYNAMICS: DYNAMICS_SPECS, SIMULATED_ARM: SIMULATED_ARM_SPECS}
+
+
+def nodes_on(file: Path, namespace: str, **parameters: str) -> list[NodeProcess]:
+    """Return both nodes under other names, the arm on its brakes, as no effort reaches it."""
+    return [NodeProcess(
+        module, parameters, namespace=namespace, node_name=name,
+        arguments=('--ros-args', '--params-file', str(file)), patient=False,
+        remaps={'effort_command': 'unused'} if module == SIMULATED_ARM else {})
+        for module, name in NAMES.items()]
+
+
+def check_parameters(client: RosClient, namespace: str, written: dict[str, Any]) -> None:
+    """Check that each node has the values of the file, and that the two have all of them."""
+    used = set()
+    for module, specs in SPECS.items():
+        names = [spec.name for spec in specs if spec.name in written]
+        for name in names:
+            taken = client.get_parameter(f'{namespace}/{NAMES[module]}', name)
+            value = written[name]
+            assert (list(taken) if isinstance(value, list) else taken) == value, (
+                f'{module}: {name}')
+        used |= set(names)
+    assert used == set(written)
+
+
+def values_of(text: str) -> dict[str, Any]:
+    """Return the parameters of a file that has one section, for any node."""
+    tree = yaml.safe_load(text)
+    assert list(tree) == ['/**']
+    return flat(tree['/**']['ros__parameters'])
+
+
 @pytest.mark.parametrize('file', ROBOTS)
-def test_both_nodes_run_on_it(client: RosClient, file: str) -> None:
+def test_both_nodes_run_on_it_in_any_namespace_and_under_any_name(
+    client: RosClient, file: str,
+) -> None:
     path = ROOT / 'config' / file
-    written = yaml.safe_load(path.read_text(encoding='utf-8'))
+    written = values_of(path.read_text(encoding='utf-8'))
     parameters = {}
     if ROBOTS[file]:
         parameters['robot_description_file'] = str(robot_path(ROBOTS[file]))
-    arguments = ('--ros-args', '--params-file', str(path))
-    with NodeProcess(DYNAMICS, parameters, arguments=arguments, patient=False), \
-            NodeProcess(  # on its brakes, as no effort reaches it
-                SIMULATED_ARM, parameters, arguments=arguments,
-                remaps={'effort_command': 'unused'}):
-        for node, module in (('/dynamics', DYNAMICS), ('/simulated_arm', SIMULATED_ARM)):
-            for name, value in flat(written[node]['ros__parameters']).items():
-                taken = client.get_parameter(node, name)
-                assert (list(taken) if isinstance(value, list) else taken) == value, (
-                    f'{module}: {name}')
-        state = client.wait_for(JointState, '/joint_states')
-        assert list(state.name) == written['/dynamics']['ros__parameters']['joints']
-        assert list(state.position) == pytest.approx(
-            written['/simulated_arm']['ros__parameters']['initial_position'], abs=1e-3)
-        efforts = client.wait_for(JointState, '/dynamics/gravity_compensation')
+    nodes = nodes_on(path, '/cell', **parameters)
+    with running(*nodes):
+        check_parameters(client, '/cell', written)
+        state = client.wait_for(JointState, '/cell/joint_states')
+        assert list(state.name) == written['joints']
+        assert list(state.position) == pytest.approx(written['initial_position'], abs=1e-3)
+        efforts = client.wait_for(JointState, '/cell/my_model/gravity_compensation')
         assert list(efforts.name) == list(state.name)
-        client.forget('/')
+        client.forget('/cell')
+    for node in nodes:
+        assert 'There is no parameter' not in node.log, node.log
+
+
+def test_an_identified_file_applies_in_any_namespace_and_under_any_name(
+    client: RosClient, tmp_path: Path,
+) -> None:
+    values = {'joints': ['joint1', 'joint2'], 'friction.viscous': [0.5, 0.25]}
+    path = tmp_path / 'identified.yaml'
+    path.write_text(parameter_file(values), encoding='utf-8')
+    with running(*nodes_on(path, '/cell')):
+        check_parameters(client, '/cell', values)
+        client.forget('/cell')
 
 
 EXAMPLE = re.compile(r'^( +)# (( *)(\w+):( *\[.*)?)(#.*)?$')
@@ -87,20 +138,14 @@ def test_the_examples_in_the_comments_are_taken_too(client: RosClient, tmp_path:
     path = tmp_path / 'default_arm.yaml'
     text = uncommented((ROOT / 'config' / path.name).read_text(encoding='utf-8'))
     path.write_text(text, encoding='utf-8')
-    written = {
-        node: flat(entry['ros__parameters']) for node, entry in yaml.safe_load(text).items()}
-    for node in written.values():
-        assert {'friction.coulomb', 'actuator.torque_constant', 'robot_compensates'} <= set(node)
-    assert 'actuator.backlash' in written['/simulated_arm']
-    arguments = ('--ros-args', '--params-file', str(path))
-    with NodeProcess(DYNAMICS, arguments=arguments, patient=False), \
-            NodeProcess(SIMULATED_ARM, arguments=arguments):
-        for node, parameters in written.items():
-            for name, value in parameters.items():
-                taken = client.get_parameter(node, name)
-                assert (list(taken) if isinstance(value, list) else taken) == value, name
-        client.wait_for(JointState, '/dynamics/gravity_compensation')
-        client.forget('/')
+    written = values_of(text)
+    assert {
+        'friction.coulomb', 'actuator.torque_constant', 'actuator.backlash', 'robot_compensates',
+    } <= set(written)
+    with running(*nodes_on(path, '/cell')):
+        check_parameters(client, '/cell', written)
+        client.wait_for(JointState, '/cell/my_model/gravity_compensation')
+        client.forget('/cell')
 
 
 @pytest.mark.parametrize(
@@ -120,3 +165,72 @@ def test_launch_files(path: Path) -> None:
     scope: dict[str, Any] = {'__name__': path.stem}
     exec(compile(tree, str(path), 'exec'), scope)
     assert scope['generate_launch_description']().entities
+
+
+# --- arguments of launch files -------------------------------------------------------------------
+
+@pytest.mark.parametrize(
+    'path', sorted((ROOT / 'launch').glob('*.launch.py')), ids=lambda path: path.name)
+def test_launch_files_check_every_file_before_they_make_a_node(path: Path) -> None:
+    """Each argument that names a file is given to its check, and to nothing else."""
+    checks = {'params': 'parameter_files', 'robot': 'launched_description'}
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    declared = set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", path.read_text('utf-8')))
+    for argument in declared & set(checks):
+        text = f"LaunchConfiguration('{argument}')"
+        uses = [call for call in ast.walk(tree)
+                if isinstance(call, ast.Call) and ast.unparse(call) == text]
+        checked = [call for call in ast.walk(tree) if isinstance(call, ast.Call)
+                   and ast.unparse(call) == f'{checks[argument]}({text}.perform(context))']
+        assert len(uses) == len(checked) == 1, argument
+    assert 'params' in declared
+
+
+def test_files_of_launch_arguments(tmp_path: Path) -> None:
+    file = tmp_path / 'arm.yaml'
+    file.write_text('/**: {ros__parameters: {command: none}}', encoding='utf-8')
+    assert parameter_files('') == []
+    assert parameter_files(str(file)) == [str(file)]
+    assert launched_description('') == default_arm_urdf()
+    assert '<robot' in launched_description(str(robot_path('ur10')))
+
+
+@pytest.mark.parametrize(('check', 'value', 'words'), [
+    (parameter_files, 'no/such.yaml',
+     f"launch argument params is 'no/such.yaml', which is no such file "
+     f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). '
+     'No node was started.'),
+    (parameter_files, str(ROOT),
+     f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
+     'a parameter file (YAML). No node was started.'),
+    (launched_description, '/no/such.urdf',
+     "launch argument robot is '/no/such.urdf', which is no such file (/no/such.urdf); expected "
+     'a URDF or .xacro file: a path or package://PACKAGE/PATH. No node was started.'),
+    (launched_description, 'package://no_such_package/arm.urdf',
+     "launch argument robot is 'package://no_such_package/arm.urdf', but there is no package "
+     "'no_such_package' in this environment"),
+    (launched_description, 'http://nowhere/arm.urdf',
+     "launch argument robot is 'http://nowhere/arm.urdf', expected a path, file:// or "
+     'package://'),
+])
+def test_a_missing_file_of_a_launch_argument_is_refused(
+    check: Callable[[str], object], value: str, words: str,
+) -> None:
+    with pytest.raises(RobotDynamicsError) as error:
+        check(value)
+    assert str(error.value) == words
+
+
+@pytest.mark.parametrize(('file', 'arguments'), [
+    ('beside_robot', ['params:=no/such.yaml']), ('closed_loop', ['robot:=/no/such.urdf']),
+    ('rviz', ['params:=no/such.yaml'])])
+def test_a_launch_file_starts_no_node_where_a_file_is_missing(
+    file: str, arguments: list[str],
+) -> None:
+    pytest.importorskip('launch_ros', reason='launch_ros comes with apt, and has no wheel')
+    done = children.run(
+        ['ros2', 'launch', str(ROOT / 'launch' / f'{file}.launch.py'), *arguments],
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert done.returncode == 1, done.stdout
+    assert f'launch argument {arguments[0].partition(":=")[0]} is' in done.stdout
+    assert 'process started' not in done.stdout

@@ -164,7 +164,7 @@ def test_the_diagnostics_are_those_of_a_running_node(client: RosClient) -> None:
             DiagnosticArray, '/diagnostics',
             lambda message: len(message.status) >= len(documented))
     for status in report.status:
-        name = status.name.removeprefix('dynamics: ')
+        name = status.name.removeprefix('/page/dynamics: ')
         figures = documented.pop(name)
         assert {value.key for value in status.values} <= set(figures), name
     assert not documented

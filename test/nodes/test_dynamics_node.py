@@ -158,7 +158,7 @@ def test_a_bad_state_is_dropped_alone_and_reported(
             lambda message: any(
                 words in status.message and status.level == DiagnosticStatus.ERROR
                 for status in message.status))
-    assert report.status[0].name == 'dynamics: joint states'
+    assert report.status[0].name == '/gravity/dynamics: joint states'
     assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
     assert not any(
         message.header.stamp == bad.header.stamp for message in bench.efforts.messages)
@@ -303,7 +303,8 @@ def test_a_refused_trajectory_is_reported_and_the_old_one_followed_on(
             tracking.trajectories, trajectory, diagnostics,
             lambda message: any(
                 words in value.value for status in message.status for value in status.values))
-    status, = (status for status in report.status if status.name == 'dynamics: reference')
+    status, = (
+        status for status in report.status if status.name == '/tracking/dynamics: reference')
     assert status.level == DiagnosticStatus.WARN
     assert status.message == 'following'
     assert int(next(v.value for v in status.values if v.key == 'refused')) >= 1

@@ -171,13 +171,13 @@ def test_a_robot_that_holds_itself_is_found_before_anything_is_commanded(
 
         def is_warning(message: Any) -> bool:
             return any(
-                status.name == 'dynamics: effort check' and status.level == DiagnosticStatus.WARN
-                for status in message.status)
+                status.name == '/alone/dynamics: effort check'
+                and status.level == DiagnosticStatus.WARN for status in message.status)
 
         report = diagnostics.wait_for(is_warning)
     check_numbers(line, 1.0, G, [0.0, 0.0])
     assert 'set robot_compensates: [gravity]' in line
-    status, = (s for s in report.status if s.name == 'dynamics: effort check')
+    status, = (s for s in report.status if s.name == '/alone/dynamics: effort check')
     values = {value.key: value.value for value in status.values}
     assert float(values['k']) == pytest.approx(1.0, abs=0.01)
     assert values['expected k'] == '0'
@@ -256,8 +256,8 @@ def test_the_check_can_be_declared_away(
             both('/away', {'command': 'none', **parameters}, arm) as node:
         states.wait_count(200)
         report = diagnostics.wait_for(lambda message: any(
-            status.name == 'dynamics: effort check' for status in message.status))
-    status, = (s for s in report.status if s.name == 'dynamics: effort check')
+            status.name == '/away/dynamics: effort check' for status in message.status))
+    status, = (s for s in report.status if s.name == '/away/dynamics: effort check')
     assert status.message == words
     assert len(states.messages[-1].effort) == (0 if 'measured_effort' in parameters else 2)
     assert 'Effort check' not in node.log

@@ -220,6 +220,8 @@ def test_deactivation(arm: FaultBench) -> None:
     for command in ('gravity_compensation', 'none')])
 def test_another_command(arm: FaultBench, command: str) -> None:
     arm.set_parameters(command=command)
+    ended = f'ended early: command was set to {command!r}'
+    assert arm.next_status('reference').message == ended
     if command == 'none':
         arm.wait_silent()
     move_by_hand(arm, ELSEWHERE)
@@ -231,6 +233,8 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     arm.efforts.clear()
     arm.set_parameters(command='computed_torque')
     check_held(arm, ELSEWHERE)
+    assert arm.next_status('reference').message == ended  # until the next one
+    follow(arm, ELSEWHERE)
 
 
 @fault(GROUP, 'velocities are absent, the arm is moved by hand, velocities are back',

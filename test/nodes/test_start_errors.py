@@ -14,7 +14,7 @@
 
 """Nodes that cannot start: status 1 and one line that says why; and nodes whose file is xacro."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 import json
 from pathlib import Path
@@ -27,6 +27,9 @@ from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 import children
 from fault_table import fault
 import pytest
+from robot_dynamics.ros.declared_parameters import ParameterSpec
+from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, TIMEOUT, write_parameters
 
 ARM_JOINTS = ['joint1', 'joint2']
@@ -223,6 +226,43 @@ def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> Non
     assert node.wait() == 1
     line, = (line for line in node.log.splitlines() if '[rcl]' not in line)
     assert re.search(f'^robot_dynamics: .*{words}', line), line
+
+
+@pytest.mark.parametrize('arguments', [
+    pytest.param(arguments, marks=fault(
+        'Parameters at the start', f'arguments outside `--ros-args`: `{" ".join(arguments)}`',
+        'one line that names them and the syntax of parameters, status 2'))
+    for arguments in (['--scale', '1'], ['command:=none'])])
+def test_arguments_that_no_node_has(arguments: list[str]) -> None:
+    for module, program in ((DYNAMICS, 'dynamics_node'), (SIMULATED_ARM, 'simulated_arm')):
+        node = NodeProcess(module, {'joints': ['joint1']}, arguments=arguments).launch()
+        assert node.wait() == 2
+        line, = node.log.splitlines()
+        assert line == (
+            f'{program}: unknown arguments {arguments}; set a parameter with `--ros-args -p '
+            f'NAME:=VALUE` (`{program} --help` lists the main ones)')
+
+
+@pytest.mark.parametrize('flag', ['--help', '-h'])
+@pytest.mark.parametrize(('function', 'specs', 'names'), [
+    ('dynamics_node', DYNAMICS_SPECS, [
+        'robot_description_file', 'joints', 'command', 'joint_states', 'effort_command',
+        '~/joint_trajectory', '/diagnostics', '~/stop']),
+    ('simulated_arm', SIMULATED_ARM_SPECS, [
+        'rate', 'lock_step', 'joint_states', 'effort_command', '~/reset'])])
+def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: list[str]) -> None:
+    """Of the installed executables, which run these functions."""
+    done = children.run(
+        [sys.executable, '-c', 'import sys; from robot_dynamics.ros import entry_points; '
+         f'sys.exit(entry_points.{function}())', flag, '--ros-args', '-p', 'use_sim_time:=true'],
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.startswith(f'usage: {function} [--help] [--ros-args [-p NAME:=VALUE] ')
+    lines = [line.strip() for line in done.stdout.splitlines()]
+    assert {part for line in lines for part in line.split(', ')} >= set(names)
+    assert f'Main parameters, of {len(specs)} ' in done.stdout
+    joints = next(spec for spec in specs if spec.name == 'joints')
+    assert joints.description in ' '.join(lines)
 
 
 @fault('Parameters at the start', 'a name that no parameter has: `efort_scale: 0.3`',

@@ -222,8 +222,8 @@ class FaultBench:
 
     def _statuses(self, message: DiagnosticArray, check: str) -> list[DiagnosticStatus]:
         """Return the statuses of a check; other nodes may report on the same topic."""
-        return [status for status in message.status if status.name == f'dynamics: {check}'
-                and status.hardware_id == f'{self.namespace}/dynamics'.strip('/')]
+        return [status for status in message.status
+                if status.name == f'{self.namespace}/dynamics: {check}']
 
     def wait_status(
         self, check: str, predicate: Callable[[DiagnosticStatus], bool], timeout: float = TIMEOUT,

@@ -19,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 import errno
 import http.client
+from itertools import cycle
 import os
 from pathlib import Path
 import re
@@ -28,6 +29,7 @@ import sys
 import threading
 
 import children
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
 import rclpy
 from rclpy.context import Context
@@ -281,6 +283,29 @@ def test_the_arm_is_that_of_dynamics_and_changes_with_it():
         parameters = {'robot_description_file': str(robot_path('ur10'))}
         with NodeProcess(DYNAMICS, parameters, namespace='/viewed'):
             page.wait_for('**ur10**, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
+
+
+def test_diagnostics_of_another_namespace_are_skipped(client):
+    context = Context()
+    rclpy.init(context=context)
+    viewer = ViewerNode(
+        rclpy.create_node('viewer', context=context, namespace='/viewed'), 'dynamics', 'arm')
+    try:
+        publisher = client.publisher(DiagnosticArray, '/diagnostics')
+        found, namespaces = [], cycle(('/other', '/viewed'))
+
+        def has_received():
+            publisher.publish(DiagnosticArray(status=[
+                DiagnosticStatus(name=f'{next(namespaces)}/dynamics: command')]))
+            message = viewer.receive().diagnostics
+            found.extend([] if message is None else message.status)
+            return found
+
+        wait_until(has_received, 'diagnostics of /viewed/dynamics')
+        assert {status.name for status in found} == {'/viewed/dynamics: command'}
+    finally:
+        viewer.close()
+        rclpy.shutdown(context=context)
 
 
 def test_without_dynamics_the_arm_is_that_of_the_topic(client):

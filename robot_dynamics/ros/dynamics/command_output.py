@@ -173,6 +173,12 @@ class SafeCommand:
         return bool(
             self._command.get_subscription_count() or self._commands.get_subscription_count())
 
+    @property
+    def topics(self) -> dict[str, str]:
+        """The full names of the command topics, by the names in the documentation."""
+        return {
+            'effort_command': self._command.topic_name, '~/commands': self._commands.topic_name}
+
     # ------------------------------------------------------------------ start and end
 
     def activate(self) -> None:
@@ -327,6 +333,10 @@ class SafeCommand:
             self._node.get_logger().info(
                 'The fault has ended: commanding again, from the measured state.',
                 throttle_duration_sec=LOG_PERIOD)
+        if supervisor.mode is Mode.RUNNING and self._mode_seen in (Mode.INACTIVE, Mode.WAITING):
+            self._node.get_logger().info(
+                f'Joint states arrive: commanding on {" and ".join(self.topics.values())}, from '
+                'the measured state.', throttle_duration_sec=LOG_PERIOD)
         if self._mode_seen is not supervisor.mode:
             self._mode_seen = supervisor.mode
             self._when_changed()

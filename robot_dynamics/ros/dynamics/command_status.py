@@ -67,6 +67,15 @@ class CommandCounters:
                for topic, n in sorted(self.incompatible.items())}}
 
 
+def active_words(command: str, states: str, node: str) -> str:
+    """Return the line for the log when the node becomes active; `states` is a topic."""
+    if command == 'none':
+        return (f'Active with command: none. Nothing is commanded; states on {states} are '
+                f'answered on {node}/gravity_compensation and {node}/computed_torque.')
+    return (f'Active with command: {command}. The command starts with the first valid joint state '
+            f'on {states}.')
+
+
 def command_status(
     counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
 ) -> Status:

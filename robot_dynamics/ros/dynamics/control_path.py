@@ -59,6 +59,14 @@ COMPLETION_TIME = 1.0
 """[s] without a complete state after which its missing joints are logged."""
 DISCOVERY_TIME = 2.0
 """[s] after the start in which a publisher of robot_description may still be found."""
+REMEDIES = {
+    'too old': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'stamp went back': 'stop all but one publisher of the joints of this arm',
+    'jump': 'stop all but one publisher of the joints of this arm',
+    'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
+}
+"""What to do about dropped joint states, by the reason."""
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
 
@@ -128,6 +136,7 @@ class ControlPath:
         With `is_embedded` nothing is published once the joint states contain other joints.
         """
         names = controller.arm.joint_names
+        self.note_lost_reference('another model was loaded')
         watch.max_age, watch.has_age = self._state_max_age, self._has_age
         with self._answering:  # no state is answered by one model and commanded by another
             self._served = _Served(
@@ -200,6 +209,11 @@ class ControlPath:
         self.counters.interruption = '~/stop was called'
         return words
 
+    def note_lost_reference(self, reason: str) -> None:
+        """Report until the next reference why the present one, if any, ends."""
+        if self._served is not None and self._served.controller.has_reference:
+            self.counters.interruption = reason
+
     def _interrupt(self, reason: str, resumes: bool = True) -> None:
         """End the reference; the next command starts from the measured state, if it `resumes`."""
         if self._served is None:
@@ -245,6 +259,8 @@ class ControlPath:
         self._drop('unreadable', f'Dropped a joint state: {error}')
 
     def _drop(self, reason: str, words: str) -> None:
+        remedy = REMEDIES.get(reason)
+        words = words if remedy is None else f'{words}; {remedy}'
         self.counters.dropped[reason] += 1
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)

@@ -32,8 +32,9 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
-from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
+from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
@@ -48,6 +49,8 @@ from robot_dynamics.ros.dynamics.parameters import (
 )
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
+from robot_dynamics.ros.dynamics.usage import USAGE
+from robot_dynamics.ros.graph_watch import GraphWatch
 from robot_dynamics.ros.guarded_callbacks import (
     describe_error,
     destroyed_unless_made,
@@ -95,10 +98,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
-        self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
+        self._settings = DeclaredParameters(
+            self, SPECS, self._check, self._apply, _specs_of_simulated_arm)
         self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
+        self._graph = GraphWatch(
+            self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
         self._dynamics_services = DynamicsServices(self, self._payload_in_force)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
@@ -157,6 +163,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let efforts out, from the next joint state on."""
         self._path.command.activate()
+        self.get_logger().info(active_words(
+            self._settings.values['command'], self._loop.topic, self.get_name()))
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -315,6 +323,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._estimates.set_bandwidths(values)
         if self._controller is not None and self._arm is not None:
             options = options_from(values, self._arm)
+            if values['command'] != self._settings.values['command']:
+                self._path.note_lost_reference(f'command was set to {values["command"]!r}')
             self._controller.set_options(options)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
                 self._warn_of_loop(self._controller, options)
@@ -359,6 +369,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._reference_status(),
             self._path.command.status(),
             self._path.estimates.status(),
+            self._graph.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],
@@ -380,9 +391,14 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 1.0 if controller is None else round(controller.bandwidth_scale, 3)})
 
 
+def _specs_of_simulated_arm() -> Sequence[ParameterSpec]:
+    from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+    return SIMULATED_ARM_SPECS
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(DynamicsNode, args)
+    return run_node(DynamicsNode, args, USAGE)
 
 
 if __name__ == '__main__':

@@ -70,6 +70,11 @@ class ArmTopics:
             callback_group=LEFT_TO_THE_LOOP)
 
     @property
+    def topic(self) -> str:
+        """The full name of the topic of the joint states."""
+        return str(self._states.topic_name)
+
+    @property
     def has_own_time(self) -> bool:
         return self._clock is not None
 

@@ -20,16 +20,19 @@ import threading
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
 from robot_dynamics.ros.guarded_callbacks import (
     describe_error,
     destroyed_unless_made,
     GuardedCallbacks,
 )
+from robot_dynamics.ros.node_arguments import NodeUsage
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     check_joint_count,
@@ -117,6 +120,18 @@ SPECS = (
         'Longest step of integration [s].', read_only=True, minimum=1e-6, maximum=0.1),
 )
 
+USAGE = NodeUsage(
+    'simulated_arm',
+    'Simulates the arm of a URDF: integrates its motion under the commanded efforts, and '
+    'publishes its joint states.',
+    SPECS,
+    ('robot_description_file', 'joints', 'rate', 'lock_step', 'initial_position', 'brakes',
+     'command_timeout', 'measured_effort', 'robot_compensates', 'position_noise'),
+    (('effort_command', 'Subscribed: the efforts of the joints.'),
+     ('~/external_wrench', 'Subscribed: a wrench on a link.'),
+     ('joint_states', 'Published: position, velocity and effort.'),
+     ('~/reset, ~/set_payload', 'Services: return to the initial pose, attach a payload.')))
+
 
 class SimulatedArmNode(GuardedCallbacks):
     """Wires parameters, topics and services to the simulation; computes nothing itself."""
@@ -128,7 +143,8 @@ class SimulatedArmNode(GuardedCallbacks):
             self._set_up()
 
     def _set_up(self) -> None:
-        parameters = DeclaredParameters(self, SPECS, _check, self._apply)
+        parameters = DeclaredParameters(
+            self, SPECS, _check, self._apply, _specs_of_dynamics)
         values = parameters.values
         xml = description_from_parameters(values) or embedded_description()
         self._arm = arm_from_parameters(xml, values)
@@ -151,10 +167,17 @@ class SimulatedArmNode(GuardedCallbacks):
             self._loop.real_time_factor = values['real_time_factor']
         self._apply(values)
         self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
+        self.create_timer(
+            LOOK_PERIOD, GraphWatch(
+                self, {'joint_states': topics.topic}, 'Stop any that reports joints of this arm.'
+            ).look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
         self.get_logger().info(
             f'Model {self._arm.name!r}: joints {list(self._arm.joint_names)}')
+        self.get_logger().info(
+            f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first effort '
+            f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
 
     def begin(self) -> None:
         """Let time pass; called when the process is ready."""
@@ -224,13 +247,24 @@ def _check(values: Values) -> None:
             'the computer cannot be paused')
 
 
+def _before_efforts(values: Values) -> str:
+    if values['lock_step']:
+        return 'simulated time waits (lock_step)'
+    return 'the brakes hold the arm' if values['brakes'] else 'the arm falls freely (no brakes)'
+
+
+def _specs_of_dynamics() -> Sequence[ParameterSpec]:
+    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+    return DYNAMICS_SPECS
+
+
 def _has_own_time(values: Values) -> bool:
     return bool(values['publish_clock'] or values['lock_step'])
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(SimulatedArmNode, args)
+    return run_node(SimulatedArmNode, args, USAGE)
 
 
 if __name__ == '__main__':

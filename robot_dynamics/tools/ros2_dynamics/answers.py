@@ -182,7 +182,7 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     joints = client.joint_names() if state in ('active', 'inactive') else []
     payload = _payload_in_force(client) if joints else None
     checks = client.receive(DiagnosticArray, '/diagnostics', 10, lambda message: [
-        status for status in message.status if status.hardware_id == name.strip('/')] or None)
+        status for status in message.status if status.name.startswith(f'{name}: ')] or None)
     if checks is None:
         raise NoAnswerError(f'{name} sends no /diagnostics')
     rows = [[status.name.partition(': ')[2], LEVELS[status.level], status.message]

@@ -109,8 +109,9 @@ class ViewerNode:
         return keep
 
     def _is_of_dynamics(self, message: DiagnosticArray) -> bool:
-        name = self.dynamics.rpartition('/')[2]
-        return any(status.name.startswith(f'{name}:') for status in message.status)
+        service = self.node.resolve_service_name(f'{self.dynamics}/get_parameters')
+        full_name = service.rpartition('/')[0]
+        return any(status.name.startswith(f'{full_name}: ') for status in message.status)
 
     def receive(self) -> Received:
         """Return what has arrived; answers of services are handed on meanwhile."""

@@ -1,0 +1,92 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Other nodes that interfere: publishers of the same topics, and nodes of the same full name."""
+
+from collections.abc import Mapping, Sequence
+import math
+import time
+
+from rclpy.node import Node
+from robot_dynamics.ros.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+
+LOOK_PERIOD = 1.0
+"""[s] between two looks at the graph."""
+NAME = 'other nodes'
+
+
+class GraphWatch:
+    """Warns of other publishers of a node's topics, and of other nodes of the node's full name."""
+
+    def __init__(self, node: Node, topics: Mapping[str, str], remedy: str) -> None:
+        """
+        Watch the full names in `topics`, each of which this node publishes once.
+
+        The keys of `topics` name the topics in the diagnostics. `remedy` is the sentence that
+        says in the log what to do about another publisher.
+        """
+        self._node, self._topics, self._remedy = node, topics, remedy
+        self._name = node.get_fully_qualified_name()
+        self._findings: list[str] = []
+        self._reported: list[str] = []
+        self._figures: dict[str, int] = {}
+        self._looked_at = self._reported_at = -math.inf
+
+    def status(self) -> Status:
+        """Return the findings for the diagnostics; look at most once per second."""
+        self.look()
+        level, words = (WARN, '; '.join(self._findings)) if self._findings else (
+            OK, 'no other publisher or node of this name')
+        return Status(NAME, level, words, self._figures)
+
+    def look(self) -> None:
+        """Look at the graph, at most once per second, and log what has changed."""
+        now = time.monotonic()
+        if now - self._looked_at < LOOK_PERIOD:
+            return
+        self._looked_at = now
+        nodes = [_full_name(name, namespace)
+                 for name, namespace in self._node.get_node_names_and_namespaces()]
+        self._figures = {'nodes of this name': nodes.count(self._name)}
+        self._findings = [] if nodes.count(self._name) < 2 else [
+            f'another node is named {self._name}']
+        for key, topic in self._topics.items():
+            count = self._node.count_publishers(topic)
+            self._figures[f'publishers of {key}'] = count
+            if count > 1:
+                self._findings.append(f'{topic} has other publishers: {self._others(topic)}')
+        if self._findings != self._reported and now - self._reported_at >= LOG_PERIOD:
+            self._reported, self._reported_at = self._findings, now
+            self._report()
+
+    def _others(self, topic: str) -> Sequence[str]:
+        names = sorted(_full_name(end.node_name, end.node_namespace)
+                       for end in self._node.get_publishers_info_by_topic(topic))
+        if self._name in names:
+            names.remove(self._name)
+        return names
+
+    def _report(self) -> None:
+        if not self._findings:
+            self._node.get_logger().info('No other publisher or node of this name any more.')
+            return
+        self._node.get_logger().warning(
+            f'{"; ".join(self._findings)}. {self._remedy} Nodes need different names: '
+            '`-r __node:=NAME` or `-r __ns:=/NAMESPACE` after --ros-args. A process that was '
+            'killed stays listed for up to 20 s.')
+
+
+def _full_name(name: str, namespace: str) -> str:
+    return f'{namespace.rstrip("/")}/{name}'

@@ -1,0 +1,85 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command line of a node: `--help`, and the refusal of arguments outside `--ros-args`."""
+
+from collections.abc import Sequence
+import textwrap
+from typing import NamedTuple
+
+from robot_dynamics.ros.declared_parameters import ParameterSpec
+
+WIDTH = 88
+
+
+class NodeUsage(NamedTuple):
+    """What `--help` of a node prints."""
+
+    program: str
+    summary: str
+    specs: Sequence[ParameterSpec]
+    main_parameters: Sequence[str]
+    """The names of the parameters of `specs` to list."""
+    topics: Sequence[tuple[str, str]]
+    """Topics and services, each with its direction and meaning."""
+
+    def help(self) -> str:
+        """Return the text."""
+        by_name = {spec.name: spec for spec in self.specs}
+        parameters = [
+            (name, f'{by_name[name].description} Default: {_in_words(by_name[name].default)}.')
+            for name in self.main_parameters]
+        return '\n'.join([
+            f'usage: {self.program} [--help] [--ros-args [-p NAME:=VALUE] [--params-file FILE] '
+            '[-r FROM:=TO] ...]', '', textwrap.fill(self.summary, WIDTH), '',
+            f'Main parameters, of {len(self.specs)} (`ros2 param describe NODE NAME` describes '
+            'each):', *_entries(parameters), '',
+            'Main topics and services:', *_entries(self.topics), ''])
+
+    def refusal(self, unknown: Sequence[str]) -> str:
+        """Return the line that refuses these arguments."""
+        return (f'{self.program}: unknown arguments {list(unknown)}; set a parameter with '
+                f'`--ros-args -p NAME:=VALUE` (`{self.program} --help` lists the main ones)')
+
+
+def outside_of_ros_args(arguments: Sequence[str]) -> list[str]:
+    """
+    Return the arguments that do not stand between `--ros-args` and `--` or the end.
+
+    `NAME:=VALUE` is among them, which ROS would take as a renamed topic: it was meant as a
+    parameter.
+    """
+    others, is_of_ros = [], False
+    for argument in arguments:
+        if argument == '--ros-args':
+            is_of_ros = True
+        elif is_of_ros:
+            is_of_ros = argument != '--'
+        else:
+            others.append(argument)
+    return others
+
+
+def _entries(entries: Sequence[tuple[str, str]]) -> list[str]:
+    lines = []
+    for name, text in entries:
+        lines += [f'  {name}', *textwrap.wrap(
+            text, WIDTH, initial_indent=' ' * 6, subsequent_indent=' ' * 6)]
+    return lines
+
+
+def _in_words(default: object) -> str:
+    if default in ('', []):
+        return 'empty'
+    return str(default).lower() if isinstance(default, bool) else str(default)

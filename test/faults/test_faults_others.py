@@ -1,0 +1,107 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults of other nodes: publishers of the same topics, nodes of the same name, other arms."""
+
+from collections.abc import Iterator
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_bench import fault_bench, FaultBench
+from fault_table import fault
+import pytest
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+GROUP = 'Other nodes'
+WARNED = 'a warning in the log and in the status `other nodes`, until it has ended'
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node that commands gravity compensation."""
+    with fault_bench(client, '/faults_others') as one:
+        yield one
+
+
+def is_alone(status: DiagnosticStatus) -> bool:
+    return (status.level == DiagnosticStatus.OK
+            and status.message == 'no other publisher or node of this name')
+
+
+@pytest.mark.parametrize(('topic', 'key', 'kind'), [
+    pytest.param(topic, key, kind, marks=fault(GROUP, f'a second publisher of `{key}`', WARNED))
+    for topic, key, kind in (
+        ('effort_command', 'effort_command', JointState),
+        ('dynamics/commands', '~/commands', Float64MultiArray))])
+def test_a_second_publisher_of_the_command(
+    bench: FaultBench, topic: str, key: str, kind: type,
+) -> None:
+    bench.wait_status('other nodes', is_alone)
+    full = f'{bench.namespace}/{topic}'
+    words = f'{full} has other publishers: [{bench.client.node.get_fully_qualified_name()!r}]'
+    publisher = bench.client.node.create_publisher(kind, full, 1)
+    try:
+        status = bench.wait_status('other nodes', lambda status: status.message == words)
+        assert status.level == DiagnosticStatus.WARN
+        assert bench.known('other nodes', f'publishers of {key}') == 2
+        bench.check_alive()
+        assert '[WARN]' in bench.node.wait_for_log(f'{full} has other publishers: .* Stop all')
+    finally:
+        bench.client.node.destroy_publisher(publisher)
+    bench.wait_status('other nodes', is_alone)
+
+
+@fault(GROUP, 'a second node of the same full name', WARNED)
+def test_a_second_node_of_the_same_name(bench: FaultBench) -> None:
+    full_name = f'{bench.namespace}/dynamics'
+    bench.wait_status('other nodes', is_alone)
+    with NodeProcess(DYNAMICS, {'autostart': False}, namespace=bench.namespace, ready=None):
+        status = bench.wait_status(
+            'other nodes', lambda status: f'another node is named {full_name}' in status.message)
+        assert status.level == DiagnosticStatus.WARN
+        line = bench.node.wait_for_log(f'another node is named {full_name}')
+        assert '[WARN]' in line
+        assert '-r __node:=NAME' in line
+    bench.wait_status('other nodes', is_alone)
+    bench.check_alive()
+
+
+@fault(GROUP, 'a second publisher of `joint_states` next to `simulated_arm`',
+       'a warning in the log, which names the publisher')
+def test_a_second_publisher_of_joint_states(client: RosClient) -> None:
+    with NodeProcess(SIMULATED_ARM, namespace='/faults_double') as arm:
+        publisher = client.node.create_publisher(JointState, '/faults_double/joint_states', 1)
+        try:
+            line = arm.wait_for_log(
+                '/faults_double/joint_states has other publishers: '
+                rf"\['{client.node.get_fully_qualified_name()}'\]")
+            assert '[WARN]' in line
+        finally:
+            client.node.destroy_publisher(publisher)
+
+
+@fault(GROUP, 'two arms in two namespaces',
+       'each status carries the full name of its node, so that none overwrites another')
+def test_two_arms_report_under_different_names(client: RosClient) -> None:
+    left, right = '/faults_left', '/faults_right'
+    reports = []
+    with running(*(NodeProcess(DYNAMICS, namespace=namespace) for namespace in (left, right))), \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+        for name in (f'{left}/dynamics: command', f'{right}/dynamics: command'):
+            reports.append(diagnostics.wait_for(lambda message, name=name: any(
+                status.name == name for status in message.status)))
+    names = [{status.name for status in report.status} for report in reports]
+    assert not names[0] & names[1]
+    assert len(names[0]) == len(names[1]) > 5

@@ -1,0 +1,138 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The log of an ordinary start, and of joint states that are dropped, as a newcomer reads it."""
+
+from collections.abc import Callable
+import re
+
+from fault_bench import fault_bench, Q, STEADY
+import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import robot_path
+from ros_harness import (
+    DYNAMICS,
+    LATCHED,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+MOST_LINES = 6
+NS = '/start_log'
+
+
+def lines_of(node: NodeProcess) -> list[str]:
+    """Return the lines of the log without their stamps."""
+    return [re.sub(r'\[\d+\.\d+\] ', '', line) for line in node.log.splitlines()]
+
+
+def check_lines(node: NodeProcess, *patterns: str) -> None:
+    """Check that the lines are few, and that these are among them, in this order."""
+    lines = lines_of(node)
+    assert len(lines) <= MOST_LINES, node.log
+    places = [next((i for i, line in enumerate(lines) if re.search(pattern, line)), -1)
+              for pattern in patterns]
+    assert -1 not in places, (places, node.log)
+    assert places == sorted(places), node.log
+
+
+def started(parameters: dict[str, object]) -> tuple[NodeProcess, NodeProcess]:
+    return (NodeProcess(DYNAMICS, {**STEADY, **parameters}, namespace=NS, patient=False),
+            NodeProcess(SIMULATED_ARM, {**parameters, 'rate': 100.0}, namespace=NS))
+
+
+def test_the_log_of_the_default_arm(client: RosClient) -> None:
+    dynamics, arm = started({})
+    with running(dynamics, arm):
+        dynamics.wait_for_log('Effort check', LONG)
+        check_lines(
+            dynamics, r"INFO.*Model 'planar_arm': joints \['joint1', 'joint2'\]",
+            f'INFO.*Active with command: computed_torque. The command starts with the first valid '
+            f'joint state on {NS}/joint_states.',
+            f'INFO.*Joint states arrive: commanding on {NS}/effort_command and '
+            f'{NS}/dynamics/commands, from the measured state.')
+        check_lines(
+            arm, r"INFO.*Model 'planar_arm': joints \['joint1', 'joint2'\]",
+            f'INFO.*Simulating at 100 Hz on {NS}/joint_states. Until the first effort arrives on '
+            f'{NS}/effort_command, the brakes hold the arm.')
+        client.forget(NS)
+
+
+def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
+    dynamics, arm = started({
+        'robot_description_file': str(robot_path('ur10')), 'command': 'none'})
+    with running(dynamics, arm):
+        dynamics.wait_for_log('Effort check', LONG)
+        check_lines(
+            dynamics, r"INFO.*Model 'ur10': joints \['shoulder_pan_joint', ",
+            f'INFO.*Active with command: none. Nothing is commanded; states on {NS}/joint_states '
+            'are answered on dynamics/gravity_compensation and dynamics/computed_torque.')
+        assert 'commanding on' not in dynamics.log
+        client.forget(NS)
+
+
+def late(message: JointState) -> JointState:
+    message.header.stamp.sec -= 60
+    return message
+
+
+def early(message: JointState) -> JointState:
+    message.header.stamp.sec += 60
+    return message
+
+
+def halved(message: JointState) -> JointState:
+    return JointState(
+        header=message.header, name=message.name[:1], position=message.position[:1])
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (late, r'60\.\d+ s old.*; synchronise the clocks of driver and computer, or set '
+     '`state_max_age`'),
+    (early, r'in the future.*; synchronise the clocks of driver and computer, or set '
+     '`state_max_age`'),
+    (halved, r"leaves out \['joint2'\].*; set `joints:=\['joint1'\]`")])
+def test_a_dropped_state_names_the_remedy(
+    client: RosClient, change: Callable[[JointState], JointState], words: str,
+) -> None:
+    with fault_bench(client, NS) as bench:
+        bench.driver.change = change
+        line = bench.node.wait_for_log('Dropped a joint state')
+        assert '[WARN]' in line
+        assert re.search(words, line), line
+        wait_until(lambda: (status := bench.status('joint states')) is not None and bool(
+            re.search(words, status.message)), 'the same in the diagnostics')
+        client.forget(NS)
+
+
+def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(
+    client: RosClient,
+) -> None:
+    descriptions = client.publisher(String, f'{NS}/robot_description', LATCHED, 0)
+    with fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
+        bench.set_point(Q)
+        bench.wait_status('reference', lambda status: status.message == 'following')
+        descriptions.publish(String(data=default_arm_urdf().replace('planar_arm', 'other_arm')))
+        bench.wait_status('reference', lambda status: (
+            status.message == 'ended early: another model was loaded'))
+        bench.set_point(Q)
+        bench.wait_status('reference', lambda status: status.message == 'following')
+        client.forget(NS)
+    client.node.destroy_publisher(descriptions)
