@@ -148,6 +148,20 @@ class _Loop(ABC):
         wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
         return bool(wait_set.get_ready_entities('subscription'))
 
+    def _apply(self, effort: FloatArray) -> None:
+        """Apply an effort; log the joint at which the drive clips it most."""
+        plant = self._plant
+        with self._lock:
+            joint, limit = plant.take_effort(effort), plant.effort_limit
+        if joint is None or limit is None:
+            return
+        arm = plant.simulation.arm
+        unit = 'N' if arm.joint_kinds[joint] == 'prismatic' else 'N m'
+        self._node.get_logger().warning(
+            f'Clipped the effort of {arm.joint_names[joint]!r}: received {effort[joint]:g} '
+            f'{unit}, the effort limit of the URDF is {limit[joint]:g} {unit} (clip_efforts); '
+            f'efforts clipped so far: {plant.clipped_count}', throttle_duration_sec=LOG_PERIOD)
+
     def _advance(self) -> Measured:
         """Return what is measured one period on; an arm flung to infinity starts again."""
         with self._lock:
@@ -219,7 +233,7 @@ class WallTimeLoop(_Loop):
     def _give(self, effort: FloatArray) -> None:
         with self._lock:
             had_timed_out = self._plant.timed_out
-            self._plant.take_effort(effort)
+        self._apply(effort)
         if had_timed_out:
             self._node.get_logger().info(
                 'Efforts arrive again: the arm goes on from where it is.',
@@ -264,8 +278,7 @@ class LockStepLoop(_Loop):
                 effort = self._ask(stamp_ns, measured)
             if effort is None:
                 return
-            with self._lock:
-                self._plant.take_effort(effort)
+            self._apply(effort)
             tick += 1
             self._stopping.wait(due + least - time.monotonic())
             measured = self._advance()
