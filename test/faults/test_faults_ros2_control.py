@@ -14,9 +14,14 @@
 
 """Faults in operation with ros2_control and with replayed recordings, on the real nodes."""
 
+import time
+
+from fault_bench import stamp_of
 from fault_table import fault
 import numpy as np
-from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM
+from robot_dynamics.ros.simulated_arm.loops import RESEND_PERIOD
+from robot_dynamics.ros.simulated_arm.unanswered_state import UNANSWERED_AFTER
+from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
 GROUP = 'ros2_control and replayed recordings'
@@ -53,3 +58,40 @@ def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
         assert result.successful, result.reason
         assert list(answer([0.0, 5000.0]).effort) == [0.0, 5000.0]
         client.node.destroy_publisher(publisher)
+
+
+# ------------------------------------------------------------------ lock-step without an answer
+
+
+@fault(GROUP, '`lock_step` without a subscriber of `joint_states`; then without a publisher of '
+       '`effort_command`; with one that sends nothing; with efforts under other stamps, as behind '
+       'ros2_control',
+       'within a second a warning names which of them it is, and `lock_step:=false` for the last '
+       'two; the first effort under the stamp of the state moves time on')
+def test_lock_step_names_the_reason_why_it_gets_no_answer(client: RosClient) -> None:
+    assert UNANSWERED_AFTER + RESEND_PERIOD < 1.0
+    with NodeProcess(
+            SIMULATED_ARM, {'lock_step': True}, namespace='/unanswered',
+            remaps={'/clock': '/unanswered/clock'}) as node:
+        node.wait_for_log(
+            r'lock_step: no effort for the joint state of 0\.002 s for [0-9.]+ s: '
+            '/unanswered/joint_states has no subscriber')
+        with client.collect(JointState, '/unanswered/joint_states', KEEP_MANY) as states:
+            node.wait_for_log('/unanswered/effort_command has no publisher')
+            publisher = client.publisher(JointState, '/unanswered/effort_command', 1)
+            node.wait_for_log(
+                'publisher of /unanswered/effort_command has sent no valid effort since.*'
+                'use lock_step:=false behind ros2_control')
+            effort = JointState(name=NAMES, effort=[0.0, 0.0])
+            effort.header.stamp = stamp_of(time.time_ns())
+
+            def is_named() -> bool:
+                publisher.publish(effort)
+                return 'lock_step needs efforts under the stamp of the state; use ' \
+                    'lock_step:=false behind ros2_control' in node.log
+
+            wait_until(is_named, 'a warning of other stamps')
+            before = states.messages[-1].header.stamp
+            effort.header.stamp = before
+            client.ask(publisher, effort, states, lambda m: m.header.stamp != before)
+            client.node.destroy_publisher(publisher)

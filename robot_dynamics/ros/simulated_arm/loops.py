@@ -37,6 +37,7 @@ from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
+from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
 from robot_dynamics.simulation.plant import Measured, Plant
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -62,7 +63,7 @@ class ArmTopics:
         self._decoder, self._reader = JointStateDecoder(), JointStateReader(joint_names)
         self._with_effort = state_template(joint_names)
         self._without_effort = state_template(joint_names, has_effort=False)
-        self._states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+        self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
         self.efforts = node.create_subscription(
@@ -93,7 +94,7 @@ class ArmTopics:
             self._clock.publish(Clock(clock=stamp_to_ros(stamp_ns)))
         template = self._with_effort if len(measured.effort) else self._without_effort
         stamp = stamp_bytes(stamp_ns)
-        self._states.publish(template.filled(stamp, *measured[:3]))
+        self.states.publish(template.filled(stamp, *measured[:3]))
         if self._motors.get_subscription_count() > 0:
             self._motors.publish(template.filled(stamp, *measured.motors, measured.effort))
 
@@ -264,6 +265,12 @@ class LockStepLoop(_Loop):
 
     real_time_factor = math.inf
 
+    def __init__(
+        self, node: Node, plant: Plant, topics: ArmTopics, lock: threading.Lock, period: float,
+    ) -> None:
+        super().__init__(node, plant, topics, lock, period)
+        self._unanswered = UnansweredState(node, topics.states, topics.efforts)
+
     def _run(self) -> None:
         tick = 1  # a stamp of 0 would read as "no stamp"
         least, due = self._period / self.real_time_factor, -math.inf
@@ -285,13 +292,18 @@ class LockStepLoop(_Loop):
 
     def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:
         """Publish a state until its effort arrives; return None when told to stop."""
+        self._unanswered.begin(stamp_ns, stamp_ns - self._period_ns)
         while self._running():
             self._topics.publish(stamp_ns, measured)
+            self._unanswered.look()
             deadline = time.monotonic() + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
                 if not self._wait_for_effort(remaining):
                     continue
                 taken = self._topics.take_effort()
-                if taken is not None and taken[1] == stamp_ns:
+                if taken is None:
+                    continue
+                if taken[1] == stamp_ns:
                     return taken[0]
+                self._unanswered.receive_other(taken[1])
         return None
