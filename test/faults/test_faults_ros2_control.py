@@ -16,9 +16,12 @@
 
 import time
 
-from fault_bench import stamp_of
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, stamp_of
+from fault_stimuli import shifted
 from fault_table import fault
 import numpy as np
+import pytest
 from robot_dynamics.ros.simulated_arm.loops import RESEND_PERIOD
 from robot_dynamics.ros.simulated_arm.unanswered_state import UNANSWERED_AFTER
 from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
@@ -95,3 +98,33 @@ def test_lock_step_names_the_reason_why_it_gets_no_answer(client: RosClient) -> 
             effort.header.stamp = before
             client.ask(publisher, effort, states, lambda m: m.header.stamp != before)
             client.node.destroy_publisher(publisher)
+
+
+# ------------------------------------------------------------------ replayed recordings
+
+
+def has_replay_hint(status: DiagnosticStatus) -> bool:
+    return '`ros2 bag play --clock`' in status.message and (
+        '`use_sim_time:=true`' in status.message)
+
+
+@pytest.mark.parametrize('age', [
+    pytest.param(age, marks=fault(GROUP, f'joint states as from a bag that is {words} old', seen))
+    for age, words, seen in (
+        (1800.0, 'half an hour',
+         'dropped as too old; one hint in log and diagnostics: `ros2 bag play --clock` and '
+         '`use_sim_time:=true`; live states end the hint and are answered'),
+        (7200.0, 'two hours',
+         'answered, as by another clock, with the same hint; live states end the hint'))])
+def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> None:
+    namespace = f'/replayed{age:.0f}'
+    with fault_bench(client, namespace, stream=False) as bench:
+        bench.driver.stream_changed(shifted(-age))
+        status = bench.wait_status('joint states', has_replay_hint)
+        assert status.level == (DiagnosticStatus.ERROR if age < 3600.0 else DiagnosticStatus.WARN)
+        line = bench.node.wait_for_log(r'\[WARN\].*all joint states are [0-9.]+ s old')
+        assert f'are {age:.0f}' in line
+        assert bool(bench.efforts.messages) == (age > 3600.0)
+        bench.driver.go_on()
+        bench.wait_running()
+        bench.wait_status('joint states', lambda one: not has_replay_hint(one))

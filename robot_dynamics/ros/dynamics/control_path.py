@@ -31,6 +31,7 @@ from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
 from robot_dynamics.monitoring.event_timing import EventTiming
+from robot_dynamics.monitoring.replay_hint import ReplayHint
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateMonitor
 from robot_dynamics.ros.cdr_templates import (
     effort_template,
@@ -68,6 +69,7 @@ class ControlCounters:
     restarts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
+    replay: ReplayHint = field(default_factory=ReplayHint)
     following: bool = False
     paused_streams: int = 0
     interruption: str = ''
@@ -224,6 +226,8 @@ class ControlPath:
             self.command.fail(Fault('non_finite', str(error), latched=True))
         except ImplausibleStateError as error:
             self._drop(error.reason, f'Dropped a joint state: {error}')
+            if error.reason == 'too old':
+                self._look_for_replay(state.stamp_ns)
             if error.is_conflict:
                 self.command.fail(
                     Fault('several_publishers', str(error), recovery=CONFLICT_RECOVERY))
@@ -241,6 +245,11 @@ class ControlPath:
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
+    def _look_for_replay(self, stamp_ns: int) -> None:
+        replay = self.counters.replay
+        if self._has_age() and replay.look(stamp_ns, time.time_ns()):
+            self._node.get_logger().warning(replay.text, throttle_duration_sec=LOG_PERIOD)
+
     def _answer(self, state: SensedState) -> None:
         if self._served is None:
             self.counters.dropped['no model yet'] += 1
@@ -250,6 +259,10 @@ class ControlPath:
         q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
             state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers)
+        if served.watch.is_other_clock:
+            self._look_for_replay(state.stamp_ns)
+        elif self.counters.replay.text:
+            self.counters.replay.reset()
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._interrupt(f'joint states restarted: {judgement.restart}')

@@ -50,6 +50,8 @@ class StateReport:
             level, words = ERROR, counters.last_drop
         elif rate == 0.0:
             level, words = WARN, 'none arrive'
+        if counters.replay.text:
+            level, words = max(level, WARN), f'{words}; {counters.replay.text}'
         return Status('joint states', level, words, {
             'answered': counters.states,
             'not new (stamp repeated)': counters.repeated,
