@@ -14,18 +14,31 @@
 
 """Faults in operation with ros2_control and with replayed recordings, on the real nodes."""
 
+from contextlib import ExitStack
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, stamp_of
+from fault_bench import fault_bench, FaultBench, G, stamp_of, STEADY
 from fault_stimuli import shifted
 from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.ros.simulated_arm.loops import RESEND_PERIOD
 from robot_dynamics.ros.simulated_arm.unanswered_state import UNANSWERED_AFTER
-from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros2_control_standin import ros2_control
+from ros_harness import (
+    DYNAMICS,
+    KEEP_MANY,
+    NO_SHARED_MEMORY,
+    NodeProcess,
+    RosClient,
+    SIMULATED_ARM,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 
 GROUP = 'ros2_control and replayed recordings'
 NAMES = ['joint1', 'joint2']
@@ -128,3 +141,70 @@ def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> No
         bench.driver.go_on()
         bench.wait_running()
         bench.wait_status('joint states', lambda one: not has_replay_hint(one))
+
+
+# ------------------------------------------------------------------ the order of the joints
+
+
+def commanding(namespace: str, **more: Any) -> NodeProcess:
+    """Return a dynamics node that commands the effort controller of this namespace."""
+    return NodeProcess(
+        DYNAMICS, {**STEADY, 'joints': NAMES, **more}, namespace=namespace, patient=False,
+        remaps={'~/commands': f'{namespace}/effort_controller/commands'},
+        environment=NO_SHARED_MEMORY)
+
+
+@fault(GROUP, 'the effort controller lists its joints in another order than `joints`',
+       'latched fault `controller_order`, which names both orders; not one message on '
+       '`~/commands`; with a controller of the right order and `~/reset_fault` the command '
+       'goes out')
+def test_another_order_of_the_controller_stops_the_command(client: RosClient) -> None:
+    space = '/order'
+    with client.collect(
+            JointState, f'{space}/simulated/effort_command', KEEP_MANY) as forwarded, \
+            ExitStack() as stack:
+        wrong = stack.enter_context(ExitStack())
+        wrong.enter_context(ros2_control(space, NAMES[::-1]))
+        node = stack.enter_context(commanding(space))
+        bench = FaultBench(client, node, space)
+        stack.callback(bench.close)
+        bench.driver.start()
+        words = bench.wait_fault('controller_order').message
+        assert '/order/effort_controller takes' in words
+        assert "for the joints ['joint2', 'joint1'], expected" in words
+        assert "['joint1', 'joint2']" in words
+        forwarded.clear()
+        assert all(np.isnan(m.effort).all() for m in forwarded.wait_count(50))
+        reset = client.call(Trigger, bench.name('reset_fault'))
+        assert not reset.success, reset.message
+        wrong.close()
+        with ros2_control(space, NAMES):
+            def is_reset() -> bool:
+                return bool(client.call(Trigger, bench.name('reset_fault')).success)
+
+            wait_until(is_reset, 'a reset')
+            bench.wait_running()
+            forwarded.wait_for(lambda m: list(m.name) == NAMES and m.effort == pytest.approx(G))
+
+
+@pytest.mark.parametrize(('has_service', 'reason'), [
+    pytest.param(has_service, f'it has no {what}', marks=fault(
+        GROUP, f'a subscriber of `~/commands` that has no {what}',
+        'one warning that the order was not checked, with the order that it must have; the '
+        'command goes out'))
+    for has_service, what in ((False, 'parameter service'), (True, 'parameter `joints`'))])
+def test_an_order_that_cannot_be_checked_is_named(
+    client: RosClient, has_service: bool, reason: str,
+) -> None:
+    space = f'/unchecked{has_service:d}'
+    with RosClient('bridge', has_parameters=has_service) as bridge, \
+            bridge.collect(Float64MultiArray, f'{space}/effort_controller/commands') as commands, \
+            commanding(space) as node:
+        bench = FaultBench(client, node, space)
+        bench.driver.start()
+        node.wait_for_log(
+            rf'\[WARN\].*joint order of /bridge, a subscriber of {space}/effort_controller/'
+            rf"commands, was not checked: {reason}. It must be \['joint1', 'joint2'\]")
+        commands.wait_for(lambda m: m.data.tolist() == pytest.approx(G))
+        bench.close()
+        assert node.log.count('was not checked') == 1
