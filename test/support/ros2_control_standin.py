@@ -34,13 +34,16 @@ import math
 import os
 from pathlib import Path
 import re
+import signal
+import threading
 from typing import Any
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 from ros_harness import NodeProcess
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -159,7 +162,10 @@ class EffortController(Node):
 
 
 def main() -> None:
-    rclpy.init()
+    """Update until SIGINT, which only sets an event: raised anywhere it could hit a conversion."""
+    end = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: end.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     hardware = Hardware()
     broadcaster, controller = Broadcaster(hardware), EffortController(hardware)
     executor = SingleThreadedExecutor()
@@ -174,12 +180,9 @@ def main() -> None:
     for node in (hardware, broadcaster, controller):
         executor.add_node(node)
     hardware.get_logger().info('Updating')
-    try:
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
+    while not end.is_set():
+        executor.spin_once(timeout_sec=0.1)
+    rclpy.shutdown()
 
 
 if __name__ == '__main__':
