@@ -156,8 +156,8 @@ def commanding(namespace: str, **more: Any) -> NodeProcess:
 
 @fault(GROUP, 'the effort controller lists its joints in another order than `joints`',
        'latched fault `controller_order`, which names both orders; not one message on '
-       '`~/commands`; with a controller of the right order and `~/reset_fault` the command '
-       'goes out')
+       '`~/commands`; with a controller of the right order and `~/reset_fault` commands are '
+       'published')
 def test_another_order_of_the_controller_stops_the_command(client: RosClient) -> None:
     space = '/order'
     with client.collect(
@@ -190,8 +190,8 @@ def test_another_order_of_the_controller_stops_the_command(client: RosClient) ->
 @pytest.mark.parametrize(('has_service', 'reason'), [
     pytest.param(has_service, f'it has no {what}', marks=fault(
         GROUP, f'a subscriber of `~/commands` that has no {what}',
-        'one warning that the order was not checked, with the order that it must have; the '
-        'command goes out'))
+        'one warning that the order was not checked, with the order that it must have; '
+        'commands are published'))
     for has_service, what in ((False, 'parameter service'), (True, 'parameter `joints`'))])
 def test_an_order_that_cannot_be_checked_is_named(
     client: RosClient, has_service: bool, reason: str,

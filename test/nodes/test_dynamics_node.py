@@ -242,7 +242,7 @@ def test_a_set_point_is_followed(tracking: Bench) -> None:
         commands.wait_matched()
         all_terms.wait_matched()
         terms = tracking.client.answer_to(tracking.states, tracking.state(), all_terms)
-        # asked until they go out: the order of the joints of each subscriber is checked first
+        # asked until one is published: the joint order of each subscriber is checked first
         numbers = tracking.client.ask(
             tracking.states, tracking.state(), commands, lambda message: True)
     assert numbers.data == pytest.approx(TAU[::-1], abs=5e-9)  # the order of `joints`

@@ -127,7 +127,7 @@ def wait_unchanged(efforts: Collector) -> list[float]:
 
 @fault(GROUP, 'SIGKILL of `dynamics` behind a `JointGroupEffortController` (stand-in) that moves '
        '`simulated_arm`; then the controller is deactivated',
-       'the arm reaches its goal first; after SIGKILL the last efforts stay in force, and the '
+       'the arm reaches its goal first; after SIGKILL the last efforts stay active, and the '
        'brakes do not engage; deactivation writes 0 at once: the arm falls')
 def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
     client: RosClient, stack: ExitStack,

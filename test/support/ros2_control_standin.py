@@ -19,11 +19,12 @@ They are written in rclpy after the sources of ros2_controllers and of
 joint_state_topic_hardware_interface, and are no test of those packages. One process runs three
 nodes in a loop of `update_rate`, as a controller manager does:
 
-- the hardware component `JointStateTopicSystem`: it publishes a command, under a stamp of its own,
-  unless the summed distance from the state is at most `trigger_joint_command_threshold`; a state
-  or command that is not known is NaN, so that the distance is never at most that;
-- `joint_state_broadcaster`: all joints, under stamps of its own, with NaN for position, velocity
-  or effort if it is not in `state_interfaces`;
+- the hardware component `JointStateTopicSystem`: it publishes a command, stamped with the time of
+  publication, unless the summed distance from the state is at most
+  `trigger_joint_command_threshold`; a state or command that is not known is NaN, so that the
+  distance is never at most that;
+- `joint_state_broadcaster`: all joints, stamped with the time of the update, with NaN for
+  position, velocity or effort if it is not in `state_interfaces`;
 - `effort_controller`, a `JointGroupEffortController`: it keeps the last command of `~/commands`,
   has none (NaN) before the first, and writes 0 once at its deactivation. The service
   `~/set_active` stands for `switch_controller` of the controller manager.
