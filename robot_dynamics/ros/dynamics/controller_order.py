@@ -31,7 +31,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robot_dynamics.control.supervisor import Fault
@@ -40,21 +40,29 @@ LOOK_PERIOD = 0.1
 """[s] between two looks while a subscriber is unchecked."""
 RECHECK_PERIOD = 1.0
 """[s] between two looks at subscribers that have been checked."""
+GRACE = 0.5
+"""
+[s] for the parameter service of a subscriber to be discovered.
+
+A node creates that service before its subscriptions, so it is usually discovered before them.
+"""
 PATIENCE = 5.0
-"""[s] for the parameter service of a subscriber to be found and to answer."""
+"""[s] for a parameter service that was discovered to answer."""
 
 
 class _Subscriber:
     """One subscriber of `~/commands`, and the joints that its node has as parameter."""
 
-    def __init__(self, node: Node, name: str) -> None:
-        self.name, self.is_checked = name, False
+    def __init__(self, node: Node, info: TopicEndpointInfo) -> None:
+        self._node, self._of = node, (info.node_name, info.node_namespace)
+        self.name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+        self.is_checked = False
         self.joints: list[str] | None = None
-        self._node, self._deadline = node, time.monotonic() + PATIENCE
+        self._service, self._since = f'{self.name}/get_parameters', time.monotonic()
         self._client: Any = None
         self._future: Any = None
         with suppress(rclpy_implementation.RCLError):  # a ROS 2 security policy may not allow it
-            self._client = node.create_client(GetParameters, f'{name}/get_parameters')
+            self._client = node.create_client(GetParameters, self._service)
 
     def look(self) -> str:
         """Continue the request; return why the order cannot be checked, empty if it can."""
@@ -62,12 +70,18 @@ class _Subscriber:
             self._future = self._client.call_async(GetParameters.Request(names=['joints']))
         if self._future is not None and self._future.done():
             return self._take(self._future.result().values)
-        if time.monotonic() < self._deadline:
+        has_service = self._future is not None or self._has_service()
+        if time.monotonic() - self._since < (PATIENCE if has_service else GRACE):
             return ''
-        reason = 'it has no parameter service' if self._future is None else (
-            'its parameter service does not answer')
         self._finish()
-        return reason
+        return 'its parameter service does not answer' if has_service else (
+            'it has no parameter service')
+
+    def _has_service(self) -> bool:
+        with suppress(NodeNameNonExistentError):
+            services = self._node.get_service_names_and_types_by_node(*self._of)
+            return any(name == self._service for name, _ in services)
+        return False
 
     def _take(self, values: Sequence[Any]) -> str:
         self._finish()
@@ -135,7 +149,7 @@ class ControllerOrder:
             self._subscribers.pop(gid).close()
         for gid, info in found.items():
             if gid not in self._subscribers and info.node_name != '_NODE_NAME_UNKNOWN_':
-                self._subscribers[gid] = _Subscriber(self._node, _full_name(info))
+                self._subscribers[gid] = _Subscriber(self._node, info)
 
     def _report(self, name: str, reason: str) -> None:
         if reason and name not in self._reported:
@@ -156,7 +170,3 @@ class ControllerOrder:
         if self.fault is None or self.fault.words != words:
             self.fault = Fault('controller_order', words, latched=True)
             self._when_wrong(self.fault)
-
-
-def _full_name(info: TopicEndpointInfo) -> str:
-    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
