@@ -115,32 +115,33 @@ class ControllerOrder:
         self._when_wrong = when_wrong
         self._count = commands.handle.get_subscription_count
         self._subscribers: dict[bytes, _Subscriber] = {}
-        self._checked, self._is_open = 0, False
+        self._judged_for: list[str] = []
+        self._open_for: list[str] | None = None
         self._looked_at = -RECHECK_PERIOD
         self._reported: set[str] = set()
         node.create_timer(LOOK_PERIOD, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def allows(self) -> bool:
         """Tell whether a command may be published; called by the control path."""
-        return self._is_open or self.fault is None and bool(self._count() <= self._checked)
+        return self._count() == 0 or self._open_for == self._joint_names()
 
     def look(self) -> None:
         """Find the subscribers, continue their checks, and compare the orders."""
-        now = time.monotonic()
-        if self._count() == len(self._subscribers) == self._checked and (
-                now - self._looked_at < RECHECK_PERIOD):
+        now, names = time.monotonic(), list(self._joint_names())
+        checked = [one for one in self._subscribers.values() if one.is_checked]
+        if self._count() == len(self._subscribers) == len(checked) and (
+                names == self._judged_for and now - self._looked_at < RECHECK_PERIOD):
             return
-        self._looked_at = now
+        self._looked_at, self._judged_for = now, names
         self._find()
         for subscriber in self._subscribers.values():
             if not subscriber.is_checked:
                 self._report(subscriber.name, subscriber.look())
         checked = [one for one in self._subscribers.values() if one.is_checked]
-        names = list(self._joint_names())
         self._compare(checked, names)
-        self._is_open = any(
-            one.joints == names or one.joints is None and self.fault is None for one in checked)
-        self._checked = len(checked)
+        self._open_for = names if any(
+            one.joints == names or one.joints is None and self.fault is None for one in checked
+        ) else None
 
     def _find(self) -> None:
         found = {bytes(info.endpoint_gid): info for info in
