@@ -17,7 +17,7 @@
 
 It reads the robot's /joint_states and /robot_description. With `controller:=NAME` its commands go
 to that effort_controllers/JointGroupEffortController, whose joints must be those of the parameter
-`joints`, in the same order.
+`joints`, in the same order; the node checks this before it publishes a command there.
 
 ros2 launch robot_dynamics beside_robot.launch.py params:=ur10.yaml [controller:=effort_controller]
 """

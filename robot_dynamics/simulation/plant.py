@@ -95,6 +95,10 @@ class Plant:
         self.effort_noise = 0.0
         self.encoders_at_motor = False
         self.has_brakes = brakes
+        self.effort_limit: FloatArray | None = None
+        """Limits (n,) to which the drives clip efforts, infinite for none; None: no clipping."""
+        self.clipped_count = 0
+        """Commanded efforts that were clipped at one joint or more, since the start."""
         self._noise = noise
         if not brakes:
             simulation.release()
@@ -109,12 +113,28 @@ class Plant:
         if not self.has_brakes:
             self.simulation.release()
 
-    def take_effort(self, effort: FloatArray) -> None:
-        """Let this effort act; it opens the brakes."""
-        self.effort = effort
+    def take_effort(self, effort: FloatArray) -> int | None:
+        """
+        Apply this effort (n,), clipped to `effort_limit`, and release the brakes.
+
+        Return the joint that exceeds its limit most, None if no joint exceeds it.
+        """
+        joint, self.effort = self._clip(effort)
         self.commands.receive()
         self.timed_out = False
         self.simulation.release()
+        return joint
+
+    def _clip(self, effort: FloatArray) -> tuple[int | None, FloatArray]:
+        limit = self.effort_limit
+        if limit is None:
+            return None, effort
+        excess = np.abs(effort) - limit
+        joint = int(np.argmax(excess))
+        if not excess[joint] > 0.0:
+            return None, effort
+        self.clipped_count += 1
+        return joint, np.clip(effort, -limit, limit)
 
     def watch_commands(self, passed: float, period: float) -> bool:
         """

@@ -242,7 +242,9 @@ def test_a_set_point_is_followed(tracking: Bench) -> None:
         commands.wait_matched()
         all_terms.wait_matched()
         terms = tracking.client.answer_to(tracking.states, tracking.state(), all_terms)
-        numbers = commands.wait_for()
+        # asked until one is published: the joint order of each subscriber is checked first
+        numbers = tracking.client.ask(
+            tracking.states, tracking.state(), commands, lambda message: True)
     assert numbers.data == pytest.approx(TAU[::-1], abs=5e-9)  # the order of `joints`
     assert list(terms.joint_names) == ['joint2', 'joint1']
     assert terms.effort == pytest.approx(TAU[::-1], abs=5e-9)

@@ -116,6 +116,11 @@ class Driver:
         self.change = lambda message: message
         self._quiet.clear()
 
+    def stream_changed(self, change: Change) -> None:
+        """Send states with this change."""
+        self.change = change
+        self._quiet.clear()
+
     def close(self) -> None:
         """End the thread and the topic."""
         self._ends.set()

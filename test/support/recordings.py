@@ -33,6 +33,9 @@ FORMATS = {
     'sqlite3': ('SQLITE3', 'NONE'), 'sqlite3_message': ('SQLITE3', 'MESSAGE'),
     'sqlite3_file': ('SQLITE3', 'FILE')}
 """The formats by name: the storage and the compression of rosbags."""
+ROSBAG2 = Path(__file__).parents[3] / 'shared' / 'data' / 'rosbag2'
+"""Recordings that rosbag2 itself wrote, of the nodes of this package with the default arm."""
+NO_ROSBAG2 = 'the recordings of rosbag2 are missing: no shared/data/rosbag2 next to the project'
 
 
 class KnownMotion:

@@ -325,11 +325,11 @@ class Collector:
 class RosClient:
     """A node of the tests, spinning in a thread; for use in a `with` statement."""
 
-    def __init__(self, name: str = 'test_client') -> None:
+    def __init__(self, name: str = 'test_client', has_parameters: bool = False) -> None:
         self._context = Context()
         rclpy.init(context=self._context)
         self.node = rclpy.create_node(
-            name, context=self._context, start_parameter_services=False)
+            name, context=self._context, start_parameter_services=has_parameters)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._clients: dict[str, Any] = {}

@@ -32,6 +32,7 @@ DURATION = 'duration: about 7 minutes in three processes on two idle cores'
 
 TESTS = Path(__file__).parents[1]
 UR10 = TESTS.parents[2] / 'shared' / 'data' / 'ur10'
+ROSBAG2 = UR10.with_name('rosbag2')
 CHROMIUM = ('chromium', 'chromium-browser', 'google-chrome')
 """Names of the browser's program; the first on the PATH is used."""
 MODULE_OR_SKIP = r"(?:importorskip|find_spec|= load)\('({})\b"
@@ -72,6 +73,7 @@ TOOLS = (
     Tool('playwright', lambda: has_module('playwright'), '(?m)^from browser import'),
     Tool('ffmpeg', has_ffmpeg, r"check_format\(Path\('x.mp4'\)\)"),
     Tool(PACKAGE, is_installed, '(?m)^from robots import .*robot_'),
+    Tool('../shared/data/rosbag2', ROSBAG2.exists, r'(?m)^from recordings import .*\bROSBAG2'),
     Tool('../shared/data/ur10', UR10.exists, "'shared' / 'data' / 'ur10'|shared/data/ur10"),
 )
 

@@ -35,6 +35,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.cdr_templates import array_template, effort_template, MessageTemplate
 from robot_dynamics.ros.diagnostics import Status
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
+from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -80,6 +81,7 @@ class SafeCommand:
         self._latched: Fault | None = None
         self._faults_seen = 0
         self._mode_seen = Mode.INACTIVE
+        self._order = ControllerOrder(node, self._commands, lambda: self._names, self.fail)
         self._thread = threading.Thread(target=self._watch, name='command watch', daemon=True)
         self._thread.start()
 
@@ -253,7 +255,7 @@ class SafeCommand:
                 supervisor.activate()
             self._stamp = stamp
             effort = supervisor.answer(
-                now, q, v, output.command, output.hold, dt, brake, fault)
+                now, q, v, output.command, output.hold, dt, brake, self._order.fault or fault)
             self._publish(effort)
             if supervisor.mode is Mode.RUNNING:
                 self.counters.count_limits(output, supervisor.guarded)
@@ -282,7 +284,8 @@ class SafeCommand:
         named, bare = self._templates
         try:
             self._send(named.filled(self._stamp, effort))
-            self._commands.publish(bare.filled(self._stamp, effort))
+            if self._order.allows():
+                self._commands.publish(bare.filled(self._stamp, effort))
         except Exception:
             if self._node.context.ok():
                 raise

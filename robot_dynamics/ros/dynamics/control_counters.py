@@ -20,6 +20,7 @@ import math
 import time
 
 from robot_dynamics.monitoring.event_timing import EventTiming
+from robot_dynamics.monitoring.replay_hint import ReplayHint
 
 
 @dataclass
@@ -39,6 +40,7 @@ class ControlCounters:
     restarts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
+    replay: ReplayHint = field(default_factory=ReplayHint)
     following: bool = False
     paused_streams: int = 0
     interruption: str = ''

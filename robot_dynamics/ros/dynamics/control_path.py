@@ -246,6 +246,8 @@ class ControlPath:
             self.command.fail(Fault('non_finite', str(error), latched=True))
         except ImplausibleStateError as error:
             self._drop(error.reason, f'Dropped a joint state: {error}')
+            if error.reason == 'too old':
+                self._look_for_replay(state.stamp_ns)
             if error.is_conflict:
                 self.command.fail(
                     Fault('several_publishers', str(error), recovery=CONFLICT_RECOVERY))
@@ -264,6 +266,11 @@ class ControlPath:
         self.counters.dropped[reason] += 1
         self.counters.last_drop = words
         self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+
+    def _look_for_replay(self, stamp_ns: int) -> None:
+        replay = self.counters.replay
+        if self._has_age() and replay.look(stamp_ns, time.time_ns()):
+            self._node.get_logger().warning(replay.text, throttle_duration_sec=LOG_PERIOD)
 
     def _take_part(self, missing: list[str], now: float) -> None:
         """Take note of a message that does not complete a state; log it if none was complete."""
@@ -309,6 +316,10 @@ class ControlPath:
         q, v = served.reader.read(state)
         judgement = served.watch.judge(  # by a clock that does not stand still with /clock
             state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers, steady_ns)
+        if served.watch.is_other_clock:
+            self._look_for_replay(state.stamp_ns)
+        elif self.counters.replay.text:
+            self.counters.replay.reset()
         if judgement.restart and self.counters.states > 0:
             self.counters.restarts[judgement.restart] += 1
             self._interrupt(f'joint states restarted: {judgement.restart}')

@@ -54,6 +54,8 @@ class StateReport:
                 level, words = ERROR, (
                     f'incomplete: no samples of {list(counters.missing)} that are new enough '
                     '(joint_sample_max_age)')
+        if counters.replay.text:
+            level, words = max(level, WARN), f'{words}; {counters.replay.text}'
         return Status('joint states', level, words, {
             'answered': counters.states,
             'not new (stamp repeated)': counters.repeated,

@@ -37,6 +37,7 @@ from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
+from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
 from robot_dynamics.simulation.plant import Measured, Plant
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -62,7 +63,7 @@ class ArmTopics:
         self._decoder, self._reader = JointStateDecoder(), JointStateReader(joint_names)
         self._with_effort = state_template(joint_names)
         self._without_effort = state_template(joint_names, has_effort=False)
-        self._states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+        self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
         self.efforts = node.create_subscription(
@@ -72,7 +73,7 @@ class ArmTopics:
     @property
     def topic(self) -> str:
         """The full name of the topic of the joint states."""
-        return str(self._states.topic_name)
+        return str(self.states.topic_name)
 
     @property
     def has_own_time(self) -> bool:
@@ -98,7 +99,7 @@ class ArmTopics:
             self._clock.publish(Clock(clock=stamp_to_ros(stamp_ns)))
         template = self._with_effort if len(measured.effort) else self._without_effort
         stamp = stamp_bytes(stamp_ns)
-        self._states.publish(template.filled(stamp, *measured[:3]))
+        self.states.publish(template.filled(stamp, *measured[:3]))
         if self._motors.get_subscription_count() > 0:
             self._motors.publish(template.filled(stamp, *measured.motors, measured.effort))
 
@@ -152,6 +153,20 @@ class _Loop(ABC):
         wait_set.add_guard_condition(self._wake.handle)
         wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
         return bool(wait_set.get_ready_entities('subscription'))
+
+    def _apply(self, effort: FloatArray) -> None:
+        """Apply an effort; log the joint at which the drive clips it most."""
+        plant = self._plant
+        with self._lock:
+            joint, limit = plant.take_effort(effort), plant.effort_limit
+        if joint is None or limit is None:
+            return
+        arm = plant.simulation.arm
+        unit = 'N' if arm.joint_kinds[joint] == 'prismatic' else 'N m'
+        self._node.get_logger().warning(
+            f'Clipped the effort of {arm.joint_names[joint]!r}: received {effort[joint]:g} '
+            f'{unit}, the effort limit of the URDF is {limit[joint]:g} {unit} (clip_efforts); '
+            f'efforts clipped so far: {plant.clipped_count}', throttle_duration_sec=LOG_PERIOD)
 
     def _advance(self) -> Measured:
         """Return what is measured one period on; an arm flung to infinity starts again."""
@@ -224,7 +239,7 @@ class WallTimeLoop(_Loop):
     def _give(self, effort: FloatArray) -> None:
         with self._lock:
             had_timed_out = self._plant.timed_out
-            self._plant.take_effort(effort)
+        self._apply(effort)
         if had_timed_out:
             self._node.get_logger().info(
                 'Efforts arrive again: the arm goes on from where it is.',
@@ -255,6 +270,12 @@ class LockStepLoop(_Loop):
 
     real_time_factor = math.inf
 
+    def __init__(
+        self, node: Node, plant: Plant, topics: ArmTopics, lock: threading.Lock, period: float,
+    ) -> None:
+        super().__init__(node, plant, topics, lock, period)
+        self._unanswered = UnansweredState(node, topics.states, topics.efforts)
+
     def _run(self) -> None:
         tick = 1  # a stamp of 0 would read as "no stamp"
         least, due = self._period / self.real_time_factor, -math.inf
@@ -269,21 +290,25 @@ class LockStepLoop(_Loop):
                 effort = self._ask(stamp_ns, measured)
             if effort is None:
                 return
-            with self._lock:
-                self._plant.take_effort(effort)
+            self._apply(effort)
             tick += 1
             self._stopping.wait(due + least - time.monotonic())
             measured = self._advance()
 
     def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:
         """Publish a state until its effort arrives; return None when told to stop."""
+        self._unanswered.begin(stamp_ns, stamp_ns - self._period_ns)
         while self._running():
             self._topics.publish(stamp_ns, measured)
+            self._unanswered.look()
             deadline = time.monotonic() + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
                 if not self._wait_for_effort(remaining):
                     continue
                 taken = self._topics.take_effort()
-                if taken is not None and taken[1] == stamp_ns:
+                if taken is None:
+                    continue
+                if taken[1] == stamp_ns:
                     return taken[0]
+                self._unanswered.receive_other(taken[1])
         return None

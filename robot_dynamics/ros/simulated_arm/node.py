@@ -88,6 +88,10 @@ SPECS = (
         'Time without a valid effort after which the brakes engage until the next one [s]; 0: '
         'never. With lock_step time itself waits for the effort.', minimum=0.0, maximum=3600.0),
     ParameterSpec(
+        'clip_efforts', Type.BOOL, True,
+        'Clip each received effort to the effort limits of the URDF, as a drive does, and log a '
+        'warning that names joint, value and limit. With false any effort acts on the arm.'),
+    ParameterSpec(
         'measured_effort', Type.STRING, 'joint_torque',
         'What this arm reports as effort in joint_states: joint_torque, '
         'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (both need '
@@ -194,6 +198,8 @@ class SimulatedArmNode(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             self._plant.commands.timeout = values['command_timeout']
+            self._plant.effort_limit = (
+                self._arm.limits.effort if values['clip_efforts'] else None)
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
             self._plant.effort_noise = values['effort_noise']

@@ -1,0 +1,68 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Recognition of a replayed recording by the stamps of its states.
+
+`ros2 bag play` publishes states under the stamps of the recording at the pace of the recording:
+their age is constant and larger than that of any live state.
+"""
+
+from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
+
+LEAST_SPAN = 1.0
+"""[s] of stamps over which the age must be constant."""
+LEAST_STATES = 10
+"""States in this span."""
+LARGEST_JITTER = 0.2
+"""[s] between the largest and the smallest age in this span."""
+OLDEST_RECORDING = 1_000_000_000 * NANOSECONDS_PER_SECOND
+"""[ns] since 1970; a smaller stamp is that of a simulation, whose time starts at 0."""
+
+
+class ReplayHint:
+    """Looks at states that are too old for live ones; stamps and times in [ns]."""
+
+    def __init__(self) -> None:
+        self.text = ''
+        """The hint while states arrive as from a replay, otherwise empty."""
+        self._states = 0
+        self._first = self._least = self._largest = 0
+
+    def reset(self) -> None:
+        """Forget all states: a live one has arrived."""
+        self.text, self._states = '', 0
+
+    def look(self, stamp: int, clock: int) -> bool:
+        """
+        Look at an old state; `clock` is the time of this computer.
+
+        Return whether the replay was recognised with this state.
+        """
+        age = clock - stamp
+        least, largest = min(self._least, age), max(self._largest, age)
+        if not self._states or stamp < self._first or (
+                largest - least > LARGEST_JITTER * NANOSECONDS_PER_SECOND):
+            self.text = ''
+            self._states, self._first, self._least, self._largest = 1, stamp, age, age
+            return False
+        self._states, self._least, self._largest = self._states + 1, least, largest
+        if self.text or stamp < OLDEST_RECORDING or self._states < LEAST_STATES or (
+                stamp - self._first < LEAST_SPAN * NANOSECONDS_PER_SECOND):
+            return False
+        self.text = (
+            f'all joint states are {age / NANOSECONDS_PER_SECOND:.1f} s old, a constant age, as '
+            'of a replayed recording: play it with `ros2 bag play --clock` and start this node '
+            'with `use_sim_time:=true`; if a robot publishes them, synchronise its clock')
+        return True

@@ -1,0 +1,173 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Comparison of the joint order of effort controllers with that of the command.
+
+`~/commands` has no joint names: a ros2_control controller applies the values in the order of its
+parameter `joints`. The check runs in the executor. Nothing is published on `~/commands` until a
+subscriber has been checked, nor while one has another order, unless another has the right one.
+A subscriber that joins later interrupts no command: it is checked meanwhile.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+import time
+from typing import Any
+
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.publisher import Publisher
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from robot_dynamics.control.supervisor import Fault
+
+LOOK_PERIOD = 0.1
+"""[s] between two looks while a subscriber is unchecked."""
+RECHECK_PERIOD = 1.0
+"""[s] between two looks at subscribers that have been checked."""
+GRACE = 0.5
+"""
+[s] for the parameter service of a subscriber to be discovered.
+
+A node creates that service before its subscriptions, so it is usually discovered before them.
+"""
+PATIENCE = 5.0
+"""[s] for a parameter service that was discovered to answer."""
+
+
+class _Subscriber:
+    """One subscriber of `~/commands`, and the joints that its node has as parameter."""
+
+    def __init__(self, node: Node, info: TopicEndpointInfo) -> None:
+        self._node, self._of = node, (info.node_name, info.node_namespace)
+        self.name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+        self.is_checked = False
+        self.joints: list[str] | None = None
+        self._service, self._since = f'{self.name}/get_parameters', time.monotonic()
+        self._client: Any = None
+        self._future: Any = None
+        with suppress(rclpy_implementation.RCLError):  # a ROS 2 security policy may not allow it
+            self._client = node.create_client(GetParameters, self._service)
+
+    def look(self) -> str:
+        """Continue the request; return why the order cannot be checked, empty if it can."""
+        if self._future is None and self._client is not None and self._client.service_is_ready():
+            self._future = self._client.call_async(GetParameters.Request(names=['joints']))
+        if self._future is not None and self._future.done():
+            return self._take(self._future.result().values)
+        has_service = self._future is not None or self._has_service()
+        if time.monotonic() - self._since < (PATIENCE if has_service else GRACE):
+            return ''
+        self._finish()
+        return 'its parameter service does not answer' if has_service else (
+            'it has no parameter service')
+
+    def _has_service(self) -> bool:
+        with suppress(NodeNameNonExistentError):
+            services = self._node.get_service_names_and_types_by_node(*self._of)
+            return any(name == self._service for name, _ in services)
+        return False
+
+    def _take(self, values: Sequence[Any]) -> str:
+        self._finish()
+        if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY:
+            return 'it has no parameter `joints`'
+        self.joints = list(values[0].string_array_value)
+        return ''
+
+    def _finish(self) -> None:
+        self.is_checked = True
+        self.close()
+
+    def close(self) -> None:
+        """End the request."""
+        if self._client is not None:
+            self._node.destroy_client(self._client)
+            self._client = self._future = None
+
+
+class ControllerOrder:
+    """Checks the subscribers of `~/commands`; `look` runs in the executor."""
+
+    def __init__(
+        self, node: Node, commands: Publisher, joint_names: Callable[[], Sequence[str]],
+        when_wrong: Callable[[Fault], None],
+    ) -> None:
+        """`joint_names` returns the commanded joints; `when_wrong` gets each new difference."""
+        self.fault: Fault | None = None
+        """The difference, while there is one."""
+        self._node, self._commands, self._joint_names = node, commands, joint_names
+        self._when_wrong = when_wrong
+        self._count = commands.handle.get_subscription_count
+        self._subscribers: dict[bytes, _Subscriber] = {}
+        self._judged_for: list[str] = []
+        self._open_for: list[str] | None = None
+        self._looked_at = -RECHECK_PERIOD
+        self._reported: set[str] = set()
+        node.create_timer(LOOK_PERIOD, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def allows(self) -> bool:
+        """Tell whether a command may be published; called by the control path."""
+        return self._count() == 0 or self._open_for == self._joint_names()
+
+    def look(self) -> None:
+        """Find the subscribers, continue their checks, and compare the orders."""
+        now, names = time.monotonic(), list(self._joint_names())
+        checked = [one for one in self._subscribers.values() if one.is_checked]
+        if self._count() == len(self._subscribers) == len(checked) and (
+                names == self._judged_for and now - self._looked_at < RECHECK_PERIOD):
+            return
+        self._looked_at, self._judged_for = now, names
+        self._find()
+        for subscriber in self._subscribers.values():
+            if not subscriber.is_checked:
+                self._report(subscriber.name, subscriber.look())
+        checked = [one for one in self._subscribers.values() if one.is_checked]
+        self._compare(checked, names)
+        self._open_for = names if any(
+            one.joints == names or one.joints is None and self.fault is None for one in checked
+        ) else None
+
+    def _find(self) -> None:
+        found = {bytes(info.endpoint_gid): info for info in
+                 self._node.get_subscriptions_info_by_topic(self._commands.topic_name)}
+        for gid in self._subscribers.keys() - found.keys():
+            self._subscribers.pop(gid).close()
+        for gid, info in found.items():
+            if gid not in self._subscribers and info.node_name != '_NODE_NAME_UNKNOWN_':
+                self._subscribers[gid] = _Subscriber(self._node, info)
+
+    def _report(self, name: str, reason: str) -> None:
+        if reason and name not in self._reported:
+            self._reported.add(name)
+            self._node.get_logger().warning(
+                f'The joint order of {name}, a subscriber of {self._commands.topic_name}, was '
+                f'not checked: {reason}. It must be {list(self._joint_names())}.')
+
+    def _compare(self, checked: Sequence[_Subscriber], names: list[str]) -> None:
+        wrong = next((one for one in checked if names and one.joints not in (None, names)), None)
+        if wrong is None:
+            self.fault = None
+            return
+        words = (
+            f'{wrong.name} takes {self._commands.topic_name} for the joints {wrong.joints}, '
+            f'expected the order of this node, {names}: set the parameter `joints` of both to '
+            'the same order')
+        if self.fault is None or self.fault.words != words:
+            self.fault = Fault('controller_order', words, latched=True)
+            self._when_wrong(self.fault)

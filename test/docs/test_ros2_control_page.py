@@ -1,0 +1,80 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""docs/ros2_control.md and the README: joints, controllers and threshold fit each other."""
+
+from pathlib import Path
+import re
+from xml.etree import ElementTree
+
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / 'docs' / 'ros2_control.md').read_text(encoding='utf-8')
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
+TYPES = {
+    'joint_state_broadcaster': 'joint_state_broadcaster/JointStateBroadcaster',
+    'effort_controller': 'effort_controllers/JointGroupEffortController'}
+
+
+def controllers(text: str) -> tuple[dict[str, str], list[str]]:
+    """Return the types of the controllers by name, and the joints of the effort controller."""
+    block, = re.findall(r'```yaml\n(controller_manager:.*?)```', text, re.DOTALL)
+    values = {name: node['ros__parameters'] for name, node in yaml.safe_load(block).items()}
+    types = {name: one['type'] for name, one in values['controller_manager'].items()
+             if isinstance(one, dict)}
+    return types, values['effort_controller']['joints']
+
+
+def hardware() -> str:
+    """Return the tag of the hardware component."""
+    tag, = re.findall(r'```xml\n(.*?)```', PAGE, re.DOTALL)
+    return str(tag)
+
+
+def test_the_recipe_has_all_joints_everywhere() -> None:
+    arm = load_arm(default_arm_urdf().replace('</robot>', f'{hardware()}</robot>'))
+    tag = ElementTree.fromstring(hardware())
+    types, joints = controllers(PAGE)
+    assert types == TYPES
+    assert joints == list(arm.joint_names) == [joint.get('name') for joint in tag.iter('joint')]
+    assert f'joints:="[{", ".join(joints)}]"' in PAGE
+    for joint in tag.iter('joint'):
+        assert [one.get('name') for one in joint.findall('command_interface')] == ['effort']
+        assert [one.get('name') for one in joint.findall('state_interface')] == [
+            'position', 'velocity', 'effort']
+
+
+def test_the_topics_of_the_hardware_are_those_of_the_simulated_arm() -> None:
+    parameters = {
+        one.get('name'): one.text for one in ElementTree.fromstring(hardware()).iter('param')}
+    assert f'joint_states:={parameters["joint_states_topic"]} ' in PAGE
+    assert f'effort_command:={parameters["joint_commands_topic"]}\n' in PAGE
+    assert float(parameters['trigger_joint_command_threshold'] or 0) < 0.0
+
+
+def test_the_controller_of_the_readme_has_the_joints_of_its_parameter_file() -> None:
+    types, joints = controllers(README)
+    nodes = yaml.safe_load((ROOT / 'config' / 'ur10.yaml').read_text(encoding='utf-8'))
+    assert types == TYPES
+    assert [joints] == [node['ros__parameters']['joints'] for node in nodes.values()
+                        if 'joints' in node['ros__parameters']][:1]
+
+
+def test_both_start_the_controllers_that_they_configure() -> None:
+    for text in (README, PAGE):
+        assert f'spawner {" ".join(TYPES)}\n' in text
+        assert '/effort_controller/commands' in text

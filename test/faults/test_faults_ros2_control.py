@@ -1,0 +1,210 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults in operation with ros2_control and with replayed recordings, on the real nodes."""
+
+from contextlib import ExitStack
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, G, stamp_of, STEADY
+from fault_stimuli import shifted
+from fault_table import fault
+import numpy as np
+import pytest
+from robot_dynamics.ros.simulated_arm.loops import RESEND_PERIOD
+from robot_dynamics.ros.simulated_arm.unanswered_state import UNANSWERED_AFTER
+from ros2_control_standin import ros2_control
+from ros_harness import (
+    DYNAMICS,
+    KEEP_MANY,
+    NO_SHARED_MEMORY,
+    NodeProcess,
+    RosClient,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+GROUP = 'ros2_control and replayed recordings'
+NAMES = ['joint1', 'joint2']
+
+# ------------------------------------------------------------------ the drives of simulated_arm
+
+
+@fault(GROUP, '`simulated_arm` receives 5,000 N m on a joint with an effort limit of 60 N m',
+       '60 N m act on the arm and are reported; a warning names joint, value, limit and '
+       '`clip_efforts`; with `clip_efforts: false` 5,000 N m act')
+def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
+    parameters = {'lock_step': True, 'rate': 500.0}
+    with NodeProcess(
+            SIMULATED_ARM, parameters, namespace='/clips',
+            remaps={'/clock': '/clips/clock'}) as node, \
+            client.collect(JointState, '/clips/joint_states', KEEP_MANY) as states:
+        publisher = client.publisher(JointState, '/clips/effort_command', 1)
+
+        def answer(effort: list[float]) -> JointState:
+            state = states.wait_for()
+            command = JointState(header=state.header, name=NAMES, effort=effort)
+            after = client.ask(
+                publisher, command, states, lambda m: m.header.stamp != state.header.stamp)
+            states.clear()
+            return after
+
+        clipped = answer([1.0, -5000.0])
+        assert list(clipped.effort) == [1.0, -60.0]
+        assert np.isfinite(clipped.position).all()
+        line = node.wait_for_log("Clipped the effort of 'joint2'")
+        assert 'received -5000 N m, the effort limit of the URDF is 60 N m (clip_efforts)' in line
+        result, = client.set_parameters('/clips/simulated_arm', {'clip_efforts': False})
+        assert result.successful, result.reason
+        assert list(answer([0.0, 5000.0]).effort) == [0.0, 5000.0]
+        client.node.destroy_publisher(publisher)
+
+
+# ------------------------------------------------------------------ lock-step without an answer
+
+
+@fault(GROUP, '`lock_step` without a subscriber of `joint_states`; then without a publisher of '
+       '`effort_command`; with one that sends nothing; with efforts under other stamps, as behind '
+       'ros2_control',
+       'within a second a warning names which of them it is, and `lock_step:=false` for the last '
+       'two; the first effort under the stamp of the state moves time on')
+def test_lock_step_names_the_reason_why_it_gets_no_answer(client: RosClient) -> None:
+    assert UNANSWERED_AFTER + RESEND_PERIOD < 1.0
+    with NodeProcess(
+            SIMULATED_ARM, {'lock_step': True}, namespace='/unanswered',
+            remaps={'/clock': '/unanswered/clock'}) as node:
+        node.wait_for_log(
+            r'lock_step: no effort for the joint state of 0\.002 s for [0-9.]+ s: '
+            '/unanswered/joint_states has no subscriber')
+        with client.collect(JointState, '/unanswered/joint_states', KEEP_MANY) as states:
+            node.wait_for_log('/unanswered/effort_command has no publisher')
+            publisher = client.publisher(JointState, '/unanswered/effort_command', 1)
+            node.wait_for_log(
+                'publisher of /unanswered/effort_command has sent no valid effort since.*'
+                'use lock_step:=false behind ros2_control')
+            effort = JointState(name=NAMES, effort=[0.0, 0.0])
+            effort.header.stamp = stamp_of(time.time_ns())
+
+            def is_named() -> bool:
+                publisher.publish(effort)
+                return 'lock_step needs efforts under the stamp of the state; use ' \
+                    'lock_step:=false behind ros2_control' in node.log
+
+            wait_until(is_named, 'a warning of other stamps')
+            before = states.messages[-1].header.stamp
+            effort.header.stamp = before
+            client.ask(publisher, effort, states, lambda m: m.header.stamp != before)
+            client.node.destroy_publisher(publisher)
+
+
+# ------------------------------------------------------------------ replayed recordings
+
+
+def has_replay_hint(status: DiagnosticStatus) -> bool:
+    return '`ros2 bag play --clock`' in status.message and (
+        '`use_sim_time:=true`' in status.message)
+
+
+@pytest.mark.parametrize('age', [
+    pytest.param(age, marks=fault(GROUP, f'joint states as from a bag that is {words} old', seen))
+    for age, words, seen in (
+        (1800.0, 'half an hour',
+         'dropped as too old; one hint in log and diagnostics: `ros2 bag play --clock` and '
+         '`use_sim_time:=true`; live states end the hint and are answered'),
+        (7200.0, 'two hours',
+         'answered, as by another clock, with the same hint; live states end the hint'))])
+def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> None:
+    namespace = f'/replayed{age:.0f}'
+    with fault_bench(client, namespace, stream=False) as bench:
+        bench.driver.stream_changed(shifted(-age))
+        status = bench.wait_status('joint states', has_replay_hint)
+        assert status.level == (DiagnosticStatus.ERROR if age < 3600.0 else DiagnosticStatus.WARN)
+        line = bench.node.wait_for_log(r'\[WARN\].*all joint states are [0-9.]+ s old')
+        assert f'are {age:.0f}' in line
+        assert bool(bench.efforts.messages) == (age > 3600.0)
+        bench.driver.go_on()
+        bench.wait_running()
+        bench.wait_status('joint states', lambda one: not has_replay_hint(one))
+
+
+# ------------------------------------------------------------------ the order of the joints
+
+
+def commanding(namespace: str, **more: Any) -> NodeProcess:
+    """Return a dynamics node that commands the effort controller of this namespace."""
+    return NodeProcess(
+        DYNAMICS, {**STEADY, 'joints': NAMES, **more}, namespace=namespace, patient=False,
+        remaps={'~/commands': f'{namespace}/effort_controller/commands'},
+        environment=NO_SHARED_MEMORY)
+
+
+@fault(GROUP, 'the effort controller lists its joints in another order than `joints`',
+       'latched fault `controller_order`, which names both orders; not one message on '
+       '`~/commands`; with a controller of the right order and `~/reset_fault` commands are '
+       'published')
+def test_another_order_of_the_controller_stops_the_command(client: RosClient) -> None:
+    space = '/order'
+    with client.collect(
+            JointState, f'{space}/simulated/effort_command', KEEP_MANY) as forwarded, \
+            ExitStack() as stack:
+        wrong = stack.enter_context(ExitStack())
+        wrong.enter_context(ros2_control(space, NAMES[::-1]))
+        node = stack.enter_context(commanding(space))
+        bench = FaultBench(client, node, space)
+        stack.callback(bench.close)
+        bench.driver.start()
+        words = bench.wait_fault('controller_order').message
+        assert '/order/effort_controller takes' in words
+        assert "for the joints ['joint2', 'joint1'], expected" in words
+        assert "['joint1', 'joint2']" in words
+        forwarded.clear()
+        assert all(np.isnan(m.effort).all() for m in forwarded.wait_count(50))
+        reset = client.call(Trigger, bench.name('reset_fault'))
+        assert not reset.success, reset.message
+        wrong.close()
+        with ros2_control(space, NAMES):
+            def is_reset() -> bool:
+                return bool(client.call(Trigger, bench.name('reset_fault')).success)
+
+            wait_until(is_reset, 'a reset')
+            bench.wait_running()
+            forwarded.wait_for(lambda m: list(m.name) == NAMES and m.effort == pytest.approx(G))
+
+
+@pytest.mark.parametrize(('has_service', 'reason'), [
+    pytest.param(has_service, f'it has no {what}', marks=fault(
+        GROUP, f'a subscriber of `~/commands` that has no {what}',
+        'one warning that the order was not checked, with the order that it must have; '
+        'commands are published'))
+    for has_service, what in ((False, 'parameter service'), (True, 'parameter `joints`'))])
+def test_an_order_that_cannot_be_checked_is_named(
+    client: RosClient, has_service: bool, reason: str,
+) -> None:
+    space = f'/unchecked{has_service:d}'
+    with RosClient('bridge', has_parameters=has_service) as bridge, \
+            bridge.collect(Float64MultiArray, f'{space}/effort_controller/commands') as commands, \
+            commanding(space) as node:
+        bench = FaultBench(client, node, space)
+        bench.driver.start()
+        node.wait_for_log(
+            rf'\[WARN\].*joint order of /bridge, a subscriber of {space}/effort_controller/'
+            rf"commands, was not checked: {reason}. It must be \['joint1', 'joint2'\]")
+        commands.wait_for(lambda m: m.data.tolist() == pytest.approx(G))
+        bench.close()
+        assert node.log.count('was not checked') == 1

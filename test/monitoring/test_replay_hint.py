@@ -1,0 +1,83 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A replayed recording is recognised by a constant age of its states."""
+
+import pytest
+from robot_dynamics.monitoring.replay_hint import (
+    LARGEST_JITTER,
+    LEAST_SPAN,
+    OLDEST_RECORDING,
+    ReplayHint,
+)
+
+NOW = 1_790_000_000_000_000_000
+PERIOD = 10_000_000
+STATES = 200
+
+
+def ns(seconds: float) -> int:
+    return round(1e9 * seconds)
+
+
+def recognised(hint: ReplayHint, first: int, ages: list[float], pace: float = 1.0) -> list[int]:
+    """Return at which states, a period apart by this computer, the hint is new."""
+    return [
+        k for k, age in enumerate(ages)
+        if hint.look(first - ns(age) + round(pace * k * PERIOD), first + k * PERIOD)]
+
+
+@pytest.mark.parametrize('age', [5.0, 1800.0, 7200.0, 3e7])
+def test_states_of_a_constant_age_are_those_of_a_replay(age: float) -> None:
+    hint = ReplayHint()
+    at, = recognised(hint, NOW, [age] * STATES)
+    assert at * PERIOD == ns(LEAST_SPAN)
+    assert f'{age:.1f} s old' in hint.text
+    assert '`ros2 bag play --clock`' in hint.text
+    assert '`use_sim_time:=true`' in hint.text
+
+
+def test_jitter_is_allowed() -> None:
+    ages = [100.0 + 0.9 * LARGEST_JITTER * (k % 2) for k in range(STATES)]
+    assert len(recognised(ReplayHint(), NOW, ages)) == 1
+
+
+@pytest.mark.parametrize('pace', [0.0, 0.5, 2.0])
+def test_stamps_at_another_pace_are_not_those_of_a_replay(pace: float) -> None:
+    hint = ReplayHint()
+    assert not recognised(hint, NOW, [100.0] * STATES, pace)
+    assert not hint.text
+
+
+def test_stamps_of_a_simulation_are_not_those_of_a_replay() -> None:
+    age = (NOW - OLDEST_RECORDING) / 1e9 + 100.0
+    assert not recognised(ReplayHint(), NOW, [age] * STATES)
+
+
+def test_a_few_states_are_not_enough() -> None:
+    hint = ReplayHint()
+    assert not hint.look(NOW - ns(100.0), NOW)
+    assert not hint.look(NOW - ns(98.0), NOW + ns(2.0))
+    assert not hint.text
+
+
+def test_another_age_ends_the_hint_and_a_second_replay_is_recognised() -> None:
+    hint = ReplayHint()
+    assert recognised(hint, NOW, [100.0] * STATES)
+    assert not hint.look(NOW + ns(3.0), NOW + ns(3.0))
+    assert not hint.text
+    assert recognised(hint, NOW + ns(4.0), [100.0] * STATES)
+    hint.reset()
+    assert not hint.text
+    assert recognised(hint, NOW + ns(8.0), [100.0] * STATES)

@@ -1,0 +1,110 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings of rosbag2 itself, replayed through the real node: bit-identical efforts."""
+
+from collections.abc import Iterator
+import struct
+import time
+
+from builtin_interfaces.msg import Time
+import numpy as np
+import pytest
+from recordings import NO_ROSBAG2, ROSBAG2
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.recordings.reader import Recording
+from ros_harness import DYNAMICS, KEEP_MANY, NodeProcess, RosClient
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+pytest.importorskip('rosbags')
+pytestmark = pytest.mark.skipif(not ROSBAG2.is_dir(), reason=NO_ROSBAG2)
+NAMES = ['joint1', 'joint2']
+STAMP = struct.Struct('<iI')
+"""`header.stamp`, after four bytes of encapsulation."""
+
+
+class Replay:
+    """Publishes recorded joint states as they were recorded, and returns the node's answers."""
+
+    def __init__(self, client: RosClient, namespace: str) -> None:
+        self._client = client
+        self.answers = client.collect(
+            JointState, f'{namespace}/dynamics/gravity_compensation', KEEP_MANY)
+        self.answers.wait_matched()
+        self._states = client.publisher(JointState, f'{namespace}/joint_states', 1)
+
+    def answer(self, data: bytes) -> JointState:
+        """Publish a serialized state until it is answered; return the answer."""
+        stamp = STAMP.unpack_from(data, 4)
+        self.answers.clear()
+        return self._client.ask(
+            self._states, data, self.answers,
+            lambda m: (m.header.stamp.sec, m.header.stamp.nanosec) == stamp)
+
+    def close(self) -> None:
+        self.answers.close()
+        self._client.node.destroy_publisher(self._states)
+
+
+@pytest.fixture
+def replay(client: RosClient) -> Iterator[Replay]:
+    with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/bag'):
+        one = Replay(client, '/bag')
+        yield one
+        one.close()
+
+
+def states_of(name: str) -> list[bytes]:
+    """Return the serialized joint states of a recording."""
+    with Recording(ROSBAG2 / name) as recording:
+        return [data for _, data in recording.raw_messages('/joint_states')]
+
+
+@pytest.mark.parametrize(('name', 'count'), [('mcap', 1903), ('sqlite3_zstd', 11376)])
+def test_the_efforts_are_those_of_the_library_and_of_the_recording(
+    replay: Replay, name: str, count: int,
+) -> None:
+    dynamics = ArmDynamics(load_arm(default_arm_urdf(), NAMES))
+    with Recording(ROSBAG2 / name) as recording:
+        positions = recording.joint_series('/joint_states').position
+        recorded = recording.joint_series('/dynamics/gravity_compensation').effort if any(
+            topic.name == '/dynamics/gravity_compensation' for topic in recording.topics) else None
+    assert positions is not None
+    efforts = np.array([replay.answer(data).effort for data in states_of(name)])
+    assert len(efforts) == count
+    assert np.array_equal(efforts, [dynamics.rigid_body.gravity(q) for q in positions])
+    assert (recorded is not None) == (name == 'mcap')
+    assert recorded is None or np.array_equal(efforts, recorded)
+
+
+def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(client: RosClient) -> None:
+    """As `ros2 bag play --clock` publishes it, to a node with `use_sim_time`."""
+    states = states_of('sqlite3_zstd')[:300]
+    shift = int(time.time()) - 600 - STAMP.unpack_from(states[0], 4)[0]
+    with NodeProcess(
+            DYNAMICS, {'use_sim_time': True}, namespace='/clocked', patient=False,
+            remaps={'/clock': '/clocked/clock'}) as node:
+        replay, clock = Replay(client, '/clocked'), client.publisher(Clock, '/clocked/clock')
+        for data in states:
+            seconds, nanoseconds = STAMP.unpack_from(data, 4)
+            stamp = Time(sec=seconds + shift, nanosec=nanoseconds)
+            clock.publish(Clock(clock=stamp))
+            replay.answer(data[:4] + STAMP.pack(stamp.sec, stamp.nanosec) + data[12:])
+        replay.close()
+        client.node.destroy_publisher(clock)
+        assert 'Dropped a joint state' not in node.log
+        assert 'ros2 bag play' not in node.log

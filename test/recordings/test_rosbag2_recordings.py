@@ -1,0 +1,94 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recordings that rosbag2 itself wrote: what the library, `analyze_bag` and `identify` read."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags')
+pytest.importorskip('scipy')
+pytest.importorskip('matplotlib')
+from recordings import NO_ROSBAG2, ROSBAG2  # noqa: E402
+from robot_dynamics.model.arm import load_arm  # noqa: E402
+from robot_dynamics.model.arm_dynamics import ArmDynamics  # noqa: E402
+from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
+from robot_dynamics.recordings.reader import Recording  # noqa: E402
+from robot_dynamics.tools import analyze_bag, identify  # noqa: E402
+import yaml  # noqa: E402
+
+pytestmark = pytest.mark.skipif(not ROSBAG2.is_dir(), reason=NO_ROSBAG2)
+CONVERTED = ('mcap_chunks_zstd', 'mcap_split_zstd', 'sqlite3_zstd')
+"""Conversions of the recording `sqlite3_lock_step`."""
+ALL = ('mcap', 'sqlite3_lock_step', *CONVERTED)
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    file = tmp_path / 'arm.urdf'
+    file.write_text(default_arm_urdf(), encoding='utf-8')
+    return str(file)
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_every_message_that_rosbag2_counted_is_read(name):
+    about = yaml.safe_load((ROSBAG2 / name / 'metadata.yaml').read_text())[
+        'rosbag2_bagfile_information']
+    counts = {topic['topic_metadata']['name']: topic['message_count']
+              for topic in about['topics_with_message_count']}
+    with Recording(ROSBAG2 / name) as recording:
+        read = {topic.name: sum(1 for _ in recording.raw_messages(topic.name))
+                for topic in recording.topics}
+        assert recording.losses == []
+    assert read == counts
+    assert sum(read.values()) == about['message_count']
+
+
+@pytest.mark.parametrize('name', CONVERTED)
+def test_conversions_have_the_same_messages(name):
+    with Recording(ROSBAG2 / 'sqlite3_lock_step') as one, Recording(ROSBAG2 / name) as other:
+        for topic in ('/joint_states', '/effort_command', '/dynamics/terms'):
+            assert list(one.raw_messages(topic)) == list(other.raw_messages(topic))
+
+
+def test_the_library_computes_the_recorded_efforts():
+    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    with Recording(ROSBAG2 / 'mcap') as recording:
+        states = recording.joint_series('/joint_states')
+        gravity = recording.joint_series('/dynamics/gravity_compensation')
+    assert states.stamps_ns.tolist() == gravity.stamps_ns.tolist()
+    assert len(states.stamps_ns) == 1903
+    computed = [dynamics.rigid_body.gravity(q) for q in states.position]
+    assert np.array_equal(computed, gravity.effort)
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_analyze_bag(name, urdf, capsys):
+    assert analyze_bag.main([str(ROSBAG2 / name), '--urdf', urdf]) == 0
+    relative = [float(share) for share in re.findall(
+        r'^joint\d .*?([\d.]+) % +-?[\d.]+ N', capsys.readouterr().out, re.MULTILINE)]
+    assert len(relative) == 2
+    assert max(relative) < 0.5  # the arm was simulated with this model
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_identify(name, urdf, tmp_path):
+    assert identify.main([
+        str(ROSBAG2 / name), '--urdf', urdf, '--output', str(tmp_path / 'identified')]) == 0
+    report = json.loads((tmp_path / 'identified' / 'report.json').read_text())
+    assert max(report['residual']['consistent']['test']) < 0.005
+    assert report['failed'] == {}

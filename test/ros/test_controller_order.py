@@ -1,0 +1,100 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The check of the joint order: subscribers of `~/commands` that come and go, on real nodes."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, ExitStack
+
+import pytest
+from robot_dynamics.control.supervisor import Fault
+from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
+from ros_harness import RosClient, wait_until
+from std_msgs.msg import Float64MultiArray
+
+NAMES = ['joint1', 'joint2']
+
+
+class Commander:
+    """A node that publishes commands, and checks who subscribes to them."""
+
+    def __init__(self, client: RosClient, topic: str) -> None:
+        self.faults: list[Fault] = []
+        self.names = NAMES
+        self.topic = topic
+        self.publisher = client.node.create_publisher(Float64MultiArray, topic, 1)
+        self.order = ControllerOrder(
+            client.node, self.publisher, lambda: self.names, self.faults.append)
+
+    @contextmanager
+    def subscriber(self, name: str, joints: Sequence[str]) -> Iterator[None]:
+        """Run a controller with the parameter `joints` until the end of the statement."""
+        before = self.publisher.get_subscription_count()
+        with RosClient(name, has_parameters=True) as controller:
+            controller.node.declare_parameter('joints', list(joints))
+            with controller.collect(Float64MultiArray, self.topic):
+                wait_until(
+                    lambda: self.publisher.get_subscription_count() > before, 'a subscriber')
+                yield
+
+
+@pytest.fixture
+def commander(request: pytest.FixtureRequest) -> Iterator[Commander]:
+    with RosClient('commander') as client:
+        yield Commander(client, f'/{request.node.name}/commands')
+
+
+def test_without_a_subscriber_commands_may_be_published(commander: Commander) -> None:
+    assert commander.order.allows()
+
+
+def test_the_same_order_opens_the_topic(commander: Commander) -> None:
+    with commander.subscriber('controller', NAMES):
+        wait_until(commander.order.allows, 'an order that is the same')
+    assert commander.order.fault is None
+    assert not commander.faults
+
+
+def test_another_order_closes_the_topic_until_its_subscriber_leaves(
+    commander: Commander,
+) -> None:
+    with commander.subscriber('controller', NAMES[::-1]):
+        wait_until(lambda: bool(commander.faults), 'a fault')
+        assert not commander.order.allows()
+        fault, = commander.faults
+        assert (fault.name, fault.latched) == ('controller_order', True)
+    wait_until(commander.order.allows, 'an open topic')
+    assert commander.order.fault is None
+
+
+def test_a_newcomer_does_not_interrupt_a_command_and_is_checked(commander: Commander) -> None:
+    with ExitStack() as stack:
+        stack.enter_context(commander.subscriber('controller', NAMES))
+        wait_until(commander.order.allows, 'an order that is the same')
+        stack.enter_context(commander.subscriber('another', NAMES[::-1]))
+        assert commander.order.allows()
+        wait_until(lambda: bool(commander.faults), 'a fault')
+        assert commander.faults[0].words.startswith('/another takes')
+        assert commander.order.allows()
+
+
+def test_a_model_with_another_order_is_compared_with_known_controllers(
+    commander: Commander,
+) -> None:
+    with commander.subscriber('controller', NAMES):
+        wait_until(commander.order.allows, 'an order that is the same')
+        commander.names = NAMES[::-1]
+        assert not commander.order.allows()
+        wait_until(lambda: bool(commander.faults), 'a fault')
+        assert not commander.order.allows()

@@ -1,0 +1,190 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Stand-ins for the parts of ros2_control that this package meets, which has no wheels to install.
+
+They are written in rclpy after the sources of ros2_controllers and of
+joint_state_topic_hardware_interface, and are no test of those packages. One process runs three
+nodes in a loop of `update_rate`, as a controller manager does:
+
+- the hardware component `JointStateTopicSystem`: it publishes a command, stamped with the time of
+  publication, unless the summed distance from the state is at most
+  `trigger_joint_command_threshold`; a state or command that is not known is NaN, so that the
+  distance is never at most that;
+- `joint_state_broadcaster`: all joints, stamped with the time of the update, with NaN for
+  position, velocity or effort if it is not in `state_interfaces`;
+- `effort_controller`, a `JointGroupEffortController`: it keeps the last command of `~/commands`,
+  has none (NaN) before the first, and writes 0 once at its deactivation. The service
+  `~/set_active` stands for `switch_controller` of the controller manager.
+"""
+
+from collections.abc import Sequence
+import math
+import os
+from pathlib import Path
+import re
+import signal
+import threading
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from ros_harness import NodeProcess
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool
+
+STRINGS = Parameter.Type.STRING_ARRAY
+INTERFACES = ('position', 'velocity', 'effort')
+DEFAULT_THRESHOLD = 1e-5
+
+
+def ros2_control(
+    namespace: str, joints: Sequence[str], threshold: float = DEFAULT_THRESHOLD,
+    interfaces: Sequence[str] = INTERFACES, update_rate: float = 100.0,
+) -> NodeProcess:
+    """
+    Return the process, not yet started; `joints` are those of the effort controller, in its order.
+
+    It reads NAMESPACE/simulated/joint_states and publishes NAMESPACE/joint_states and
+    NAMESPACE/simulated/effort_command.
+    """
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
+    return NodeProcess(
+        Path(__file__).stem,
+        {'joints': list(joints), 'state_interfaces': list(interfaces), 'update_rate': update_rate,
+         'trigger_joint_command_threshold': threshold},
+        namespace=namespace, environment={'PYTHONPATH': path}, ready=re.compile('Updating'))
+
+
+class Hardware(Node):
+    """The hardware component: states by joint and interface, and the commanded efforts."""
+
+    def __init__(self) -> None:
+        super().__init__('hardware')
+        self.threshold = self.declare_parameter('trigger_joint_command_threshold', 1e-5).value
+        self.joints: list[str] = sorted(self.declare_parameter('joints', STRINGS).value)
+        self._latest: JointState | None = None
+        self.states = {joint: dict.fromkeys(INTERFACES, math.nan) for joint in self.joints}
+        self.commands = dict.fromkeys(self.joints, math.nan)
+        self._publisher = self.create_publisher(JointState, 'simulated/effort_command', 1)
+        self.create_subscription(
+            JointState, 'simulated/joint_states', self._keep, qos_profile_sensor_data)
+
+    def _keep(self, message: JointState) -> None:
+        self._latest = message
+
+    def read(self) -> None:
+        """Take over the newest state."""
+        message = self._latest
+        if message is None:
+            return
+        for interface in INTERFACES:
+            for joint, value in zip(message.name, getattr(message, interface)):
+                if joint in self.states and math.isfinite(value):
+                    self.states[joint][interface] = value
+
+    def write(self) -> None:
+        """Publish the commands, unless the states are as near to them as the threshold."""
+        distance = sum(
+            abs(self.states[joint]['effort'] - self.commands[joint]) for joint in self.joints)
+        if distance <= self.threshold:
+            return
+        message = JointState(name=self.joints, effort=[self.commands[j] for j in self.joints])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+class Broadcaster(Node):
+    """Publishes the states of all joints, under the time of the update."""
+
+    def __init__(self, hardware: Hardware) -> None:
+        super().__init__('joint_state_broadcaster')
+        self._hardware = hardware
+        self._interfaces = self.declare_parameter('state_interfaces', STRINGS).value
+        self._publisher = self.create_publisher(JointState, 'joint_states', 10)
+
+    def update(self) -> None:
+        """Publish one message."""
+        states = self._hardware.states
+        message = JointState(name=list(states), **{
+            interface: [
+                state[interface] if interface in self._interfaces else math.nan
+                for state in states.values()]
+            for interface in INTERFACES})
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+class EffortController(Node):
+    """Writes the last command of `~/commands` to the hardware, in the order of `joints`."""
+
+    def __init__(self, hardware: Hardware) -> None:
+        super().__init__('effort_controller')
+        self._hardware = hardware
+        self._joints: list[str] = self.declare_parameter('joints', STRINGS).value
+        self._is_active, self._last = True, None
+        self.create_subscription(Float64MultiArray, '~/commands', self._keep, 10)
+        self.create_service(SetBool, '~/set_active', self._set_active)
+
+    def _keep(self, message: Float64MultiArray) -> None:
+        self._last = message.data
+
+    def _set_active(self, request: Any, response: Any) -> Any:
+        self._is_active, self._last = request.data, None
+        if not request.data:
+            self._write([0.0] * len(self._joints))
+        response.success = True
+        return response
+
+    def update(self) -> None:
+        """Write the last command, if the controller is active and has one."""
+        if self._is_active and self._last is not None and len(self._last) == len(self._joints):
+            self._write(self._last)
+
+    def _write(self, values: Sequence[float]) -> None:
+        self._hardware.commands.update(zip(self._joints, values))
+
+
+def main() -> None:
+    """Update until SIGINT, which only sets an event: raised anywhere it could hit a conversion."""
+    end = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: end.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    hardware = Hardware()
+    broadcaster, controller = Broadcaster(hardware), EffortController(hardware)
+    executor = SingleThreadedExecutor()
+
+    def update() -> None:
+        hardware.read()
+        broadcaster.update()
+        controller.update()
+        hardware.write()
+
+    hardware.create_timer(1.0 / hardware.declare_parameter('update_rate', 100.0).value, update)
+    for node in (hardware, broadcaster, controller):
+        executor.add_node(node)
+    hardware.get_logger().info('Updating')
+    while not end.is_set():
+        executor.spin_once(timeout_sec=0.1)
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()
