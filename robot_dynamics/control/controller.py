@@ -19,7 +19,7 @@ Time on this path is the stamp of the joint states, so that a simulation that ru
 or a recording, gives the same efforts however fast it is played.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 import math
 import threading
@@ -37,7 +37,7 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
@@ -150,8 +150,13 @@ class Controller:
 
     @property
     def loaded_arm(self) -> ArmModel:
-        """The arm with the load that is in force."""
+        """The arm with the loads that are in force."""
         return self._load.dynamics.arm
+
+    @property
+    def planning_dynamics(self) -> ArmDynamics:
+        """Dynamics of the arm with its loads, or those that a transition leads to."""
+        return self._load.planning
 
     @property
     def has_reference(self) -> bool:
@@ -188,22 +193,22 @@ class Controller:
         with self._lock:
             self._reference.shift_time(shift_ns)
 
-    def set_payload(
-        self, payload: Payload | None, transition_time: float,
-        when_done: Callable[[Payload | None], None],
+    def set_payloads(
+        self, payloads: Sequence[Payload], transition_time: float,
+        when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
-        Let `payload` (None for no load) take the place of the old one over transition_time [s].
+        Let `payloads` take the place of the old ones over transition_time [s].
 
-        `when_done` is called with it when it is in force: at once for no transition.
+        `when_done` is called with them when they are in force: at once for no transition.
         """
-        load = self._load.prepare(payload)
+        load = self._load.prepare(payloads)
         if transition_time == 0.0:
             dynamics = UncheckedArmDynamics(load.planning.arm)
             with self._lock:
                 self._load.replace(load, dynamics)
                 self._limit_motion()
-            when_done(payload)
+            when_done(load.payloads)
             return
         with self._lock:
             self._load.begin_transition(load, transition_time, when_done)

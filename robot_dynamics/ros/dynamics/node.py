@@ -18,7 +18,6 @@ from collections.abc import Sequence
 import sys
 from typing import Any
 
-from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -28,10 +27,9 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
-from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
+from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.dynamics.control_path import ControlPath
@@ -46,6 +44,7 @@ from robot_dynamics.ros.dynamics.parameters import (
     safety_options,
     SPECS,
 )
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
 from robot_dynamics.ros.guarded_callbacks import (
@@ -93,11 +92,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
+        self._is_starting = False
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
-        self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
+        self._payloads = PayloadKeeper(self, self._settings)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
-        self._dynamics_services = DynamicsServices(self, self._payload_in_force)
+        self._dynamics_services = DynamicsServices(self, self._payloads)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self.create_subscription(
@@ -116,7 +116,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._loop.start()
 
     def _start(self) -> None:
+        self._is_starting = True
         self.trigger_configure()
+        self._is_starting = False
         if self._configuring_failed is not None:
             raise self._configuring_failed
         self.trigger_activate()
@@ -146,7 +148,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._load_first_model()
         except Exception as error:  # rclpy would take it for an error of the node
             self._configuring_failed = error
-            if not self._settings.values['autostart']:
+            if not self._is_starting:
                 self.get_logger().error(f'Not configured: {describe_error(error)}')
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
@@ -162,7 +164,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the model."""
+        """Forget the model; keep the payloads."""
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = self._estimates = None
@@ -206,15 +208,23 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 f'Waiting for a URDF with the joints {list(values["joints"])} on the topic '
                 'robot_description.')
         else:
-            self._use_model(
-                embedded_description(), self._checked_arm(embedded_description()))
-            self.get_logger().info(
-                'No robot_description given: serving the embedded planar two-link arm until '
-                'one arrives on the topic robot_description.')
+            self._serve_embedded_arm()
         if self._descriptions is None:
             self._descriptions = self.create_subscription(
                 String, 'robot_description', self._on_description, LATCHED,
                 refuse=self._refuse_description, largest=LARGEST_DESCRIPTION)
+
+    def _serve_embedded_arm(self) -> None:
+        xml = embedded_description()
+        arm = self._checked_arm(xml)
+        if not self._payloads.suit(arm):  # they may be of the arm of a description to come
+            self._waiting = xml, arm
+            self.get_logger().error(f'No model in use: {self._payloads.obstacle}.')
+            return
+        self._use_model(xml, arm)
+        self.get_logger().info(
+            'No robot_description given: serving the embedded planar two-link arm until '
+            'one arrives on the topic robot_description.')
 
     def _on_description(self, message: String) -> None:
         self._waiting = None
@@ -222,7 +232,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             return
         try:
             arm = self._checked_arm(message.data)
-            if self._path.command.is_commanding and self._xml != embedded_description():
+            if not self._payloads.suit(arm):
+                self._waiting = message.data, arm
+                self._payloads.check(arm)
+            elif self._path.command.is_commanding and self._xml != embedded_description():
                 self._waiting = message.data, arm
                 self.get_logger().error(
                     'Kept the model in use, as efforts go out by it: the new robot_description '
@@ -236,7 +249,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.get_logger().error(f'Kept the model in use: {describe_error(error)}')
 
     def _take_waiting_description(self) -> None:
-        if self._waiting is None or self._path.command.is_commanding:
+        if self._waiting is None or self._path.command.is_commanding or (
+                not self._payloads.suit(self._waiting[1])):
             return
         (xml, arm), self._waiting = self._waiting, None
         try:
@@ -256,7 +270,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _use_model(self, xml: str, arm: ArmModel) -> None:
         values = self._settings.values
         options = options_from(values, arm)
+        self._payloads.check(arm)
         controller = Controller(arm, options)
+        self._payloads.use(controller)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
         watch = StateMonitor(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
@@ -269,7 +285,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._dynamics_services.use(controller)
         self._arm, self._controller, self._xml = arm, controller, xml
         self._effort_check, self._estimates = check, estimates
-        self._payload_in_force(None)
         self._warn_of_loop(controller, options)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
@@ -278,11 +293,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _warn_of_loop(self, controller: Controller, options: ControllerOptions) -> None:
         for warning in loop_warnings(controller.workspace, options):
             self.get_logger().warning(warning)
-
-    def _payload_in_force(self, payload: Payload | None) -> None:
-        message = payload_to_ros(payload)
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._payload.publish(message)
 
     # ------------------------------------------------------------------ parameters
 
@@ -343,6 +353,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._reference_status(),
             self._path.command.status(),
             self._path.estimates.status(),
+            self._payloads.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],

@@ -35,6 +35,7 @@ from robot_dynamics.model.arm_parameters import check_order_is_given, convention
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
+from robot_dynamics.ros.payloads import PAYLOAD_SPEC
 from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, DESCRIPTION_SPECS, FRICTION_SPECS
 
 FULL_EFFORT_TIME = 0.1
@@ -114,6 +115,7 @@ SPECS = (
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
     IGNORE_CHECKS_SPEC,
+    PAYLOAD_SPEC,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '
