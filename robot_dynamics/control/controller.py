@@ -150,7 +150,7 @@ class Controller:
 
     @property
     def loaded_arm(self) -> ArmModel:
-        """The arm with the loads that are in force."""
+        """The arm with its active loads."""
         return self._load.dynamics.arm
 
     @property
@@ -200,7 +200,7 @@ class Controller:
         """
         Let `payloads` take the place of the old ones over transition_time [s].
 
-        `when_done` is called with them when they are in force: at once for no transition.
+        `when_done` is called with them when they are active: at once for no transition.
         """
         load = self._load.prepare(payloads)
         if transition_time == 0.0:

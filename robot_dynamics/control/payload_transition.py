@@ -36,7 +36,7 @@ class PayloadTransition:
         transition_time: float,
         when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
-        """Take the loads in force, the loads to reach and the time for it [s]."""
+        """Take the active loads, the loads to reach and the time for it [s]."""
         self.target = tuple(target)
         self.when_done = when_done
         self._old = merged(old)  # or transitions that cut each other short would pile up loads

@@ -334,7 +334,7 @@ def test_a_transition_that_is_replaced_goes_on_from_where_it_was() -> None:
         0.5 * (midway + gravity_with([])), abs=1e-9)
     assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
         gravity_with([]).tolist())
-    assert done == [()]  # the first load was never wholly in force
+    assert done == [()]  # the first load was never wholly active
 
 
 def test_a_load_at_once_ends_a_transition() -> None:

@@ -160,7 +160,7 @@ def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
 
 
 @fault(GROUP, '5 kg at the tip, then 2 kg on another link; the first one removed, then all',
-       'both are held and listed by link; removing one leaves the other in force')
+       'both are held and listed by link; removing one leaves the other active')
 def test_payloads_on_two_links(bench: FaultBench) -> None:
     bench.check_alive()
     elbow = np.array([-2.0 * 9.81 * SHOULDER[0], 0.0])  # g(q) of 2 kg at the elbow
@@ -197,7 +197,7 @@ def managed(client: RosClient) -> Iterator[LifecycleBench]:
 
 
 @fault(GROUP, 'a payload of 5 kg, then `cleanup`, `configure` and activation',
-       'the payload is in force again before the first effort')
+       'the payload is active again before the first effort')
 def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
     managed.check_alive()
     assert set_payload(managed, MASS).success
@@ -230,7 +230,7 @@ def test_a_payload_that_does_not_suit_the_next_model(client: RosClient) -> None:
 
 
 @fault(GROUP, 'a payload that the embedded arm cannot carry when it is configured again',
-       'no model is used and no effort goes out, with one error, until the payload is removed')
+       'no model is used and no effort is published, with one error, until the payload is removed')
 def test_a_payload_that_does_not_suit_the_embedded_arm(managed: LifecycleBench) -> None:
     managed.check_alive()
     with permitted(managed):

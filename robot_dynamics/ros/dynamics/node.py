@@ -94,7 +94,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
-        self._payloads = PayloadKeeper(self, self._settings)
+        self._payloads = PayloadKeeper(self, lambda: self._settings.values)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
         self._dynamics_services = DynamicsServices(self, self._payloads)

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The payloads of `dynamics`: kept over `cleanup` and new models, published when in force."""
+"""The payloads of `dynamics`: kept over `cleanup` and new models, published when active."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from geometry_msgs.msg import InertiaStamped
 from rclpy.node import Node
@@ -24,7 +24,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import describe_payloads, Payload, with_payload_on
 from robot_dynamics.ros.conversions import payload_to_ros
-from robot_dynamics.ros.declared_parameters import DeclaredParameters
+from robot_dynamics.ros.declared_parameters import Values
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status
 from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.payloads import changed_payloads, check_all
@@ -40,9 +40,13 @@ class PayloadKeeper:
     They outlive the model. A new model that cannot carry them is refused, until they are removed.
     """
 
-    def __init__(self, node: Node, settings: DeclaredParameters) -> None:
-        """Publish on ~/payload: one message per payload, all with one stamp; m = 0 for none."""
-        self._node, self._settings = node, settings
+    def __init__(self, node: Node, values: Callable[[], Values]) -> None:
+        """
+        Publish on ~/payload: one message per payload, all with one stamp; m = 0 for none.
+
+        `values` returns the parameters of the node.
+        """
+        self._node, self._values = node, values
         self._payloads: tuple[Payload, ...] = ()
         self.obstacle = ''
         """Why the newest model cannot carry the payloads, '' if it can."""
@@ -55,7 +59,7 @@ class PayloadKeeper:
     def check(self, arm: ArmModel) -> None:
         """Raise InvalidInputError if an arm cannot carry the payloads that are kept."""
         try:
-            check_all(arm, self._payloads, self._settings.values)
+            check_all(arm, self._payloads, self._values())
         except RobotDynamicsError as error:
             self.obstacle = (
                 f'the payloads that were set ({describe_payloads(self._payloads)}) do not suit '
@@ -81,7 +85,7 @@ class PayloadKeeper:
     ) -> tuple[Payload, ...]:
         """Set or remove the payload of a link; return all; raise InvalidInputError."""
         payloads = changed_payloads(
-            controller.arm, self._payloads, message, self._settings.values)
+            controller.arm, self._payloads, message, self._values())
         controller.set_payloads(payloads, transition_time, self._in_force)
         self._payloads, self.obstacle = payloads, ''
         return payloads

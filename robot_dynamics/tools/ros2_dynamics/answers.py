@@ -154,7 +154,7 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 
 def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Return the payloads in force, after a change if one is requested."""
+    """Return the active payloads, after a change if one is requested."""
     if arguments.clear and arguments.link:
         raise InvalidInputError(f'LINK is {arguments.link!r} beside --clear, expected one of both')
     if arguments.link and arguments.mass is None:

@@ -124,7 +124,7 @@ VERBS: Mapping[str, Verb] = {
     'check': Verb(
         'Whether the model of the node is fit to compute with', _check_arguments, answer_check),
     'payload': Verb(
-        'Show the loads in force, put one on a link, or remove them', _payload_arguments,
+        'Show the active loads, put one on a link, or remove them', _payload_arguments,
         answer_payload),
     'status': Verb(
         'How the node is: lifecycle, command, payload, diagnostics', _status_arguments,
