@@ -48,13 +48,17 @@ class ControllerOptions:
     conditions_references: bool = False
     """Follow references within the limits of the arm; see `reference_generator`."""
     slows_down: bool = False
-    """Slow an infeasible trajectory down instead of rejecting it."""
+    """Slow an infeasible trajectory, or a set-point, down instead of rejecting it."""
     stops_and_holds: bool = False
     """Stop and hold where a reference ends early; otherwise compensate gravity alone."""
     following_error: FloatArray | None = None
     """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
     stream_timeout: float = 0.1
     """[s] for which a set-point with a velocity is followed."""
+    checks_goals: bool = False
+    """Reject points beyond the position and velocity limits of the arm; see `goal_limits`."""
+    clips_positions: bool = False
+    """Clip positions beyond the limits instead of rejecting them."""
 
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
         """Return the limit of the following error (n,) [rad] or [m], ∞ for none."""

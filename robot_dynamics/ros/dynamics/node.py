@@ -15,6 +15,7 @@
 """The node `dynamics`: efforts for joint states, and dynamics as services."""
 
 from collections.abc import Sequence
+import re
 import sys
 from typing import Any
 
@@ -68,6 +69,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
 """Parameters that decide whether the loop is stable."""
 NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -338,7 +340,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         before, self._refusal = self._refusal, describe_error(error)
         self._refused += 1
         words = f'Refused a joint trajectory: {self._refusal}'
-        if self._refusal == before:  # as of a stream
+        if _NUMBER.sub('', self._refusal) == _NUMBER.sub('', before):  # of a stream
             self.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
         else:
             self.get_logger().error(words)

@@ -43,7 +43,7 @@ FULL_EFFORT_TIME = 0.1
 DEFAULT_EFFORT_RATE = 1000.0
 """[N·m/s] or [N/s], likewise, of a joint without an effort limit."""
 REFERENCE_LOSS = ('hold', 'gravity_compensation')
-INFEASIBLE_TRAJECTORY = ('reject', 'slow_down')
+INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
 SAFETY_SPECS = (
     ParameterSpec(
@@ -81,8 +81,10 @@ SAFETY_SPECS = (
         'follow; without, a step of the reference is a step of the effort.'),
     ParameterSpec(
         'infeasible_trajectory', Type.STRING, INFEASIBLE_TRAJECTORY[0],
-        'A trajectory with velocities that exceeds a limit of the arm is rejected (reject) or '
-        'executed slower (slow_down).', choices=INFEASIBLE_TRAJECTORY),
+        'Reaction to a trajectory that exceeds a limit of the arm: it is rejected (reject), its '
+        'velocities are lowered (slow_down), or its positions are clipped to the position limits '
+        'as well (clip). Paths without velocities are always slowed down as needed.',
+        choices=INFEASIBLE_TRAJECTORY),
     ParameterSpec(
         'following_error_limit', Type.DOUBLE_ARRAY, [],
         'Distance [rad] or [m] between position and reference that is a fault, one for all '
@@ -183,9 +185,10 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
         effort_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
-        values['condition_references'], values['infeasible_trajectory'] == 'slow_down',
+        values['condition_references'], values['infeasible_trajectory'] != 'reject',
         values['reference_loss'] == 'hold',
-        optional_limits('following_error_limit', values, arm), values['reference_timeout'])
+        optional_limits('following_error_limit', values, arm), values['reference_timeout'],
+        checks_goals=True, clips_positions=values['infeasible_trajectory'] == 'clip')
 
 
 def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:

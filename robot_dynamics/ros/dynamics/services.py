@@ -37,6 +37,7 @@ from robot_dynamics.ros.conversions import (
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.trajectories.efforts import efforts_along
+from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.limit_warnings import (
     limit_warnings,
     motor_warnings,
@@ -145,11 +146,12 @@ class DynamicsServices:
         result = efforts_along(dynamics, trajectory)
         order = JointOrder(dynamics.arm, request.trajectory.joint_names)
         response.trajectory = with_efforts(request.trajectory, order.answer(result.efforts))
-        response.feasible = result.feasible
+        excesses = motion_excesses(dynamics.arm, trajectory)
+        response.feasible = result.feasible and not excesses
         response.worst_joint = result.worst_joint
         response.worst_ratio = result.worst_ratio
         response.worst_time = result.worst_time
-        response.message = worst_in_words(result)
+        response.message = '; '.join(filter(None, [*excesses, worst_in_words(result)]))
 
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
