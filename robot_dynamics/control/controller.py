@@ -19,7 +19,7 @@ Time on this path is the stamp of the joint states, so that a simulation that ru
 or a recording, gives the same efforts however fast it is played.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 import math
 import threading
@@ -37,7 +37,7 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
@@ -152,13 +152,18 @@ class Controller:
 
     @property
     def loaded_arm(self) -> ArmModel:
-        """The arm with the load that is in force."""
+        """The arm with its active loads."""
         return self._load.dynamics.arm
 
     @property
     def estimates_velocity(self) -> bool:
         """Whether velocities that are not measured are estimated from the positions."""
         return self._options.estimates_velocity
+
+    @property
+    def planning_dynamics(self) -> ArmDynamics:
+        """Dynamics of the arm with its loads, or those that a transition leads to."""
+        return self._load.planning
 
     @property
     def has_reference(self) -> bool:
@@ -196,22 +201,22 @@ class Controller:
         with self._lock:
             self._reference.shift_time(shift_ns)
 
-    def set_payload(
-        self, payload: Payload | None, transition_time: float,
-        when_done: Callable[[Payload | None], None],
+    def set_payloads(
+        self, payloads: Sequence[Payload], transition_time: float,
+        when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
-        Let `payload` (None for no load) take the place of the old one over transition_time [s].
+        Let `payloads` take the place of the old ones over transition_time [s].
 
-        `when_done` is called with it when it is in force: at once for no transition.
+        `when_done` is called with them when they are active: at once for no transition.
         """
-        load = self._load.prepare(payload)
+        load = self._load.prepare(payloads)
         if transition_time == 0.0:
             dynamics = UncheckedArmDynamics(load.planning.arm)
             with self._lock:
                 self._load.replace(load, dynamics)
                 self._limit_motion()
-            when_done(payload)
+            when_done(load.payloads)
             return
         with self._lock:
             self._load.begin_transition(load, transition_time, when_done)

@@ -19,6 +19,11 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.goal_limits import (
+    check_points,
+    with_clipped_positions,
+    with_clipped_velocity,
+)
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
@@ -34,6 +39,7 @@ class FollowedReference:
     """
 
     def __init__(self, arm: ArmModel) -> None:
+        self._arm = arm
         continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
                       if kind == 'continuous']
         self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
@@ -64,12 +70,26 @@ class FollowedReference:
 
         Raises TrajectoryError if the arm cannot follow it, or for other joints.
         """
+        self._follower.check_joints(trajectory)
+        if options.checks_goals:
+            trajectory = self._within_limits(trajectory, options)
         limits = self._follower.limits
         if limits is None or trajectory.is_set_point:
             return trajectory, 1.0
-        self._follower.check_joints(trajectory)
         return feasible_trajectory(
             planning, trajectory, limits, options.effort_scale, options.slows_down)
+
+    def _within_limits(
+        self, trajectory: JointTrajectory, options: ControllerOptions,
+    ) -> JointTrajectory:
+        """Return a trajectory with its points within the limits; raise TrajectoryError."""
+        if options.clips_positions:
+            trajectory = with_clipped_positions(self._arm, trajectory)
+        is_slowed = options.slows_down and self._follower.limits is not None
+        if options.slows_down and trajectory.is_set_point:
+            trajectory = with_clipped_velocity(self._arm, trajectory)
+        check_points(self._arm, trajectory, has_velocities=not is_slowed)
+        return trajectory
 
     def start(
         self, trajectory: JointTrajectory, slowness: float,

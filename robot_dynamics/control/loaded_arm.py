@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An arm with its load: the dynamics for the control path and for planning, and its exchange."""
+"""An arm with its loads: the dynamics for the control path and for planning, and its exchange."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from robot_dynamics.control.payload_transition import PayloadTransition
@@ -25,16 +25,16 @@ from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 
 class PreparedLoad(NamedTuple):
-    """What a load (None for none) needs before it can replace another one."""
+    """What loads need before they can replace others."""
 
-    payload: Payload | None
+    payloads: tuple[Payload, ...]
     planning: ArmDynamics
     workspace: WorkspaceInertia
 
 
 class LoadedArm:
     """
-    An arm with its active load.
+    An arm with its active loads.
 
     `dynamics` is for the control path, `planning` for the thread that plans motions; `workspace`
     is M(q) and g(q) over the workspace. `Controller` calls `prepare` without its lock, and all
@@ -48,31 +48,31 @@ class LoadedArm:
         self.workspace = WorkspaceInertia(self.planning)
         self._transition: PayloadTransition | None = None
 
-    def prepare(self, payload: Payload | None) -> PreparedLoad:
-        """Return what takes long to compute for a load."""
-        planning = ArmDynamics(self.arm.with_payloads([payload] if payload else []))
-        return PreparedLoad(payload, planning, WorkspaceInertia(planning))
+    def prepare(self, payloads: Sequence[Payload]) -> PreparedLoad:
+        """Return what takes long to compute for loads."""
+        planning = ArmDynamics(self.arm.with_payloads(payloads))
+        return PreparedLoad(tuple(payloads), planning, WorkspaceInertia(planning))
 
     def replace(self, load: PreparedLoad, dynamics: UncheckedArmDynamics) -> None:
-        """Activate a load at once; `dynamics` are those of the arm with it."""
+        """Activate loads at once; `dynamics` are those of the arm with them."""
         self.dynamics, self._transition = dynamics, None
         self.planning, self.workspace = load.planning, load.workspace
 
     def begin_transition(
         self, load: PreparedLoad, transition_time: float,
-        when_done: Callable[[Payload | None], None],
+        when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
-        Let a load replace the active one over transition_time [s].
+        Let loads replace the active ones over transition_time [s].
 
-        Until the next exchange, `workspace` is that of the heavier load.
+        Until the next exchange, `workspace` is that of the heavier loads.
         """
         self.planning, self.workspace = load.planning, load.workspace.heavier(self.workspace)
         self._transition = PayloadTransition(
-            self.dynamics.arm.payloads, load.payload, transition_time, when_done)
+            self.dynamics.arm.payloads, load.payloads, transition_time, when_done)
 
     def advance(self, stamp_ns: int) -> None:
-        """Activate the load of this stamp during a transition."""
+        """Activate the loads of this stamp during a transition."""
         transition = self._transition
         if transition is None:
             return

@@ -48,7 +48,7 @@ class ControllerOptions:
     conditions_references: bool = False
     """Follow references within the limits of the arm; see `reference_generator`."""
     slows_down: bool = False
-    """Slow an infeasible trajectory down instead of rejecting it."""
+    """Slow an infeasible trajectory, or a set-point, down instead of rejecting it."""
     stops_and_holds: bool = False
     """Stop and hold where a reference ends early; otherwise compensate gravity alone."""
     following_error: FloatArray | None = None
@@ -57,6 +57,10 @@ class ControllerOptions:
     """[s] for which a set-point with a velocity is followed."""
     estimates_velocity: bool = False
     """Estimate a velocity that is not measured from the positions (`velocity_estimate`)."""
+    checks_goals: bool = False
+    """Reject points beyond the position and velocity limits of the arm; see `goal_limits`."""
+    clips_positions: bool = False
+    """Clip positions beyond the limits instead of rejecting them."""
 
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
         """Return the limit of the following error (n,) [rad] or [m], ∞ for none."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A payload that takes the place of another one gradually, so that efforts do not jump."""
+"""Payloads that take the place of others gradually, so that efforts do not jump."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ from robot_dynamics.model.payload import merged, Payload
 
 class PayloadTransition:
     """
-    Fade the old loads out and the new one in, linearly in mass and inertia.
+    Fade the old loads out and the new ones in, linearly in mass and inertia.
 
     Each load keeps its place. Efforts are linear in mass and inertia, so they go from the old to
     the new ones in a straight line, and every load on the way is physical. Time starts with the
@@ -32,12 +32,12 @@ class PayloadTransition:
     def __init__(
         self,
         old: Sequence[Payload],
-        target: Payload | None,
+        target: Sequence[Payload],
         transition_time: float,
-        when_done: Callable[[Payload | None], None],
+        when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
-        """Take the loads in force, the load to reach (None for none) and the time for it [s]."""
-        self.target = target
+        """Take the active loads, the loads to reach and the time for it [s]."""
+        self.target = tuple(target)
         self.when_done = when_done
         self._old = merged(old)  # or transitions that cut each other short would pile up loads
         self._duration = transition_time
@@ -50,10 +50,10 @@ class PayloadTransition:
             self._start_ns = stamp_ns
         s = min(max(1e-9 * (stamp_ns - self._start_ns) / self._duration, 0.0), 1.0)
         self.done = s == 1.0
-        loads = [] if self.done else [scaled(load, 1.0 - s) for load in self._old]
-        if self.target is not None:
-            loads.append(self.target if self.done else scaled(self.target, s))
-        return loads
+        if self.done:
+            return list(self.target)
+        return [*(scaled(load, 1.0 - s) for load in self._old),
+                *(scaled(load, s) for load in self.target)]
 
 
 def scaled(payload: Payload, fraction: float) -> Payload:

@@ -70,6 +70,23 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
     return Payload(link, mass, com.copy(), tensor)
 
 
+def with_payload_on(
+    payloads: Iterable[Payload], link: str, payload: Payload | None,
+) -> tuple[Payload, ...]:
+    """
+    Return the loads with `payload` (None for none) in place of that on `link`.
+
+    It is the last one. Without a payload and without a link (`''`), no load remains.
+    """
+    others = tuple(one for one in payloads if link and one.link != link)
+    return others if payload is None else (*others, payload)
+
+
+def describe_payloads(payloads: Iterable[Payload]) -> str:
+    """Return masses and links of loads as text."""
+    return ', '.join(f'{one.mass:g} kg on {one.link!r}' for one in payloads) or 'no payload'
+
+
 def merged(payloads: Iterable[Payload]) -> tuple[Payload, ...]:
     """Return the same loads as one body a link, which no effort tells from them."""
     bodies: dict[str, Payload] = {}

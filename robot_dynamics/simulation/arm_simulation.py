@@ -133,13 +133,13 @@ class ArmSimulation:
             v=np.zeros_like(self._now.v), omega=np.zeros_like(self._now.omega))
         self._hold()
 
-    def set_payload(self, payload: Payload | None) -> None:
+    def set_payloads(self, payloads: Sequence[Payload]) -> None:
         """
-        Replace the payload, which takes on the velocity of its link; raise InvalidInputError.
+        Replace the payloads, which take on the velocity of their links; raise InvalidInputError.
 
         The change of energy counts as work.
         """
-        loaded = self._bare_arm.with_payloads([payload] if payload else [])
+        loaded = self._bare_arm.with_payloads(payloads)
         before = sum(self.energy())
         self._use(loaded)
         self.work += sum(self.energy()) - before

@@ -297,58 +297,58 @@ def gravity_with(loads: list[Payload]) -> np.ndarray:
 
 def test_a_load_acts_at_once_without_a_transition() -> None:
     controller = make_controller()
-    done: list[Payload | None] = []
-    controller.set_payload(LOAD, 0.0, done.append)
-    assert done == [LOAD]
+    done: list[tuple[Payload, ...]] = []
+    controller.set_payloads([LOAD], 0.0, done.append)
+    assert done == [(LOAD,)]
     assert controller.update(NOW, Q, ZERO).gravity_compensation == (
         pytest.approx(gravity_with([LOAD])))
-    controller.set_payload(None, 0.0, done.append)
+    controller.set_payloads([], 0.0, done.append)
     assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
-    assert done == [LOAD, None]
+    assert done == [(LOAD,), ()]
 
 
 def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
     controller = make_controller()
-    done: list[Payload | None] = []
-    controller.set_payload(LOAD, 2.0, done.append)
+    done: list[tuple[Payload, ...]] = []
+    controller.set_payloads([LOAD], 2.0, done.append)
     bare, loaded = gravity_with([]), gravity_with([LOAD])
     for quarter in range(5):
         assert not done
         effort = command(controller.update(NOW + quarter * SECOND // 2, Q, ZERO))
         assert effort == pytest.approx(bare + quarter / 4 * (loaded - bare), abs=1e-9)
-    assert done == [LOAD]
+    assert done == [(LOAD,)]
     later = command(controller.update(NOW + 9 * SECOND, Q, ZERO))
     assert later.tolist() == loaded.tolist()
-    assert done == [LOAD]
+    assert done == [(LOAD,)]
 
 
 def test_a_transition_that_is_replaced_goes_on_from_where_it_was() -> None:
     controller = make_controller()
-    done: list[Payload | None] = []
-    controller.set_payload(LOAD, 2.0, done.append)
+    done: list[tuple[Payload, ...]] = []
+    controller.set_payloads([LOAD], 2.0, done.append)
     controller.update(NOW, Q, ZERO)
     midway = command(controller.update(NOW + SECOND, Q, ZERO))
-    controller.set_payload(None, 1.0, done.append)
+    controller.set_payloads([], 1.0, done.append)
     assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(midway, abs=1e-9)
     assert command(controller.update(NOW + 3 * SECOND // 2, Q, ZERO)) == pytest.approx(
         0.5 * (midway + gravity_with([])), abs=1e-9)
     assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
         gravity_with([]).tolist())
-    assert done == [None]  # the first load was never wholly in force
+    assert done == [()]  # the first load was never wholly active
 
 
 def test_a_load_at_once_ends_a_transition() -> None:
     controller = make_controller()
-    controller.set_payload(LOAD, 2.0, lambda _: None)
+    controller.set_payloads([LOAD], 2.0, lambda _: None)
     controller.update(NOW, Q, ZERO)
-    controller.set_payload(None, 0.0, lambda _: None)
+    controller.set_payloads([], 0.0, lambda _: None)
     assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(gravity_with([]))
 
 
 def test_a_load_on_no_link_changes_nothing() -> None:
     controller = make_controller()
     with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):
-        controller.set_payload(make_payload('hand', 1.0), 0.0, lambda _: None)
+        controller.set_payloads([make_payload('hand', 1.0)], 0.0, lambda _: None)
     assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
 
 
@@ -362,9 +362,9 @@ def test_changes_from_another_thread_never_mix() -> None:
 
     def change() -> None:
         while not stop.is_set():
-            controller.set_payload(LOAD, 0.0, lambda _: None)
+            controller.set_payloads([LOAD], 0.0, lambda _: None)
             controller.set_options(options(controller.arm, command='gravity_compensation'))
-            controller.set_payload(None, 0.0, lambda _: None)
+            controller.set_payloads([], 0.0, lambda _: None)
             controller.set_options(options(controller.arm))
 
     thread = threading.Thread(target=change)

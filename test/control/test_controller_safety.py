@@ -89,7 +89,7 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     one = controller(
         effort_scale=scale,
         semantics=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
-    one.set_payload(load, 0.0, lambda _: None)
+    one.set_payloads([] if load is None else [load], 0.0, lambda _: None)
     one.update(NOW, q, ZERO)
     one.follow(set_point(goal), 0)
     output = one.update(NOW, q, ZERO)
@@ -106,7 +106,7 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
 def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
     one = controller(semantics=COMPENSATES_GRAVITY)
     assert one.update(NOW, Q, ZERO).hold.tolist() == [0.0, 0.0]
-    one.set_payload(LOAD, 0.0, lambda _: None)
+    one.set_payloads([LOAD], 0.0, lambda _: None)
     weight = ArmDynamics(ARM.with_payloads([LOAD])).rigid_body.gravity(Q) - (
         ArmDynamics(ARM).rigid_body.gravity(Q))
     assert np.abs(weight).max() > 10.0

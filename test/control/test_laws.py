@@ -113,7 +113,7 @@ def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
 ) -> None:
     one = make(arm, name, softens_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
-    one.set_payload(load, 0.0, lambda _: None)
+    one.set_payloads([load], 0.0, lambda _: None)
     follow(one, arm, with_reference=ALL[name].follows)
 
 

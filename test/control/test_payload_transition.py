@@ -32,13 +32,13 @@ laws = settings(deadline=None, derandomize=True)
 
 
 def transition(
-    old: list[Payload], target: Payload | None, seconds: float = 2.0,
+    old: list[Payload], target: list[Payload], seconds: float = 2.0,
 ) -> PayloadTransition:
     return PayloadTransition(old, target, seconds, lambda _: None)
 
 
 def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
-    way = transition([OLD], NEW)
+    way = transition([OLD], [NEW])
     old, new = way.payloads(5 * SECOND)
     assert old.mass == OLD.mass
     assert new.mass == 0.0
@@ -48,7 +48,7 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
 
 
 def test_without_a_target_nothing_is_left() -> None:
-    way = transition([OLD], None)
+    way = transition([OLD], [])
     way.payloads(0)
     assert way.payloads(2 * SECOND) == []
     assert way.done
@@ -57,7 +57,7 @@ def test_without_a_target_nothing_is_left() -> None:
 @laws
 @given(st.floats(0.0, 1.0))
 def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
-    way = transition([OLD], NEW)
+    way = transition([OLD], [NEW])
     way.payloads(0)
     loads = way.payloads(round(fraction * 2 * SECOND))
     s = round(fraction * 2 * SECOND) / (2 * SECOND)
@@ -80,15 +80,26 @@ def test_efforts_go_in_a_straight_line(fraction: float, motion: list[float]) -> 
     def effort(loads: list[Payload]) -> np.ndarray:
         return RigidBody(arm.with_payloads(loads)).inverse_dynamics(q, v, a)
 
-    way = transition([OLD], NEW)
+    way = transition([OLD], [NEW])
     way.payloads(0)
     s = round(fraction * 2 * SECOND) / (2 * SECOND)
     on_the_way = effort(way.payloads(round(fraction * 2 * SECOND)))
     assert on_the_way == pytest.approx((1 - s) * effort([OLD]) + s * effort([NEW]), abs=1e-9)
 
 
+def test_a_load_that_stays_does_not_change_meanwhile() -> None:
+    way = transition([OLD], [OLD, NEW])
+    way.payloads(0)
+    on_the_way = {load.link: load for load in merged(way.payloads(SECOND // 2))}
+    assert on_the_way['tool0'].mass == pytest.approx(OLD.mass)
+    assert on_the_way['tool0'].com == pytest.approx(OLD.com)
+    assert on_the_way['tool0'].inertia == pytest.approx(OLD.inertia)
+    assert on_the_way['link2'].mass == pytest.approx(0.25 * NEW.mass)
+    assert way.payloads(2 * SECOND) == [OLD, NEW]
+
+
 def test_stamps_that_go_backwards_stay_at_the_start() -> None:
-    way = transition([OLD], NEW)
+    way = transition([OLD], [NEW])
     way.payloads(10 * SECOND)
     old, new = way.payloads(1 * SECOND)
     assert (old.mass, new.mass) == (OLD.mass, 0.0)
@@ -97,7 +108,7 @@ def test_stamps_that_go_backwards_stay_at_the_start() -> None:
 
 def test_stamps_of_today_keep_their_nanoseconds() -> None:
     now = 1_790_000_000 * SECOND
-    way = transition([], NEW, 1e-6)
+    way = transition([], [NEW], 1e-6)
     way.payloads(now)
     assert way.payloads(now + 250)[0].mass == pytest.approx(0.25 * NEW.mass)
 
@@ -111,7 +122,7 @@ def test_a_fraction_of_a_load_leaves_the_load() -> None:
 def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:
     loads = [OLD]
     for i in range(100):
-        way = transition(loads, (OLD, NEW)[i % 2])
+        way = transition(loads, [(OLD, NEW)[i % 2]])
         way.payloads(0)
         loads = way.payloads(SECOND // 10)
     # one on each of the two links, from all that came before, and the newest target

@@ -15,17 +15,28 @@
 """Payloads that come, go, or cannot be, while efforts go out."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, G, Q
-from fault_stimuli import check_rate, NO_STREAM
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, G, Q
+from fault_stimuli import check_rate, NO_STREAM, wait_states
 from fault_table import fault
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
+from lifecycle_bench import (
+    ACTIVATE,
+    CLEANUP,
+    CONFIGURE,
+    DEACTIVATE,
+    lifecycle_bench,
+    LifecycleBench,
+)
 import numpy as np
 import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import RosClient, wait_until
-from std_msgs.msg import Header
+from ros_harness import LATCHED, RosClient, wait_until
+from std_msgs.msg import Header, String
 
 GROUP = 'Payloads'
 NAN, INF = float('nan'), float('inf')
@@ -100,6 +111,12 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
          'payload.inertia has the principal moments'),
         ('a moment of inertia without a mass', {'mass': 0.0, 'ixx': 1.0, 'iyy': 1.0, 'izz': 1.0},
          'payload.inertia.m is 0 with a moment of inertia'),
+        ('100 kg at the tip', {'mass': 100.0},
+         "payload.inertia.m is 100 kg on 'tool0', expected at most 72.2 kg"),
+        ('a million kilograms at the tip', {'mass': 1e6},
+         "payload.inertia.m is 1e+06 kg on 'tool0', expected at most 72.2 kg"),
+        ('1 kg at a distance of 1 km', {'mass': 1.0, 'com': Vector3(z=1000.0)},
+         "payload.inertia.com is 1000 m from the origin of 'tool0', expected at most 3.6 m"),
         ('a negative transition', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
         ('a transition that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
         ('a transition without end', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf'),
@@ -113,3 +130,137 @@ def test_a_payload_that_cannot_be(
     assert reported in answer.message
     assert all(m.effort == pytest.approx(G, abs=1e-6) for m in bench.efforts.messages)
     bench.check_alive()
+
+
+@contextmanager
+def permitted(bench: FaultBench) -> Iterator[None]:
+    """Let the node accept any physical payload."""
+    bench.set_parameters(allow_implausible_payload=True)
+    try:
+        yield
+    finally:
+        bench.set_parameters(allow_implausible_payload=False)
+
+
+def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
+    """Wait until the diagnostics list these payloads; return the status."""
+    return bench.wait_status('payload', lambda status: status.message == words)
+
+
+@fault(GROUP, '100 kg at the tip with `allow_implausible_payload: true`',
+       'accepted; the effort goes to its limits, no faster than its rate limit')
+def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
+    bench.check_alive()
+    with permitted(bench):
+        assert set_payload(bench, 100.0).success
+        bench.efforts.wait_for(lambda m: np.allclose(m.effort, [-150.0, -60.0], atol=1e-5))
+        check_rate(bench.efforts)
+        assert set_payload(bench, 0.0).success
+    bench.check_alive()
+
+
+@fault(GROUP, '5 kg at the tip, then 2 kg on another link; the first one removed, then all',
+       'both are held and listed by link; removing one leaves the other active')
+def test_payloads_on_two_links(bench: FaultBench) -> None:
+    bench.check_alive()
+    elbow = np.array([-2.0 * 9.81 * SHOULDER[0], 0.0])  # g(q) of 2 kg at the elbow
+    assert set_payload(bench, MASS).message == "5 kg on 'tool0'"
+    answer = set_payload(bench, 2.0, link='link2')
+    assert answer.message == "5 kg on 'tool0', 2 kg on 'link2'"
+    bench.efforts.wait_for(lambda m: np.allclose(m.effort, LOADED + elbow, atol=1e-5))
+    status = wait_payloads(bench, "5 kg on 'tool0', 2 kg on 'link2'")
+    assert figure_of(status, 'payloads') == 2
+    with bench.client.collect(InertiaStamped, bench.name('payload'), LATCHED) as topic:
+        topic.wait_for(lambda m: m.header.frame_id == 'link2')
+        assert set_payload(bench, 0.0).message == "2 kg on 'link2'"
+        bench.efforts.wait_for(lambda m: np.allclose(m.effort, G + elbow, atol=1e-5))
+        wait_payloads(bench, "2 kg on 'link2'")
+        assert set_payload(bench, 0.0, link='').message == 'no payload'
+        topic.wait_for(lambda m: m.inertia.m == 0.0)
+    bench.efforts.clear()
+    bench.efforts.wait_for(lambda m: np.allclose(m.effort, G, atol=1e-6))
+    bench.check_alive()
+
+
+def restart(bench: LifecycleBench) -> bool:
+    """Deactivate, clean up and configure; return whether the last one succeeded."""
+    assert bench.change(DEACTIVATE)
+    assert bench.change(CLEANUP)
+    return bench.change(CONFIGURE)
+
+
+@pytest.fixture
+def managed(client: RosClient) -> Iterator[LifecycleBench]:
+    """Return an active node whose description comes over the topic, if one does."""
+    with lifecycle_bench(client, '/faults_kept_payload', {'ramp_time': 0.1}) as one:
+        yield one
+
+
+@fault(GROUP, 'a payload of 5 kg, then `cleanup`, `configure` and activation',
+       'the payload is active again before the first effort')
+def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
+    managed.check_alive()
+    assert set_payload(managed, MASS).success
+    managed.efforts.wait_for(is_loaded)
+    assert restart(managed)
+    managed.wait_ended()
+    assert managed.change(ACTIVATE)
+    first = managed.efforts.wait_for()
+    assert is_loaded(first)
+    wait_payloads(managed, "5 kg on 'tool0'")
+
+
+@fault(GROUP, 'a payload that the arm cannot carry when it is configured again',
+       'configuration fails with an error that names the payload, until it is removed')
+def test_a_payload_that_does_not_suit_the_next_model(client: RosClient) -> None:
+    with lifecycle_bench(client, '/faults_heavy_payload', {
+            'ramp_time': 0.1, 'robot_description': default_arm_urdf()}) as bench:
+        bench.check_alive()
+        with permitted(bench):
+            assert set_payload(bench, 100.0).success
+        assert not restart(bench)
+        assert bench.state() == 'unconfigured'
+        bench.node.wait_for_log("Not configured: .* were set .100 kg on 'tool0'")
+        status = bench.wait_status('payload', lambda one: one.level == DiagnosticStatus.ERROR)
+        assert 'expected at most 72.2 kg' in status.message
+        assert set_payload(bench, 0.0).message == 'no payload'
+        assert bench.change(CONFIGURE)
+        assert bench.change(ACTIVATE)
+        bench.check_alive()
+
+
+@fault(GROUP, 'a payload that the embedded arm cannot carry when it is configured again',
+       'no model is used and no effort is published, with one error, until the payload is removed')
+def test_a_payload_that_does_not_suit_the_embedded_arm(managed: LifecycleBench) -> None:
+    managed.check_alive()
+    with permitted(managed):
+        assert set_payload(managed, 100.0).success
+    assert restart(managed)
+    managed.node.wait_for_log("No model in use: .* were set .100 kg on 'tool0'")
+    managed.wait_ended()
+    assert managed.change(ACTIVATE)
+    wait_states(managed, 100)
+    assert managed.efforts.messages == []
+    assert set_payload(managed, 0.0).message == 'no payload'
+    managed.check_alive()
+
+
+@fault(GROUP, 'a `robot_description` without the link that carries a payload',
+       'the model in use stays, with an error; the new one is loaded when the payload is removed')
+def test_a_description_without_the_link_of_a_payload(
+    client: RosClient, managed: LifecycleBench,
+) -> None:
+    managed.check_alive()
+    assert set_payload(managed, 1.0, link='link2').success
+    single = planar_arm_urdf([5.0], [1.0], [0.5], [0.1], name='single')
+    descriptions = client.publisher(String, '/faults_kept_payload/robot_description', LATCHED)
+    descriptions.publish(String(data=single))
+    managed.node.wait_for_log('Kept the model in use: the payloads that were set')
+    managed.wait_status('payload', lambda one: "'link2'" in one.message and (
+        one.level == DiagnosticStatus.ERROR))
+    assert "Model 'single'" not in managed.node.log
+    assert managed.change(DEACTIVATE)
+    assert set_payload(managed, 0.0, link='link2').success
+    managed.node.wait_for_log("Model 'single'")
+    wait_payloads(managed, 'no payload')
+    client.node.destroy_publisher(descriptions)

@@ -15,18 +15,22 @@
 """Faults in references: each is refused with one error, or followed within all limits."""
 
 from collections.abc import Callable, Iterator
+from itertools import count
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q, stamp_of
-from fault_stimuli import NO_STREAM
+from fault_stimuli import NO_STREAM, SetPoints
 from fault_table import fault
 import numpy as np
 import pytest
 from raw_publisher import bytes_of
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_interfaces.srv import InverseDynamicsTrajectory
 from ros_harness import RosClient, wait_until
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'References'
@@ -35,6 +39,9 @@ NAN, INF = float('nan'), float('inf')
 GOAL = [Q[0] + 0.01, Q[1] - 0.02]
 M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
 """M(q) of the default arm at `Q` [kg m^2]."""
+LIMITED = default_arm_urdf().replace('continuous', 'revolute').replace(
+    '<limit ', '<limit lower="-2.0" upper="2.5" ')
+"""The default arm with position limits."""
 TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
 """Computed torque of the default gains for `GOAL`, at rest at `Q` [N m]."""
 
@@ -44,7 +51,8 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
     # the exact torque, whatever rate of the states a busy machine leaves
     with fault_bench(
-            client, '/faults_references', {**NO_STREAM, 'soften_gains': False}) as one:
+            client, '/faults_references',
+            {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}) as one:
         yield one
 
 
@@ -100,6 +108,17 @@ def is_torque(message: Any) -> bool:
         ('accelerations without velocities', trajectory(
             point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
          'points[0].velocities is empty beside accelerations'),
+        ('a goal 50 rad beyond the position limits', trajectory(point([50.0, 0.0])),
+         'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
+        ('a path that leads beyond a position limit',
+         trajectory(point(seconds=1.0), point([0.0, -2.1], 2.0), point(seconds=3.0)),
+         'points[1].positions (joint2) is -2.1, expected a value within its limits [-2, 2.5]'),
+        ('a set-point with a velocity of 1e9 rad/s', trajectory(point(velocities=[0.0, 1e9])),
+         'points[0].velocities (joint2) is 1e+09, expected a value within its limits [-10, 10]'),
+        ('a velocity beyond its limit at a point of several', trajectory(
+            point(seconds=1.0, velocities=[0.0, 0.0]), point(seconds=2.0, velocities=[-11.0, 0.0]),
+            point(seconds=3.0, velocities=[0.0, 0.0])),
+         'points[1].velocities (joint1) is -11, expected a value within its limits [-10, 10]'),
         ('times that stand still', trajectory(point(Q, 1.0), point(Q, 1.0)),
          'points[1].time_from_start is 1.0 s, expected more than'),
         ('times that go back', trajectory(point(Q, 1.0), point(Q, 0.5)),
@@ -199,4 +218,58 @@ def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory
     for effort in bench.efforts.wait_count(50):
         assert effort.effort == pytest.approx(G, abs=0.1)
     bench.set_point(Q)
+    bench.check_alive()
+
+
+@fault(GROUP, 'a stream of set-points at 50 Hz that leads beyond a position limit',
+       'those beyond are refused, with one error in 5 s, and the previous one is held')
+def test_a_stream_with_set_points_beyond_a_limit(bench: FaultBench) -> None:
+    bench.set_point(GOAL)
+    bench.wait_steady(TORQUE)
+    before, refused = len(refusals(bench)), bench.known('reference', 'refused')
+    goals = count(3.0, 0.01)
+    bench.efforts.clear()
+    with SetPoints(bench, lambda: [next(goals), 0.0]) as stream:
+        wait_until(lambda: stream.sent >= 20, 'twenty set-points')
+    bench.wait_status(
+        'reference', lambda one: figure_of(one, 'refused') >= refused + stream.sent)
+    assert all(map(is_torque, bench.efforts.messages))
+    assert 1 <= len(refusals(bench)) - before <= 1 + stream.sent // 200 + 1
+    bench.set_point(Q)
+    bench.check_alive()
+
+
+@fault(GROUP, 'a goal 50 rad beyond the position limits, `infeasible_trajectory: clip`',
+       'followed to the position limit')
+def test_a_goal_that_is_clipped(client: RosClient, bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.set_parameters(infeasible_trajectory='clip')
+    with client.collect(JointState, bench.name('reference')) as references:
+        references.wait_matched()
+        bench.set_point([Q[0], 50.0])
+        references.wait_for(lambda message: message.position[1] == pytest.approx(2.5))
+        assert max(message.position[1] for message in references.messages) < 2.5 + 1e-6
+    bench.set_point(Q)
+    bench.check_alive()
+    bench.set_parameters(infeasible_trajectory='reject')
+
+
+@fault(GROUP, '`~/inverse_dynamics_trajectory` with positions and velocities beyond the limits',
+       '`feasible` false; the message names joint, value, limit and time')
+def test_a_trajectory_beyond_limits_is_not_feasible(bench: FaultBench) -> None:
+    def ask(*points: JointTrajectoryPoint) -> Any:
+        return bench.client.call(
+            InverseDynamicsTrajectory, bench.name('inverse_dynamics_trajectory'),
+            InverseDynamicsTrajectory.Request(trajectory=trajectory(*points)))
+
+    assert ask(point(Q), point(GOAL, 5.0)).feasible
+    answer = ask(point(Q), point([0.0, 3.0], 5.0))
+    assert answer.success
+    assert not answer.feasible
+    assert answer.message.startswith(
+        "position of 'joint2' is 3 at 5 s, outside its limits [-2, 2.5]; effort of ")
+    answer = ask(point([0.0, 0.0]), point([0.0, 1.5], 0.1))
+    assert not answer.feasible
+    assert answer.message.startswith(
+        "velocity of 'joint2' is 15 at 0 s, outside its limits [-10, 10]; effort of ")
     bench.check_alive()

@@ -31,6 +31,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.joint_order import JointOrder
+from robot_dynamics.model.payload import Payload
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
     payload_from_ros,
@@ -162,8 +163,7 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
                     trajectory_from_ros(event, arm.joint_names),
                     stamp_from_ros(event.header.stamp))
             elif hasattr(event, 'inertia'):
-                controller.set_payload(
-                    payload_from_ros(arm, event), 0.5, payloads_done.append)
+                controller.set_payloads(loads_of(arm, event), 0.5, payloads_done.append)
             else:
                 output = controller.update(
                     stamp_from_ros(event.header.stamp), *reader.read(event), with_terms=True)
@@ -182,6 +182,12 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
         raise refusals[0]
 
 
+def loads_of(arm: ArmModel, message: Any) -> list[Payload]:
+    """Return the loads of a message: one, or none."""
+    payload = payload_from_ros(arm, message)
+    return [] if payload is None else [payload]
+
+
 def take_plant(arm: ArmModel, events: list[Any]) -> None:
     """Let efforts, wrenches and payloads act on a simulated arm, as its loop does."""
     plant = Plant(
@@ -195,7 +201,7 @@ def take_plant(arm: ArmModel, events: list[Any]) -> None:
             wrench, = wrenches_from_ros(arm, [event])
             plant.wrenches[wrench.link] = wrench
         elif hasattr(event, 'inertia'):
-            plant.simulation.set_payload(payload_from_ros(arm, event))
+            plant.simulation.set_payloads(loads_of(arm, event))
         else:
             plant.take_effort(reader.finite_effort(event))
 

@@ -36,6 +36,7 @@ from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -78,7 +79,8 @@ class RunningNodes:
     def _services_of(self, name: str) -> DynamicsServices:
         if name not in self._servers:
             node = Node(f'services_of_{name}')
-            self._servers[name] = node, DynamicsServices(node, lambda _: None)
+            self._servers[name] = node, DynamicsServices(node, PayloadKeeper(
+                node, lambda: {'allow_implausible_payload': False}))
         return self._servers[name][1]
 
     # ------------------------------------------------------------------ services

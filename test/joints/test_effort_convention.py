@@ -170,7 +170,7 @@ def test_the_command_and_what_the_robot_adds_are_computed_torque(
 def test_a_load_that_only_this_node_knows_of_stays_in_the_command() -> None:
     controller = make_controller(('gravity',))
     load = make_payload('tool0', 2.0)
-    controller.set_payload(load, 0.0, lambda _: None)
+    controller.set_payloads([load], 0.0, lambda _: None)
     output = update(controller)
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
     assert output.command == pytest.approx(loaded - G)

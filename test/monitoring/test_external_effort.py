@@ -114,7 +114,7 @@ def run(
     decay = math.exp(-K * dt)
     for k in range(round(seconds / dt)):
         if load is not None and k == round(0.5 * seconds / dt):
-            simulation.set_payload(load)
+            simulation.set_payloads([load])
             observer.use(ArmDynamics(model.with_payloads([load])))
         wrenches = [PUSH] if k * dt >= push_at - 1e-9 else []
         before, v = simulation.state

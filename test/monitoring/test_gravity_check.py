@@ -302,7 +302,7 @@ def closed_loop(
     check = GravityCheck(declared, arm.friction, None, arm.is_continuous)
     simulation = ArmSimulation(arm, q)
     if load:
-        simulation.set_payload(make_payload('tool0', load))
+        simulation.set_payloads([make_payload('tool0', load)])
     simulation.release()
     if reference is not None:
         controller.update(1, *simulation.state)  # nothing is followed before the first state

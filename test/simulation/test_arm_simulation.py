@@ -422,9 +422,9 @@ def test_an_arm_holds_under_the_effort_for_its_load() -> None:
     loaded = arm.with_payloads([payload])
     tau = ArmDynamics(loaded).rigid_body.gravity(q0)
     simulation = released(arm, q0)
-    simulation.set_payload(payload)
+    simulation.set_payloads([payload])
     assert simulation.step(tau, 0.2).position == pytest.approx(q0, abs=1e-9)
-    simulation.set_payload(None)
+    simulation.set_payloads([])
     assert simulation.arm.payloads == ()
     simulation.step(tau, 0.2)
     assert np.abs(simulation.q - q0).max() > 0.05
@@ -447,7 +447,7 @@ def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
         dx, dz = (lengths * rates) @ np.cos(angles), (lengths * rates) @ np.sin(angles)
         carried = bool(simulation.arm.payloads)
         work = simulation.work
-        simulation.set_payload(load)
+        simulation.set_payloads([] if load is None else [load])
         changes.append(simulation.work - work)
         expected = 0.5 * m * (dx**2 + dz**2) + m * 9.81 * z
         assert changes[-1] == pytest.approx(
@@ -461,7 +461,7 @@ def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
 def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
     simulation = released(two_link(), (1.0, 0.5))
     with pytest.raises(InvalidInputError, match='no_link'):
-        simulation.set_payload(make_payload('no_link', 1.0))
+        simulation.set_payloads([make_payload('no_link', 1.0)])
     assert simulation.work == 0.0
     assert simulation.arm.payloads == ()
 

@@ -192,7 +192,18 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
     assert gravity() == pytest.approx(without - 2.5 * 9.81 * 1.9 * np.sin(1.0))
     assert "2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m" in ask('payload')[1]
     assert json.loads(ask('payload', '--json')[1])['payload']['mass'] == 2.5
+    out = ask('payload', 'link2', '1')[1]
+    assert out == "/dynamics: 2.5 kg on 'tool0', 1 kg on 'link2'\n"
+    assert "payload  2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m; 1 kg on 'link2'" in (
+        ask('status')[1])
+    status = json.loads(ask('status', '--json')[1])
+    assert [(one['link'], one['mass']) for one in status['payloads']] == [
+        ('tool0', 2.5), ('link2', 1.0)]
+    assert status['payload']['link'] == 'link2'
+    assert ask('payload', 'tool0', '0')[1] == "/dynamics: 1 kg on 'link2'\n"
+    assert json.loads(ask('payload', '--json')[1])['payloads'][0]['link'] == 'link2'
     assert ask('payload', '--clear')[1] == '/dynamics: no payload\n'
+    assert json.loads(ask('payload', '--json')[1])['payloads'] == []
     assert gravity() == pytest.approx(without)
 
 

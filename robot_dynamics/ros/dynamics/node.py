@@ -15,10 +15,10 @@
 """The node `dynamics`: efforts for joint states, and dynamics as services."""
 
 from collections.abc import Sequence
+import re
 import sys
 from typing import Any
 
-from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -28,10 +28,9 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
-from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_from_ros
+from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.dynamics.command_status import active_words
@@ -47,6 +46,7 @@ from robot_dynamics.ros.dynamics.parameters import (
     safety_options,
     SPECS,
 )
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
 from robot_dynamics.ros.dynamics.usage import USAGE
@@ -72,6 +72,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
 """Parameters that decide whether the loop is stable."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -98,14 +99,15 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
+        self._is_starting = False
         self._settings = DeclaredParameters(
             self, SPECS, self._check, self._apply, _specs_of_simulated_arm)
-        self._payload = self.create_publisher(InertiaStamped, '~/payload', LATCHED)
+        self._payloads = PayloadKeeper(self, lambda: self._settings.values)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
         self._graph = GraphWatch(
             self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
-        self._dynamics_services = DynamicsServices(self, self._payload_in_force)
+        self._dynamics_services = DynamicsServices(self, self._payloads)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self.create_subscription(
@@ -125,7 +127,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._loop.start()
 
     def _start(self) -> None:
+        self._is_starting = True
         self.trigger_configure()
+        self._is_starting = False
         if self._configuring_failed is not None:
             raise self._configuring_failed
         self.trigger_activate()
@@ -155,7 +159,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._load_first_model()
         except Exception as error:  # rclpy would take it for an error of the node
             self._configuring_failed = error
-            if not self._settings.values['autostart']:
+            if not self._is_starting:
                 self.get_logger().error(f'Not configured: {describe_error(error)}')
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
@@ -173,7 +177,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the model."""
+        """Forget the model; keep the payloads."""
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = self._estimates = None
@@ -216,13 +220,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 f'{obstacle}. Waiting for a URDF on the topic robot_description; '
                 'robot_description_file may name one.')
         else:
-            self._use_model(
-                embedded_description(), self._checked_arm(embedded_description()),
-                is_embedded=True)
-            self.get_logger().warning(
-                'No robot_description was given: the embedded planar two-link arm is used, for '
-                'joint states that contain joint1 and joint2 only. For a robot, set '
-                'robot_description_file, or publish the topic robot_description.')
+            self._serve_embedded_arm()
         if self._descriptions is None:
             self._descriptions = self.create_subscription(
                 String, 'robot_description', self._on_description, LATCHED,
@@ -239,13 +237,29 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             return f'~/commands is remapped to {topic}, and no robot_description was given'
         return ''
 
+    def _serve_embedded_arm(self) -> None:
+        xml = embedded_description()
+        arm = self._checked_arm(xml)
+        if not self._payloads.suit(arm):  # they may be of the arm of a description to come
+            self._waiting = xml, arm
+            self.get_logger().error(f'No model in use: {self._payloads.obstacle}.')
+            return
+        self._use_model(xml, arm, is_embedded=True)
+        self.get_logger().warning(
+            'No robot_description was given: the embedded planar two-link arm is used, for '
+            'joint states that contain joint1 and joint2 only. For a robot, set '
+            'robot_description_file, or publish the topic robot_description.')
+
     def _on_description(self, message: String) -> None:
         self._waiting = None
         if message.data == self._xml and not self._is_embedded:
             return
         try:
             arm = self._checked_arm(message.data)
-            if self._path.command.is_commanding and not self._is_embedded:
+            if not self._payloads.suit(arm):
+                self._waiting = message.data, arm
+                self._payloads.check(arm)
+            elif self._path.command.is_commanding and not self._is_embedded:
                 self._waiting = message.data, arm
                 self.get_logger().error(
                     'Kept the model in use, as efforts go out by it: the new robot_description '
@@ -259,7 +273,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.get_logger().error(f'Kept the model in use: {describe_error(error)}')
 
     def _take_waiting_description(self) -> None:
-        if self._waiting is None or self._path.command.is_commanding:
+        if self._waiting is None or self._path.command.is_commanding or (
+                not self._payloads.suit(self._waiting[1])):
             return
         (xml, arm), self._waiting = self._waiting, None
         try:
@@ -279,7 +294,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _use_model(self, xml: str, arm: ArmModel, is_embedded: bool = False) -> None:
         values = self._settings.values
         options = options_from(values, arm)
+        self._payloads.check(arm)
         controller = Controller(arm, options)
+        self._payloads.use(controller)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
         watch = StateMonitor(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
@@ -293,7 +310,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._arm, self._controller = arm, controller
         self._xml, self._is_embedded = xml, is_embedded
         self._effort_check, self._estimates = check, estimates
-        self._payload_in_force(None)
         self._warn_of_loop(controller, options)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
@@ -302,11 +318,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _warn_of_loop(self, controller: Controller, options: ControllerOptions) -> None:
         for warning in loop_warnings(controller.workspace, options):
             self.get_logger().warning(warning)
-
-    def _payload_in_force(self, payload: Payload | None) -> None:
-        message = payload_to_ros(payload)
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._payload.publish(message)
 
     # ------------------------------------------------------------------ parameters
 
@@ -354,7 +365,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         before, self._refusal = self._refusal, describe_error(error)
         self._refused += 1
         words = f'Refused a joint trajectory: {self._refusal}'
-        if self._refusal == before:  # as of a stream
+        if _NUMBER.sub('', self._refusal) == _NUMBER.sub('', before):  # of a stream
             self.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
         else:
             self.get_logger().error(words)
@@ -370,6 +381,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._path.command.status(),
             self._path.estimates.status(),
             self._graph.status(),
+            self._payloads.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],

@@ -35,6 +35,7 @@ from robot_dynamics.model.arm_parameters import check_order_is_given, convention
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
+from robot_dynamics.ros.payloads import PAYLOAD_SPEC
 from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, DESCRIPTION_SPECS, FRICTION_SPECS
 
 FULL_EFFORT_TIME = 0.1
@@ -42,7 +43,7 @@ FULL_EFFORT_TIME = 0.1
 DEFAULT_EFFORT_RATE = 1000.0
 """[N·m/s] or [N/s], likewise, of a joint without an effort limit."""
 REFERENCE_LOSS = ('hold', 'gravity_compensation')
-INFEASIBLE_TRAJECTORY = ('reject', 'slow_down')
+INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
 SAFETY_SPECS = (
     ParameterSpec(
@@ -82,8 +83,10 @@ SAFETY_SPECS = (
         'follow; without, a step of the reference is a step of the effort.'),
     ParameterSpec(
         'infeasible_trajectory', Type.STRING, INFEASIBLE_TRAJECTORY[0],
-        'A trajectory with velocities that exceeds a limit of the arm is rejected (reject) or '
-        'executed slower (slow_down).', choices=INFEASIBLE_TRAJECTORY),
+        'Reaction to a trajectory that exceeds a limit of the arm: it is rejected (reject), its '
+        'velocities are lowered (slow_down), or its positions are clipped to the position limits '
+        'as well (clip). Paths without velocities are always slowed down as needed.',
+        choices=INFEASIBLE_TRAJECTORY),
     ParameterSpec(
         'following_error_limit', Type.DOUBLE_ARRAY, [],
         'Distance [rad] or [m] between position and reference that is a fault, one for all '
@@ -116,6 +119,7 @@ SPECS = (
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
     IGNORE_CHECKS_SPEC,
+    PAYLOAD_SPEC,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'What effort_command carries; computed_torque falls back to gravity_compensation '
@@ -193,10 +197,11 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
         effort_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
-        values['condition_references'], values['infeasible_trajectory'] == 'slow_down',
+        values['condition_references'], values['infeasible_trajectory'] != 'reject',
         values['reference_loss'] == 'hold',
         optional_limits('following_error_limit', values, arm), values['reference_timeout'],
-        not values['require_measured_velocities'])
+        not values['require_measured_velocities'], checks_goals=True,
+        clips_positions=values['infeasible_trajectory'] == 'clip')
 
 
 def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:

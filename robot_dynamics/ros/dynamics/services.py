@@ -25,18 +25,19 @@ from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.joint_order import JointOrder
-from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.payload import describe_payloads
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
-    payload_from_ros,
     stamp_to_ros,
     terms_to_ros,
     trajectory_from_ros,
     with_efforts,
     wrenches_from_ros,
 )
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.trajectories.efforts import efforts_along
+from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.limit_warnings import (
     limit_warnings,
     motor_warnings,
@@ -72,13 +73,11 @@ class DynamicsServices:
     A request that cannot be answered gets success = false and the reason.
     """
 
-    def __init__(
-        self, node: GuardedCallbacks, payload_done: Callable[[Payload | None], None],
-    ) -> None:
-        """`payload_done` is called with each payload when it is active."""
+    def __init__(self, node: GuardedCallbacks, payloads: PayloadKeeper) -> None:
+        """Offer the services on a node; ~/set_payload changes `payloads`."""
         self._node = node
         self._served: ServedArm | None = None
-        self._payload_done = payload_done
+        self._payloads = payloads
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
             node.create_service(
@@ -93,7 +92,7 @@ class DynamicsServices:
 
     def use(self, controller: Controller) -> None:
         """Answer for this arm from the next request on."""
-        self._served = ServedArm(ArmDynamics(controller.arm), controller)
+        self._served = ServedArm(controller.planning_dynamics, controller)
 
     def forget(self) -> None:
         """Answer that there is no model."""
@@ -147,11 +146,12 @@ class DynamicsServices:
         result = efforts_along(dynamics, trajectory)
         order = JointOrder(dynamics.arm, request.trajectory.joint_names)
         response.trajectory = with_efforts(request.trajectory, order.answer(result.efforts))
-        response.feasible = result.feasible
+        excesses = motion_excesses(dynamics.arm, trajectory)
+        response.feasible = result.feasible and not excesses
         response.worst_joint = result.worst_joint
         response.worst_ratio = result.worst_ratio
         response.worst_time = result.worst_time
-        response.message = worst_in_words(result)
+        response.message = '; '.join(filter(None, [*excesses, worst_in_words(result)]))
 
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
@@ -192,15 +192,14 @@ class DynamicsServices:
         response.message = '; '.join(limit_warnings(dynamics.arm, q, v))
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
-        served = self._arm()
-        payload = payload_from_ros(served.controller.arm, request.payload)
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        dynamics = ArmDynamics(
-            served.controller.arm.with_payloads([payload] if payload else []))
-        served.controller.set_payload(payload, seconds, self._payload_done)
-        served.dynamics = dynamics
-        response.message = (
-            'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
+        if self._served is None and self._payloads and request.payload.inertia.m == 0.0:
+            payloads = self._payloads.remove(request.payload.header.frame_id)
+        else:
+            controller = self._arm().controller
+            payloads = self._payloads.change(controller, request.payload, seconds)
+            self.use(controller)
+        response.message = describe_payloads(payloads)
 
 
 def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:

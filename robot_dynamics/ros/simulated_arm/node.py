@@ -24,7 +24,8 @@ from rclpy.clock import Clock, ClockType
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
-from robot_dynamics.ros.conversions import payload_from_ros, wrenches_from_ros
+from robot_dynamics.model.payload import describe_payloads
+from robot_dynamics.ros.conversions import wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
 from robot_dynamics.ros.guarded_callbacks import (
@@ -33,6 +34,7 @@ from robot_dynamics.ros.guarded_callbacks import (
     GuardedCallbacks,
 )
 from robot_dynamics.ros.node_arguments import NodeUsage
+from robot_dynamics.ros.payloads import changed_payloads, PAYLOAD_SPEC
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     check_joint_count,
@@ -52,6 +54,7 @@ SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
+    PAYLOAD_SPEC,
     ParameterSpec(
         'rate', Type.DOUBLE, 500.0,
         'Joint states a second [Hz]; the effort is held in between.',
@@ -147,9 +150,9 @@ class SimulatedArmNode(GuardedCallbacks):
             self._set_up()
 
     def _set_up(self) -> None:
-        parameters = DeclaredParameters(
+        self._settings = DeclaredParameters(
             self, SPECS, _check, self._apply, _specs_of_dynamics)
-        values = parameters.values
+        values = self._settings.values
         xml = description_from_parameters(values) or embedded_description()
         self._arm = arm_from_parameters(xml, values)
         check_joint_count(self._arm)
@@ -226,19 +229,20 @@ class SimulatedArmNode(GuardedCallbacks):
         self, request: SetPayload.Request, response: SetPayload.Response,
     ) -> SetPayload.Response:
         try:
-            payload = payload_from_ros(self._arm, request.payload)
+            payloads = changed_payloads(
+                self._arm, self._plant.simulation.arm.payloads, request.payload,
+                self._settings.values)
             if request.transition_time != 0.0:
                 raise InvalidInputError(
                     f'transition_time is {request.transition_time:g}, expected 0: a load is on '
                     'the simulated arm, or it is not')
             with self._lock:
-                self._plant.simulation.set_payload(payload)
+                self._plant.simulation.set_payloads(payloads)
         except Exception as error:  # rclpy ends its spin at anything that is raised here
             response.success, response.message = False, describe_error(error)
             return response
         response.success = True
-        response.message = (
-            'no payload' if payload is None else f'{payload.mass:g} kg on {payload.link!r}')
+        response.message = describe_payloads(payloads)
         return response
 
 

@@ -24,7 +24,7 @@ from lifecycle_msgs.srv import GetState
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.text_table import matrix_table, text_table
-from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, LATCHED, NoAnswerError
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
 
@@ -154,7 +154,7 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 
 def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Return the payload in force, after a change where one is asked for."""
+    """Return the active payloads, after a change if one is requested."""
     if arguments.clear and arguments.link:
         raise InvalidInputError(f'LINK is {arguments.link!r} beside --clear, expected one of both')
     if arguments.link and arguments.mass is None:
@@ -167,11 +167,11 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
              'transition_time': arguments.transition},
             f'{client.name}: {response.message}' + (
                 f', in {arguments.transition:g} s' if arguments.transition else ''))
-    payload = _payload_in_force(client)
-    if payload is None:
-        raise NoAnswerError(f'{client.name} does not tell its payload')
-    return Answer({'node': client.name, 'payload': payload},
-                  f'{client.name}: {_payload_in_words(payload)}')
+    payloads = _payloads_in_force(client)
+    if payloads is None:
+        raise NoAnswerError(f'{client.name} does not publish its payloads')
+    return Answer({'node': client.name, 'payload': payloads[-1], 'payloads': _loads(payloads)},
+                  f'{client.name}: {_describe_payloads(payloads)}')
 
 
 def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -180,7 +180,7 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     state = client.call(GetState, 'get_state', GetState.Request()).current_state.label
     command = client.parameters(['command'])['command']
     joints = client.joint_names() if state in ('active', 'inactive') else []
-    payload = _payload_in_force(client) if joints else None
+    payloads = _payloads_in_force(client) if joints else None
     checks = client.receive(DiagnosticArray, '/diagnostics', 10, lambda message: [
         status for status in message.status if status.name.startswith(f'{name}: ')] or None)
     if checks is None:
@@ -188,7 +188,7 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     rows = [[status.name.partition(': ')[2], LEVELS[status.level], status.message]
             for status in checks]
     facts = {'state': state, 'command': command, 'joints': ', '.join(joints) or 'none yet'}
-    facts |= {'payload': _payload_in_words(payload)} if payload else {}
+    facts |= {} if payloads is None else {'payload': _describe_payloads(payloads)}
     blocks = [f'{name}\n' + text_table([], list(facts.items())),
               text_table(['check', 'level', 'says'], rows)]
     if arguments.verbose:
@@ -196,7 +196,8 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
             [pair.key, pair.value] for pair in status.values])
             for row, status in zip(rows, checks) if status.values]
     return Answer(
-        {'node': name, **facts, 'joints': joints, 'payload': payload, 'checks': [
+        {'node': name, **facts, 'joints': joints, 'payload': payloads[-1] if payloads else None,
+         'payloads': _loads(payloads or ()), 'checks': [
             {'check': row[0], 'level': row[1].lower(), 'message': row[2],
              'values': {pair.key: pair.value for pair in status.values}}
             for row, status in zip(rows, checks)]},
@@ -249,10 +250,21 @@ def _payload_to_ros(arguments: Namespace) -> InertiaStamped:
     return message
 
 
-def _payload_in_force(client: DynamicsClient) -> dict[str, Any] | None:
-    message = client.receive(InertiaStamped, f'{client.name}/payload', LATCHED, lambda m: m)
-    if message is None:
+def _payloads_in_force(client: DynamicsClient) -> list[dict[str, Any]] | None:
+    """Return the messages with the newest stamp: all payloads; None without any message."""
+    messages = client.receive_latched(InertiaStamped, f'{client.name}/payload')
+    if not messages:
         return None
+    newest = messages[-1].header.stamp
+    return [_payload_as_data(message) for message in messages
+            if message.header.stamp == newest]
+
+
+def _loads(payloads: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [payload for payload in payloads if payload['mass'] > 0.0]
+
+
+def _payload_as_data(message: InertiaStamped) -> dict[str, Any]:
     inertia = message.inertia
     return {
         'link': message.header.frame_id, 'mass': inertia.m,
@@ -260,8 +272,8 @@ def _payload_in_force(client: DynamicsClient) -> dict[str, Any] | None:
         'inertia': [inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz]}
 
 
-def _payload_in_words(payload: Mapping[str, Any]) -> str:
-    if payload['mass'] == 0.0:
-        return 'no payload'
-    com = ', '.join(f'{value:g}' for value in payload['com'])
-    return f'{payload["mass"]:g} kg on {payload["link"]!r}, centre of mass ({com}) m'
+def _describe_payloads(payloads: Sequence[Mapping[str, Any]]) -> str:
+    return '; '.join(
+        f'{one["mass"]:g} kg on {one["link"]!r}, centre of mass '
+        f'({", ".join(f"{value:g}" for value in one["com"])}) m'
+        for one in payloads if one['mass'] > 0.0) or 'no payload'

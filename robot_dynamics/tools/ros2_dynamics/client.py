@@ -156,6 +156,16 @@ class DynamicsClient:
         self._node.destroy_subscription(subscription)
         return taken[0] if taken else None
 
+    def receive_latched(self, message_type: type, topic: str, depth: int = 32) -> list[Any]:
+        """Return the messages that a publisher has kept; none after the timeout."""
+        taken: list[Any] = []
+        qos = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        subscription = self._node.create_subscription(message_type, topic, taken.append, qos)
+        if self._wait(lambda: bool(taken)):
+            self._wait(lambda: False, _GLANCE)
+        self._node.destroy_subscription(subscription)
+        return taken
+
     def _wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
         deadline = time.monotonic() + (self._timeout if timeout is None else timeout)
         while not is_so():

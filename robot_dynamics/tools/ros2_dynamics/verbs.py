@@ -78,8 +78,10 @@ def _payload_arguments(parser: argparse.ArgumentParser) -> None:
          metavar=('XX', 'XY', 'XZ', 'YY', 'YZ', 'ZZ'),
          help='its inertia about the centre of mass [kg m^2] (default: 0, a point)')
     _add(parser, complete_nothing, '--transition', type=float, default=0.0, metavar='SECONDS',
-         help='time over which it takes the place of the load before (default: 0, at once)')
-    parser.add_argument('--clear', action='store_true', help='take the load away')
+         help='time over which it replaces the load on its link (default: 0, at once)')
+    parser.add_argument(
+        '--clear', action='store_true',
+        help='remove the loads of all links (MASS 0 removes that of LINK)')
 
 
 def _status_arguments(parser: argparse.ArgumentParser) -> None:
@@ -122,7 +124,7 @@ VERBS: Mapping[str, Verb] = {
     'check': Verb(
         'Whether the model of the node is fit to compute with', _check_arguments, answer_check),
     'payload': Verb(
-        'Show the load in force, put one on a link, or take it away', _payload_arguments,
+        'Show the active loads, put one on a link, or remove them', _payload_arguments,
         answer_payload),
     'status': Verb(
         'How the node is: lifecycle, command, payload, diagnostics', _status_arguments,

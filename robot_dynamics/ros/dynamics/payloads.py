@@ -1,0 +1,112 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The payloads of `dynamics`: kept over `cleanup` and new models, published when active."""
+
+from collections.abc import Callable, Sequence
+
+from geometry_msgs.msg import InertiaStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.payload import describe_payloads, Payload, with_payload_on
+from robot_dynamics.ros.conversions import payload_to_ros
+from robot_dynamics.ros.declared_parameters import Values
+from robot_dynamics.ros.diagnostics import ERROR, OK, Status
+from robot_dynamics.ros.guarded_callbacks import describe_error
+from robot_dynamics.ros.payloads import changed_payloads, check_all
+
+ALL_PAYLOADS = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Late subscribers receive the payloads of all links, if there are not more than this."""
+
+
+class PayloadKeeper:
+    """
+    The payloads that were set with ~/set_payload.
+
+    They outlive the model. A new model that cannot carry them is refused, until they are removed.
+    """
+
+    def __init__(self, node: Node, values: Callable[[], Values]) -> None:
+        """
+        Publish on ~/payload: one message per payload, all with one stamp; m = 0 for none.
+
+        `values` returns the parameters of the node.
+        """
+        self._node, self._values = node, values
+        self._payloads: tuple[Payload, ...] = ()
+        self.obstacle = ''
+        """Why the newest model cannot carry the payloads, '' if it can."""
+        self._publisher = node.create_publisher(InertiaStamped, '~/payload', ALL_PAYLOADS)
+
+    def __bool__(self) -> bool:
+        """Return whether there is a payload."""
+        return bool(self._payloads)
+
+    def check(self, arm: ArmModel) -> None:
+        """Raise InvalidInputError if an arm cannot carry the payloads that are kept."""
+        try:
+            check_all(arm, self._payloads, self._values())
+        except RobotDynamicsError as error:
+            self.obstacle = (
+                f'the payloads that were set ({describe_payloads(self._payloads)}) do not suit '
+                f'the model {arm.name!r}: {describe_error(error)}; expected a call of '
+                '~/set_payload that removes them (m = 0)')
+            raise InvalidInputError(self.obstacle) from None
+
+    def suit(self, arm: ArmModel) -> bool:
+        """Return whether an arm can carry the payloads that are kept."""
+        try:
+            self.check(arm)
+        except InvalidInputError:
+            return False
+        return True
+
+    def use(self, controller: Controller) -> None:
+        """Put the payloads that are kept on an arm that `check` has accepted."""
+        self.obstacle = ''
+        controller.set_payloads(self._payloads, 0.0, self._in_force)
+
+    def change(
+        self, controller: Controller, message: InertiaStamped, transition_time: float,
+    ) -> tuple[Payload, ...]:
+        """Set or remove the payload of a link; return all; raise InvalidInputError."""
+        payloads = changed_payloads(
+            controller.arm, self._payloads, message, self._values())
+        controller.set_payloads(payloads, transition_time, self._in_force)
+        self._payloads, self.obstacle = payloads, ''
+        return payloads
+
+    def remove(self, link: str) -> tuple[Payload, ...]:
+        """Remove the payload of a link, of all links if it is empty, without a model."""
+        self._payloads, self.obstacle = with_payload_on(self._payloads, link, None), ''
+        self._in_force(self._payloads)
+        return self._payloads
+
+    def status(self) -> Status:
+        """Return the status for the diagnostics."""
+        payloads = self._payloads
+        return Status(
+            'payload', ERROR if self.obstacle else OK,
+            self.obstacle or describe_payloads(payloads),
+            {'payloads': len(payloads), 'mass': sum(one.mass for one in payloads)})
+
+    def _in_force(self, payloads: Sequence[Payload]) -> None:
+        stamp = self._node.get_clock().now().to_msg()
+        for payload in payloads or (None,):
+            message = payload_to_ros(payload)
+            message.header.stamp = stamp
+            self._publisher.publish(message)

@@ -1,0 +1,56 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The payloads that a node knows of: a list by link, checked against its arm."""
+
+from collections.abc import Iterable
+
+from geometry_msgs.msg import InertiaStamped
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.payload import Payload, with_payload_on
+from robot_dynamics.model.payload_check import check_payloads
+from robot_dynamics.ros.conversions import payload_from_ros
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+
+PAYLOAD_SPEC = ParameterSpec(
+    'allow_implausible_payload', Type.BOOL, False,
+    'Accept payloads that are rejected by default: those whose weight exceeds the effort limits '
+    'in more than 99 % of the poses of the arm, and those whose centre of mass is farther from '
+    'the origin of their link than 2 times the reach of the arm.')
+_REMEDY = ' (allow_implausible_payload: true accepts it)'
+
+
+def changed_payloads(
+    arm: ArmModel, payloads: Iterable[Payload], message: InertiaStamped, values: Values,
+) -> tuple[Payload, ...]:
+    """
+    Return the payloads after a request that sets or removes that of one link.
+
+    A mass of 0 removes the payload of the link in `frame_id`, and all payloads if it is empty.
+    Raises InvalidInputError for a payload that is not physical, or implausible on this arm.
+    """
+    payload = payload_from_ros(arm, message)
+    changed = with_payload_on(payloads, message.header.frame_id, payload)
+    if payload is not None:
+        check_all(arm, changed, values)
+    return changed
+
+
+def check_all(arm: ArmModel, payloads: Iterable[Payload], values: Values) -> None:
+    """Raise InvalidInputError for an unknown link, or for an implausible payload."""
+    loads = tuple(payloads)
+    if not values[PAYLOAD_SPEC.name]:
+        check_payloads(arm, loads, _REMEDY)
+    for payload in loads:
+        arm.link_frame(payload.link, 'payload.header.frame_id')

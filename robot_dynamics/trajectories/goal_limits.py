@@ -1,0 +1,154 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Trajectories compared with the position and velocity limits of an arm.
+
+What is sent as a goal is checked at its points, which the sender has chosen. What a service is
+asked to judge is also checked between the points, where the interpolation may exceed a limit.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm import ArmModel, JointLimits
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
+from robot_dynamics.trajectories.segments import TrajectorySegments
+
+START_TOLERANCE = 0.0087
+"""
+[rad] or [m] by which the first of several points may be beyond a position limit.
+
+It is where the arm stands, and an arm may stand there: this is the default of
+`position_fault_margin`.
+"""
+_TOLERANCE = 1e-6
+"""[rad] or [m], and of a velocity limit: rounding of limits and points."""
+_SAMPLES = 9
+_REMEDY = {
+    'positions': "'clip' clips positions", 'velocities': "'slow_down' lowers velocities"}
+
+
+class _Field(NamedTuple):
+    """Values of all points (m, n) and their limits (n,), widened by the tolerance of each row."""
+
+    name: str
+    values: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    tolerance: FloatArray
+
+    @property
+    def excess(self) -> FloatArray:
+        """How far each value is outside, (m, n), at most 0 for those within."""
+        outside = np.maximum(self.lower - self.values, self.values - self.upper)
+        return np.asarray(outside - self.tolerance)
+
+
+def check_points(
+    arm: ArmModel, trajectory: JointTrajectory, has_velocities: bool = True,
+) -> None:
+    """
+    Raise TrajectoryError for a point beyond a position limit, or a velocity limit if they count.
+
+    The message names point, joint, value and limit of the first one, and how many there are.
+    """
+    fields = list(_point_fields(arm.limits, trajectory))[:2 if has_velocities else 1]
+    outside = [field.excess > 0.0 for field in fields]
+    count = sum(int(one.sum()) for one in outside)
+    for field, is_outside in zip(fields, outside):
+        for i, j in np.argwhere(is_outside)[:1]:
+            others = f'; {count} values are beyond a limit' if count > 1 else ''
+            raise TrajectoryError(
+                f'points[{i}].{field.name} ({arm.joint_names[j]}) is {field.values[i, j]:.6g}, '
+                f'expected a value within its limits [{field.lower[j]:.6g}, '
+                f'{field.upper[j]:.6g}]{others} (infeasible_trajectory: {_REMEDY[field.name]})')
+
+
+def with_clipped_positions(arm: ArmModel, trajectory: JointTrajectory) -> JointTrajectory:
+    """Return the trajectory with its positions within the limits, at rest where they were not."""
+    return replace(trajectory, points=tuple(
+        _clipped_position(point, arm.limits) for point in trajectory.points))
+
+
+def with_clipped_velocity(arm: ArmModel, set_point: JointTrajectory) -> JointTrajectory:
+    """Return a set-point with its velocities within the limits."""
+    point, limit = set_point.points[0], arm.limits.velocity
+    if point.velocity is None:
+        return set_point
+    return replace(set_point, points=(
+        replace(point, velocity=np.clip(point.velocity, -limit, limit)),))
+
+
+def motion_excesses(arm: ArmModel, trajectory: JointTrajectory) -> list[str]:
+    """
+    Return one line for each joint whose position or velocity exceeds its limits on the way.
+
+    Each names joint, largest excess, limit and time. The motion is that of the points and the
+    interpolated segments, without the way to the first point.
+    """
+    segments = TrajectorySegments(trajectory)
+    index = np.repeat(np.arange(segments.count), _SAMPLES)
+    phase = np.tile(np.linspace(0.0, 1.0, _SAMPLES), segments.count)
+    between, limits = segments.sample(index, phase), arm.limits
+    times = np.concatenate([segments.times, segments.time(index, phase)])
+    position = np.concatenate([segments.points.position, between.position])
+    velocity = np.concatenate([segments.points.velocity, between.velocity])
+    fields = (
+        _Field('position', position, limits.lower, limits.upper, np.full((1, 1), _TOLERANCE)),
+        _velocity_field('velocity', velocity, limits))
+    return [line for field in fields for line in _worst_lines(field, arm.joint_names, times)]
+
+
+def _worst_lines(field: _Field, names: tuple[str, ...], times: FloatArray) -> Iterator[str]:
+    excess = field.excess
+    for j in np.flatnonzero((excess > 0.0).any(axis=0)):
+        i = int(excess[:, j].argmax())
+        yield (
+            f'{field.name} of {names[j]!r} is {field.values[i, j]:.6g} at {times[i]:.6g} s, '
+            f'outside its limits [{field.lower[j]:.6g}, {field.upper[j]:.6g}]')
+
+
+def _point_fields(limits: JointLimits, trajectory: JointTrajectory) -> Iterator[_Field]:
+    points = trajectory.points
+    q: FloatArray = np.array([point.position for point in points])
+    tolerance = np.full((len(points), 1), _TOLERANCE)
+    if not trajectory.is_set_point:
+        tolerance[0] = START_TOLERANCE
+    yield _Field('positions', q, limits.lower, limits.upper, tolerance)
+    v: FloatArray = np.array([
+        np.zeros_like(point.position) if point.velocity is None else point.velocity
+        for point in points])
+    yield _velocity_field('velocities', v, limits)
+
+
+def _velocity_field(name: str, v: FloatArray, limits: JointLimits) -> _Field:
+    limit = limits.velocity
+    tolerance = np.where(np.isfinite(limit), _TOLERANCE * limit, 0.0)
+    return _Field(name, v, -limit, limit, tolerance)
+
+
+def _clipped_position(point: TrajectoryPoint, limits: JointLimits) -> TrajectoryPoint:
+    q = np.clip(point.position, limits.lower, limits.upper)
+    is_clipped: BoolArray = q != point.position
+    if not is_clipped.any():
+        return point
+    q.setflags(write=False)
+    v, a = (None if rate is None else np.where(is_clipped, 0.0, rate)
+            for rate in (point.velocity, point.acceleration))
+    return TrajectoryPoint(point.time_from_start, q, v, a)
