@@ -29,8 +29,11 @@ from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
-from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateMonitor
-from robot_dynamics.monitoring.velocity_estimate import SPAN
+from robot_dynamics.monitoring.state_plausibility import (
+    ImplausibleStateError,
+    StateMonitor,
+    StateVerdict,
+)
 from robot_dynamics.ros.cdr_templates import (
     effort_template,
     MessageTemplate,
@@ -43,9 +46,9 @@ from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.dynamics.markers import LiveMarkers
+from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
-from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.state_assembly import ForeignJointsError, StateAssembly
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
@@ -55,18 +58,8 @@ EXTERNAL_RECOVERY = 25
 """Valid states in a row without an excess after which a fault of external effort has ended."""
 CONFLICT_RECOVERY = 100
 """Good states in a row after which publishers that contradicted each other agree again."""
-COMPLETION_TIME = 1.0
-"""[s] without a complete state after which its missing joints are logged."""
 DISCOVERY_TIME = 2.0
 """[s] after the start in which a publisher of robot_description may still be found."""
-REMEDIES = {
-    'too old': 'synchronise the clocks of driver and computer, or set `state_max_age`',
-    'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
-    'stamp went back': 'stop all but one publisher of the joints of this arm',
-    'jump': 'stop all but one publisher of the joints of this arm',
-    'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
-}
-"""What to do about dropped joint states, by the reason."""
 NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, so that both kinds of subscribers match; what is old has no worth."""
 
@@ -105,6 +98,7 @@ class ControlPath:
         """Why the embedded arm is not served, empty if it is."""
         self._awaits_description, self._used_at = False, 0.0
         self.counters = ControlCounters()
+        self._log = StateLog(node, self.counters)
 
         def publisher(message_type: type, topic: str) -> Any:
             return node.create_publisher(message_type, topic, NEWEST_ONLY)
@@ -123,7 +117,6 @@ class ControlPath:
         self.command = SafeCommand(
             node, NEWEST_ONLY, self._interrupt, self._resume, when_changed)
         self._was_interrupted = False
-        self._bandwidth_scale = self._reported_scale = 1.0
 
     def use(
         self, controller: Controller, watch: StateMonitor, check: EffortCheck,
@@ -240,158 +233,148 @@ class ControlPath:
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
         except ForeignJointsError as error:
-            self._refuse_embedded(str(error))
+            self._foreign_joints = str(error)
+            self._log.refuse_embedded(str(error))
         except NonFiniteEffortError as error:
-            self._drop('no finite effort', f'Dropped a joint state: {error}')
+            self._log.drop('no finite effort', f'Dropped a joint state: {error}')
             self.command.fail(Fault('non_finite', str(error), latched=True))
         except ImplausibleStateError as error:
-            self._drop(error.reason, f'Dropped a joint state: {error}')
+            self._log.drop(error.reason, f'Dropped a joint state: {error}')
             if error.reason == 'too old':
                 self._look_for_replay(state.stamp_ns)
             if error.is_conflict:
                 self.command.fail(
                     Fault('several_publishers', str(error), recovery=CONFLICT_RECOVERY))
         except RobotDynamicsError as error:
-            self._drop('invalid', f'Dropped a joint state: {error}')
+            self._log.drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # nothing that arrives may end the control path
-            self._drop('internal error', f'Dropped a joint state: {error!r}')
+            self._log.drop('internal error', f'Dropped a joint state: {error!r}')
 
     def refuse(self, error: UnreadableMessageError) -> None:
         """Take note of a joint state that cannot even be read."""
-        self._drop('unreadable', f'Dropped a joint state: {error}')
-
-    def _drop(self, reason: str, words: str) -> None:
-        remedy = REMEDIES.get(reason)
-        words = words if remedy is None else f'{words}; {remedy}'
-        self.counters.dropped[reason] += 1
-        self.counters.last_drop = words
-        self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+        self._log.drop('unreadable', f'Dropped a joint state: {error}')
 
     def _look_for_replay(self, stamp_ns: int) -> None:
         replay = self.counters.replay
         if self._has_age() and replay.look(stamp_ns, time.time_ns()):
-            self._node.get_logger().warning(replay.text, throttle_duration_sec=LOG_PERIOD)
-
-    def _take_part(self, missing: list[str], now: float) -> None:
-        """Take note of a message that does not complete a state; log it if none was complete."""
-        self.counters.incomplete += 1
-        self.counters.missing = tuple(missing)
-        if now - max(self._used_at, self.counters.answered_at) > COMPLETION_TIME:
-            self._node.get_logger().warning(
-                f'No joint state is complete: there are no new samples of {missing}. Publish '
-                'them on joint_states, or set the parameter joints to the joints in use.',
-                throttle_duration_sec=LOG_PERIOD)
+            self._log.warn(replay.text)
 
     def _description_is_published(self) -> bool:
         """Tell whether a description that was not received yet will replace the embedded arm."""
         self._awaits_description = time.monotonic() - self._used_at < DISCOVERY_TIME
         return bool(self._node.count_publishers('robot_description') > 0)
 
-    def _refuse_embedded(self, words: str) -> None:
-        """Serve the embedded arm no longer: the robot is another one."""
-        self.counters.dropped['not the embedded arm'] += 1
-        if not self._foreign_joints:
-            self._foreign_joints = words
-            self._node.get_logger().error(f'Nothing is published: {words}')
-        self.counters.last_drop = f'Nothing is published: {self._foreign_joints}'
-
     def _answer(self, received: SensedState) -> None:
-        if self._served is None:
-            self.counters.dropped['no model yet'] += 1
-            self.counters.last_drop = 'Dropped a joint state: no model yet'
-            return
-        if self._foreign_joints:
-            self._refuse_embedded(self._foreign_joints)
-            return
-        if self._awaits_description and self._description_is_published():
-            self.counters.dropped['robot_description not received yet'] += 1
-            self.counters.last_drop = 'Dropped a joint state: robot_description not received yet'
-            return
         served = self._served
-        state = served.assembly.take(received)
+        if served is None:
+            self._log.count('no model yet')
+            return
         steady_ns = time.monotonic_ns()
+        state = self._completed(served, received, 1e-9 * steady_ns)
         if state is None:
-            self._take_part(served.assembly.missing, 1e-9 * steady_ns)
             return
         q, v = served.reader.read(state)
-        judgement = served.watch.judge(  # by a clock that does not stand still with /clock
+        verdict = served.watch.judge(  # by a clock that does not stand still with /clock
             state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers, steady_ns)
-        if served.watch.is_other_clock:
-            self._look_for_replay(state.stamp_ns)
-        elif self.counters.replay.text:
-            self.counters.replay.reset()
-        if judgement.restart and self.counters.states > 0:
-            self.counters.restarts[judgement.restart] += 1
-            self._interrupt(f'joint states restarted: {judgement.restart}')
-            served.controller.restart_states()
-            self._resume()
-        if judgement.time_shift:
-            served.controller.shift_time(judgement.time_shift)
-        now = 1e-9 * steady_ns
-        if self._stream.is_over(now):
-            self._stream.end()
-            served.controller.stop_on_path()
-            self.counters.paused_streams += 1
-            self.counters.interruption = (
-                'the stream of set-points paused for more than reference_timeout')
-            self._node.get_logger().warning(
-                'The stream of set-points paused for more than reference_timeout; reference_loss '
-                'defines the reaction.', throttle_duration_sec=LOG_PERIOD)
-        had_reference = v is None and served.controller.has_reference
-        output = served.controller.answer(judgement.stamp, q, v)
-        if v is None:
-            v = output.velocity
-            self._report_velocities(served.controller, v)
-            if v is None and had_reference:
-                self.counters.interruption = 'the joint states have no velocity'
-        elif self.counters.velocities != 'measured':
-            self.counters.velocities = 'measured'
-        if served.controller.bandwidth_scale != self._bandwidth_scale:
-            self._report_scale(served.controller)
-        # A simulation in lock-step repeats its state until an effort lets it go on.
-        waits = not judgement.is_new and self.command.is_waiting and served.watch.is_other_clock
-        if judgement.is_new or waits:
-            command = self.command.answer(
-                state.stamp, q, output.velocity, output, judgement.dt,
-                served.controller.braked,
-                Fault('following_error', served.controller.following_error(output, q))
-                if output.is_far else None)
-        else:
-            command = self.command.repeat(state.stamp)
-        self.counters.answered_at = now
-        if judgement.is_new:
-            self.counters.timing.happened(now)
-        else:
-            self.counters.repeated += 1
+        self._follow_time(served, state, verdict, 1e-9 * steady_ns)
+        output = self._computed(served, verdict, q, v)
+        v = output.velocity if v is None else v
+        command = self._commanded(served, state, verdict, q, output)
+        self._count(verdict, output, 1e-9 * steady_ns)
         self._publish(state, served, output)
-        self.estimates.look(served.reader, state, q, v, judgement, output.robot_gravity)
+        self.estimates.look(served.reader, state, q, v, verdict, output.robot_gravity)
         if self.estimates.external_limit is not None:
             joint = self.estimates.excess()
             if joint is not None:
                 self._fail_by_external_effort(served, joint)
         if self.markers.is_on:
             self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
-        self.counters.states += 1
-        self.counters.following = output.sample is not None
         if not served.check.done:
             served.check.look(
                 served.reader, state, q, v, output.robot_gravity,
                 command if self.command.has_listeners() else None)
 
-    def _report_velocities(self, controller: Controller, v: FloatArray | None) -> None:
-        """Log once that the joint states have no velocities, and what follows from that."""
-        if v is None and controller.estimates_velocity:
-            return  # the first state, which has nothing to be compared with
-        source = 'missing' if v is None else 'estimated from positions'
-        if source == self.counters.velocities:
-            return
-        self.counters.velocities = source
-        self._node.get_logger().warning(
-            'The joint states have no velocities: only gravity is compensated, and no reference '
-            'is followed. Publish velocities, or set require_measured_velocities to false.'
-            if v is None else
-            'The joint states have no velocities: they are estimated from the positions, over '
-            f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if that is needed.')
+    def _completed(
+        self, served: _Served, received: SensedState, now: float,
+    ) -> SensedState | None:
+        """Return the state that a message completes, None if there is none to answer."""
+        if self._foreign_joints:
+            self._log.refuse_embedded(self._foreign_joints)
+            return None
+        if self._awaits_description and self._description_is_published():
+            self._log.count('robot_description not received yet')
+            return None
+        state = served.assembly.take(received)
+        if state is None:
+            self._log.part(
+                served.assembly.missing, now - max(self._used_at, self.counters.answered_at))
+        return state
+
+    def _follow_time(
+        self, served: _Served, state: SensedState, verdict: StateVerdict, now: float,
+    ) -> None:
+        """Start time anew if the states do, and end a stream of set-points that has paused."""
+        if served.watch.is_other_clock:
+            self._look_for_replay(state.stamp_ns)
+        elif self.counters.replay.text:
+            self.counters.replay.reset()
+        if verdict.restart and self.counters.states > 0:
+            self.counters.restarts[verdict.restart] += 1
+            self._interrupt(f'joint states restarted: {verdict.restart}')
+            served.controller.restart_states()
+            self._resume()
+        if verdict.time_shift:
+            served.controller.shift_time(verdict.time_shift)
+        if self._stream.is_over(now):
+            self._stream.end()
+            served.controller.stop_on_path()
+            self.counters.paused_streams += 1
+            self.counters.interruption = (
+                'the stream of set-points paused for more than reference_timeout')
+            self._log.warn(
+                'The stream of set-points paused for more than reference_timeout; reference_loss '
+                'defines the reaction.')
+
+    def _computed(
+        self, served: _Served, verdict: StateVerdict, q: FloatArray, v: FloatArray | None,
+    ) -> ControlOutput:
+        """Return the efforts for a state; note what its velocities mean for the reference."""
+        controller, counters = served.controller, self.counters
+        had_reference = v is None and controller.has_reference
+        output = controller.answer(verdict.stamp, q, v)
+        if v is None:
+            self._log.velocities(controller, output.velocity)
+            if output.velocity is None and had_reference:
+                counters.interruption = 'the joint states have no velocity'
+        elif counters.velocities != 'measured':
+            counters.velocities = 'measured'
+        if controller.bandwidth_scale != self._log.bandwidth_scale:
+            self._log.bandwidth(controller)
+        return output
+
+    def _commanded(
+        self, served: _Served, state: SensedState, verdict: StateVerdict, q: FloatArray,
+        output: ControlOutput,
+    ) -> FloatArray | None:
+        """Return the effort that is published for a state, None for none."""
+        # A simulation in lock-step repeats its state until an effort lets it go on.
+        waits = not verdict.is_new and self.command.is_waiting and served.watch.is_other_clock
+        if not (verdict.is_new or waits):
+            return self.command.repeat(state.stamp)
+        fault = Fault('following_error', served.controller.following_error(output, q)) if (
+            output.is_far) else None
+        return self.command.answer(
+            state.stamp, q, output.velocity, output, verdict.dt, served.controller.braked, fault)
+
+    def _count(self, verdict: StateVerdict, output: ControlOutput, now: float) -> None:
+        counters = self.counters
+        counters.answered_at = now
+        counters.states += 1
+        counters.following = output.sample is not None
+        if verdict.is_new:
+            counters.timing.happened(now)
+        else:
+            counters.repeated += 1
 
     def _fail_by_external_effort(self, served: _Served, j: int) -> None:
         effort, limit = self.estimates.external_effort, self.estimates.external_limit
@@ -400,18 +383,6 @@ class ControlPath:
                 'external_effort', f'external effort at {served.names[j]!r} is {effort[j]:.3g}, '
                 f'expected at most {limit[j]:.3g} (external_effort_limit)',
                 recovery=EXTERNAL_RECOVERY))
-
-    def _report_scale(self, controller: Controller) -> None:
-        """Log how far the gains are lowered, when that has changed much."""
-        scale = self._bandwidth_scale = controller.bandwidth_scale
-        if not controller.knows_quality or (
-                0.8 < scale / self._reported_scale < 1.25 and scale < 1.0):
-            return
-        if scale != self._reported_scale:
-            self._node.get_logger().info(
-                f'Gains and references at {scale:.2f} of their bandwidth: {controller.quality}.',
-                throttle_duration_sec=LOG_PERIOD)
-        self._reported_scale = scale
 
     def _has_several_publishers(self) -> bool:
         return self._count_publishers() > 1

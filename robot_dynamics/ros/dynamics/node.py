@@ -17,7 +17,6 @@
 from collections.abc import Sequence
 import re
 import sys
-from typing import Any
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -26,8 +25,8 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop_warnings import loop_warnings
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_from_ros
@@ -37,7 +36,7 @@ from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
-from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
     GAINS,
     guard_limits,
@@ -57,17 +56,10 @@ from robot_dynamics.ros.guarded_callbacks import (
     GuardedCallbacks,
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop, MOST_WAITING
-from robot_dynamics.ros.robot_description import (
-    check_joint_count,
-    description_from_parameters,
-    embedded_description,
-)
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.urgent_service import UrgentService
-from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -92,11 +84,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
         self._estimates: Estimates | None = None
-        self._xml = ''
-        self._is_embedded = False
-        """Whether the arm is the embedded one, as no description was given."""
-        self._waiting: tuple[str, ArmModel] | None = None
-        self._descriptions: Any = None
         self._refused, self._refusal = 0, ''
         self._configuring_failed: Exception | None = None
         self._is_starting = False
@@ -108,6 +95,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._graph = GraphWatch(
             self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
         self._dynamics_services = DynamicsServices(self, self._payloads)
+        self._models = ModelSource(
+            self, lambda: self._settings.values, self._payloads,
+            lambda: self._path.command.is_commanding, self._use_model)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self.create_subscription(
@@ -156,7 +146,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         """Load the model; fail with the reason in the log where that cannot be."""
         self._configuring_failed = None
         try:
-            self._load_first_model()
+            self._models.load()
         except Exception as error:  # rclpy would take it for an error of the node
             self._configuring_failed = error
             if not self._is_starting:
@@ -181,10 +171,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._arm = self._controller = self._effort_check = self._estimates = None
-        self._xml, self._is_embedded, self._waiting = '', False, None
-        if self._descriptions is not None:
-            self.destroy_subscription(self._descriptions)
-            self._descriptions = None
+        self._models.forget()
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -208,90 +195,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     # ------------------------------------------------------------------ the model
 
-    def _load_first_model(self) -> None:
-        values = self._settings.values
-        xml = description_from_parameters(values)
-        if xml is not None:
-            self._use_model(xml, self._checked_arm(xml))
-            return
-        obstacle = self._obstacle_of_embedded_arm()
-        if obstacle:
-            self.get_logger().warning(
-                f'{obstacle}. Waiting for a URDF on the topic robot_description; '
-                'robot_description_file may name one.')
-        else:
-            self._serve_embedded_arm()
-        if self._descriptions is None:
-            self._descriptions = self.create_subscription(
-                String, 'robot_description', self._on_description, LATCHED,
-                refuse=self._refuse_description, largest=LARGEST_DESCRIPTION)
-
-    def _obstacle_of_embedded_arm(self) -> str:
-        """Return why the embedded arm cannot be used without a description, empty if it can."""
-        values, topic = self._settings.values, self.resolve_topic_name('~/commands')
-        try:
-            load_arm(embedded_description(), values['joints'], values['gravity'])
-        except InvalidInputError:
-            return f'joints is {list(values["joints"])}, of an arm without a description'
-        if topic != f'{self.get_fully_qualified_name()}/commands':
-            return f'~/commands is remapped to {topic}, and no robot_description was given'
-        return ''
-
-    def _serve_embedded_arm(self) -> None:
-        xml = embedded_description()
-        arm = self._checked_arm(xml)
-        if not self._payloads.suit(arm):  # they may be of the arm of a description to come
-            self._waiting = xml, arm
-            self.get_logger().error(f'No model in use: {self._payloads.obstacle}.')
-            return
-        self._use_model(xml, arm, is_embedded=True)
-        self.get_logger().warning(
-            'No robot_description was given: the embedded planar two-link arm is used, for '
-            'joint states that contain joint1 and joint2 only. For a robot, set '
-            'robot_description_file, or publish the topic robot_description.')
-
-    def _on_description(self, message: String) -> None:
-        self._waiting = None
-        if message.data == self._xml and not self._is_embedded:
-            return
-        try:
-            arm = self._checked_arm(message.data)
-            if not self._payloads.suit(arm):
-                self._waiting = message.data, arm
-                self._payloads.check(arm)
-            elif self._path.command.is_commanding and not self._is_embedded:
-                self._waiting = message.data, arm
-                self.get_logger().error(
-                    'Kept the model in use, as efforts go out by it: the new robot_description '
-                    'is taken once they have ended (no joint states, or ~/change_state).')
-            else:
-                self._use_model(message.data, arm)
-        except Exception as error:
-            self._refuse_description(error)
-
-    def _refuse_description(self, error: Exception) -> None:
-        self.get_logger().error(f'Kept the model in use: {describe_error(error)}')
-
-    def _take_waiting_description(self) -> None:
-        if self._waiting is None or self._path.command.is_commanding or (
-                not self._payloads.suit(self._waiting[1])):
-            return
-        (xml, arm), self._waiting = self._waiting, None
-        try:
-            self._use_model(xml, arm)
-        except Exception as error:  # parameters that have changed since
-            self._refuse_description(error)
-
-    def _checked_arm(self, xml: str) -> ArmModel:
-        """Return the arm of a description; raise RobotDynamicsError where it is unfit."""
-        values = self._settings.values
-        arm = arm_from_parameters(xml, values)
-        check_joint_count(arm)
-        check_or_refuse(xml, arm, values, self.get_logger())
-        options_from(values, arm)
-        return arm
-
-    def _use_model(self, xml: str, arm: ArmModel, is_embedded: bool = False) -> None:
+    def _use_model(self, xml: str, arm: ArmModel, is_embedded: bool) -> None:
         values = self._settings.values
         options = options_from(values, arm)
         self._payloads.check(arm)
@@ -308,7 +212,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.markers.use(controller, parse_urdf(xml).root_link)
         self._dynamics_services.use(controller)
         self._arm, self._controller = arm, controller
-        self._xml, self._is_embedded = xml, is_embedded
         self._effort_check, self._estimates = check, estimates
         self._warn_of_loop(controller, options)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
@@ -373,7 +276,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     # ------------------------------------------------------------------ diagnostics
 
     def _statuses(self) -> list[Status]:
-        self._take_waiting_description()
+        self._models.take_waiting()
         model = 'none yet' if self._arm is None else self._arm.name
         statuses = [
             *self._report.statuses(self._settings.values['state_timeout']),
@@ -385,7 +288,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],
-                 'a new one waits': self._waiting is not None,
+                 'a new one waits': self._models.has_waiting,
                  'callbacks that failed': self.callback_errors}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])

@@ -1,0 +1,178 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Where the model of `dynamics` comes from: parameters, a topic, or the embedded arm.
+
+A description on the topic replaces the embedded arm at once, and another description once no
+efforts are published.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.ros.declared_parameters import Values
+from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robot_dynamics.ros.dynamics.parameters import options_from
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
+from robot_dynamics.ros.guarded_callbacks import describe_error
+from robot_dynamics.ros.robot_description import (
+    check_joint_count,
+    description_from_parameters,
+    embedded_description,
+)
+from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
+from std_msgs.msg import String
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class UseModel(Protocol):
+    """Serves an arm from now on; raises RobotDynamicsError if that is not possible."""
+
+    def __call__(self, xml: str, arm: ArmModel, is_embedded: bool) -> None:
+        ...
+
+
+class _Model(NamedTuple):
+    xml: str
+    arm: ArmModel
+    is_embedded: bool = False
+
+
+class ModelSource:
+    """Loads the first model, and replaces it."""
+
+    def __init__(
+        self, node: Node, values: Callable[[], Values], payloads: PayloadKeeper,
+        is_commanding: Callable[[], bool], use: UseModel,
+    ) -> None:
+        """
+        Take what a model depends on.
+
+        `values` returns the parameters; `is_commanding` whether efforts are published; `use` is
+        called with each new model.
+        """
+        self._node, self._values, self._payloads = node, values, payloads
+        self._is_commanding, self._use = is_commanding, use
+        self._current: _Model | None = None
+        self._waiting: _Model | None = None
+        self._subscription: Any = None
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether a model waits until it can be used."""
+        return self._waiting is not None
+
+    def load(self) -> None:
+        """Use the first model, or wait for one; raise RobotDynamicsError for a wrong one."""
+        values = self._values()
+        xml = description_from_parameters(values)
+        if xml is not None:
+            self._take(_Model(xml, self._checked_arm(xml)))
+            return
+        obstacle = self._obstacle_of_embedded_arm()
+        if obstacle:
+            self._node.get_logger().warning(
+                f'{obstacle}. Waiting for a URDF on the topic robot_description; '
+                'robot_description_file may name one.')
+        else:
+            self._use_embedded_arm()
+        if self._subscription is None:
+            self._subscription = self._node.create_subscription(
+                String, 'robot_description', self._on_description, LATCHED,
+                refuse=self._refuse, largest=LARGEST_DESCRIPTION)
+
+    def forget(self) -> None:
+        """Forget all models, until `load`."""
+        self._current = self._waiting = None
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def take_waiting(self) -> None:
+        """Use the model that waits, if that is possible now."""
+        waiting = self._waiting
+        if waiting is None or self._is_commanding() or not self._payloads.suit(waiting.arm):
+            return
+        self._waiting = None
+        try:
+            self._take(waiting)
+        except Exception as error:  # parameters that have changed since
+            self._refuse(error)
+
+    def _take(self, model: _Model) -> None:
+        self._use(*model)
+        self._current = model
+
+    def _obstacle_of_embedded_arm(self) -> str:
+        """Return why the embedded arm cannot be used without a description, empty if it can."""
+        values, topic = self._values(), self._node.resolve_topic_name('~/commands')
+        try:
+            load_arm(embedded_description(), values['joints'], values['gravity'])
+        except InvalidInputError:
+            return f'joints is {list(values["joints"])}, of an arm without a description'
+        if topic != f'{self._node.get_fully_qualified_name()}/commands':
+            return f'~/commands is remapped to {topic}, and no robot_description was given'
+        return ''
+
+    def _use_embedded_arm(self) -> None:
+        xml = embedded_description()
+        model = _Model(xml, self._checked_arm(xml), is_embedded=True)
+        if not self._payloads.suit(model.arm):  # they may be of the arm of a description to come
+            self._waiting = model
+            self._node.get_logger().error(f'No model in use: {self._payloads.obstacle}.')
+            return
+        self._take(model)
+        self._node.get_logger().warning(
+            'No robot_description was given: the embedded planar two-link arm is used, for '
+            'joint states that contain joint1 and joint2 only. For a robot, set '
+            'robot_description_file, or publish the topic robot_description.')
+
+    def _on_description(self, message: String) -> None:
+        self._waiting, current = None, self._current
+        is_embedded = current is not None and current.is_embedded
+        if current is not None and message.data == current.xml and not is_embedded:
+            return
+        try:
+            model = _Model(message.data, self._checked_arm(message.data))
+            if not self._payloads.suit(model.arm):
+                self._waiting = model
+                self._payloads.check(model.arm)
+            elif self._is_commanding() and not is_embedded:
+                self._waiting = model
+                self._node.get_logger().error(
+                    'Kept the model in use, as efforts go out by it: the new robot_description '
+                    'is taken once they have ended (no joint states, or ~/change_state).')
+            else:
+                self._take(model)
+        except Exception as error:
+            self._refuse(error)
+
+    def _refuse(self, error: Exception) -> None:
+        self._node.get_logger().error(f'Kept the model in use: {describe_error(error)}')
+
+    def _checked_arm(self, xml: str) -> ArmModel:
+        """Return the arm of a description; raise RobotDynamicsError if it is unfit."""
+        values = self._values()
+        arm = arm_from_parameters(xml, values)
+        check_joint_count(arm)
+        check_or_refuse(xml, arm, values, self._node.get_logger())
+        options_from(values, arm)
+        return arm

@@ -1,0 +1,104 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What `dynamics` logs and counts of joint states that it cannot answer, or not as usual."""
+
+from rclpy.node import Node
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.monitoring.velocity_estimate import SPAN
+from robot_dynamics.ros.dynamics.control_counters import ControlCounters
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+
+COMPLETION_TIME = 1.0
+"""[s] without a complete state after which its missing joints are logged."""
+REMEDIES = {
+    'too old': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'stamp went back': 'stop all but one publisher of the joints of this arm',
+    'jump': 'stop all but one publisher of the joints of this arm',
+    'stamp jumped ahead': 'stop all but one publisher of the joints of this arm',
+    'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
+}
+"""What to do about dropped joint states, by the reason."""
+
+
+class StateLog:
+    """Logs at most one line of a kind in LOG_PERIOD."""
+
+    def __init__(self, node: Node, counters: ControlCounters) -> None:
+        self._node, self._counters = node, counters
+        self.bandwidth_scale = self._reported_scale = 1.0
+        self._refused = ''
+
+    def warn(self, words: str) -> None:
+        """Log a warning."""
+        self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+
+    def count(self, reason: str) -> None:
+        """Count a dropped state that is not worth a line."""
+        self._counters.dropped[reason] += 1
+        self._counters.last_drop = f'Dropped a joint state: {reason}'
+
+    def drop(self, reason: str, words: str) -> None:
+        """Count and log a dropped state, with the remedy."""
+        remedy = REMEDIES.get(reason)
+        words = words if remedy is None else f'{words}; {remedy}'
+        self._counters.dropped[reason] += 1
+        self._counters.last_drop = words
+        self.warn(words)
+
+    def part(self, missing: list[str], seconds: float) -> None:
+        """Note a message that completes no state; log it if none was complete for so long [s]."""
+        self._counters.incomplete += 1
+        self._counters.missing = tuple(missing)
+        if seconds > COMPLETION_TIME:
+            self.warn(
+                f'No joint state is complete: there are no new samples of {missing}. Publish '
+                'them on joint_states, or set the parameter joints to the joints in use.')
+
+    def refuse_embedded(self, words: str) -> None:
+        """Note a state of another robot than the embedded arm; log the first one."""
+        self._counters.dropped['not the embedded arm'] += 1
+        self._counters.last_drop = f'Nothing is published: {words}'
+        if words != self._refused:
+            self._refused = words
+            self._node.get_logger().error(self._counters.last_drop)
+
+    def velocities(self, controller: Controller, v: FloatArray | None) -> None:
+        """Log once that the joint states have no velocities, and what follows from that."""
+        if v is None and controller.estimates_velocity:
+            return  # the first state, which has nothing to be compared with
+        source = 'missing' if v is None else 'estimated from positions'
+        if source == self._counters.velocities:
+            return
+        self._counters.velocities = source
+        self._node.get_logger().warning(
+            'The joint states have no velocities: only gravity is compensated, and no reference '
+            'is followed. Publish velocities, or set require_measured_velocities to false.'
+            if v is None else
+            'The joint states have no velocities: they are estimated from the positions, over '
+            f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if that is needed.')
+
+    def bandwidth(self, controller: Controller) -> None:
+        """Log how far the gains are lowered, when that has changed much."""
+        scale = self.bandwidth_scale = controller.bandwidth_scale
+        if not controller.knows_quality or (
+                0.8 < scale / self._reported_scale < 1.25 and scale < 1.0):
+            return
+        if scale != self._reported_scale:
+            self._node.get_logger().info(
+                f'Gains and references at {scale:.2f} of their bandwidth: {controller.quality}.',
+                throttle_duration_sec=LOG_PERIOD)
+        self._reported_scale = scale
