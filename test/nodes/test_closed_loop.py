@@ -96,8 +96,11 @@ class Gate:
     HELD_AT = 100_000_000
     """[ns], simulated time of the state at which the arm waits."""
 
-    def __init__(self, client: RosClient, namespace: str) -> None:
+    def __init__(
+        self, client: RosClient, namespace: str, has_velocity: bool = True,
+    ) -> None:
         self._client, self._namespace = client, namespace
+        self._has_velocity = has_velocity
         self._passed: JointState | None = None
         self._is_open = False
         self._references = client.collect(JointState, f'{namespace}/dynamics/reference')
@@ -108,6 +111,8 @@ class Gate:
 
     def _relay(self, state: JointState) -> None:
         if self._is_open or stamp_from_ros(state.header.stamp) <= self.HELD_AT:
+            if not self._has_velocity:
+                state.velocity = []
             self._passed = state
             self._publisher.publish(state)
 
@@ -130,12 +135,12 @@ class Gate:
 @contextmanager
 def gated(
     client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: float,
-    arm: Mapping[str, Any], **parameters: Any,
+    arm: Mapping[str, Any], has_velocity: bool = True, **parameters: Any,
 ) -> Iterator[None]:
     """Run both nodes along a trajectory that starts at a simulated time."""
     with NodeProcess(
             DYNAMICS, parameters, namespace=namespace, remaps={'joint_states': Gate.TOPIC}):
-        gate = Gate(client, namespace)
+        gate = Gate(client, namespace, has_velocity)
         try:
             with simulated_arm(namespace, **arm):
                 gate.follow(trajectory, stamp)
@@ -215,6 +220,25 @@ def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any
     assert max(errors) < 2e-3
     assert seen[-1].position == pytest.approx([-0.4, 1.4], abs=1e-4)
     assert seen[-1].velocity == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize(('noise', 'bound'), [(0.0, 0.01), (1e-4, 0.01)])
+def test_positions_alone_are_enough_to_follow(
+    client: RosClient, noise: float, bound: float,
+) -> None:
+    """Velocities are estimated, with the default parameters, without and with noise."""
+    path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
+    arm = {'rate': 500.0, 'position_noise': noise, 'seed': 3}
+    with client.collect(JointState, '/positions/joint_states') as states, \
+            gated(client, '/positions', path, 0.5, arm, has_velocity=False, **DEFAULTS):
+        seen = until(states, 4.0)
+    errors = [
+        np.abs(reference_at(path, 1e-9 * stamp_from_ros(m.header.stamp) - 0.5) - m.position).max()
+        for m in seen]
+    assert max(errors) < bound
+    assert seen[-1].position == pytest.approx([-0.4, 1.4], abs=2e-3)
+    end = np.array([m.position for m in seen[-100:]])
+    assert np.ptp(end, axis=0).max() < 2e-3 + 10.0 * noise  # it does not oscillate
 
 
 def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient) -> None:

@@ -1,0 +1,194 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Joint states of arms, grippers and halves of arms on one topic, and of another robot."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, ExitStack
+import random
+import re
+import time
+
+from builtin_interfaces.msg import Time
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    has_stamp,
+    LATCHED,
+    NodeProcess,
+    RosClient,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+NAMES = ('joint1', 'joint2')
+Q = [0.4, -0.3]
+HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+STATES = 200
+PERIOD = 10_000_000
+"""[ns]"""
+
+
+def arm_named(prefix: str) -> str:
+    """Return the default arm with other names of its joints."""
+    urdf = default_arm_urdf()
+    for name in NAMES:
+        urdf = urdf.replace(f'"{name}"', f'"{prefix}{name}"')
+    return urdf
+
+
+def message(
+    stamp_ns: int, names: Sequence[str], q: Sequence[float], prefix: str = '',
+) -> JointState:
+    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+    state = JointState(
+        name=[prefix + name for name in names], position=list(q), velocity=[0.0] * len(q))
+    state.header.stamp = Time(sec=sec, nanosec=nanosec)
+    return state
+
+
+class Arm:
+    """A node for one arm on a topic that others use too, and its efforts."""
+
+    def __init__(self, stack: ExitStack, client: RosClient, namespace: str, prefix: str) -> None:
+        self.prefix = prefix
+        stack.enter_context(NodeProcess(
+            DYNAMICS, {'robot_description': arm_named(prefix)}, namespace=namespace,
+            remaps={'joint_states': '/shared/joint_states'}))
+        self.efforts: Collector = stack.enter_context(
+            client.collect(JointState, f'{namespace}/effort_command'))
+        self.efforts.wait_matched()
+
+
+@contextmanager
+def arms(client: RosClient, count: int) -> Iterator[list[Arm]]:
+    """Run nodes for so many arms that share one topic."""
+    with ExitStack() as stack:
+        yield [Arm(stack, client, f'/sources{i}', f'arm{i}_') for i in range(count)]
+
+
+@pytest.mark.parametrize('count', [1, 2])
+@pytest.mark.parametrize('order', ['arm first', 'gripper first', 'any'])
+def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) -> None:
+    """Its messages arrive at the same rate, right before or after those of each arm."""
+    rng = random.Random(0)
+    with arms(client, count) as nodes:
+        publisher = client.publisher(JointState, '/shared/joint_states', subscribers=count)
+        gripper = client.publisher(JointState, '/shared/joint_states', subscribers=count)
+        answered = 0
+        for k in range(1, STATES + 1):
+            stamp = 1_000_000_000 + k * PERIOD
+            sent = [(publisher, message(stamp, NAMES, Q, arm.prefix)) for arm in nodes]
+            sent.append((gripper, message(stamp, ['finger'], [0.01])))
+            if order == 'any':
+                rng.shuffle(sent)
+            for where, state in sent if order != 'gripper first' else reversed(sent):
+                where.publish(state)
+            for arm in nodes:
+                found = arm.efforts.find(has_stamp(sent[0][1].header.stamp), 5.0)
+                if found is not None:
+                    answered += 1
+                    assert found.effort == pytest.approx(HOLD, abs=1e-6)
+                arm.efforts.clear()
+        assert answered >= 0.99 * count * STATES
+
+
+@pytest.mark.parametrize('phase', [0.0, 0.3, 0.8])
+def test_an_arm_in_two_messages_is_answered(client: RosClient, phase: float) -> None:
+    with arms(client, 1) as (arm,):
+        halves = [client.publisher(JointState, '/shared/joint_states') for _ in NAMES]
+        answered = 0
+        for k in range(1, STATES + 1):
+            stamps = [1_000_000_000 + k * PERIOD, 1_000_000_000 + round((k + phase) * PERIOD)]
+            for half, stamp, name, q in zip(halves, stamps, NAMES, Q):
+                half.publish(message(stamp, [name], [q], arm.prefix))
+                time.sleep(0.001)
+            if arm.efforts.find(lambda found: found.effort == pytest.approx(
+                    HOLD, abs=1e-6), 5.0 if k > 2 else 0.1) is not None:
+                answered += 1
+            arm.efforts.clear()
+        assert answered >= 0.97 * STATES
+
+
+# --- the embedded arm ----------------------------------------------------------------------------
+
+def send_for(client: RosClient, namespace: str, names: Sequence[str], seconds: float) -> None:
+    """Publish states of these joints for so long, at 100 Hz."""
+    publisher = client.publisher(JointState, f'{namespace}/joint_states')
+    end, k = time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        k += 1
+        publisher.publish(message(1_000_000_000 + k * PERIOD, names, [0.1] * len(names)))
+        time.sleep(0.01)
+    client.node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize('names', [
+    [f'joint{i}' for i in range(1, 8)], [*NAMES, 'gripper'], ['shoulder', 'elbow']])
+def test_the_embedded_arm_is_not_commanded_for_another_robot(
+    client: RosClient, names: list[str],
+) -> None:
+    with ExitStack() as stack:
+        node = stack.enter_context(NodeProcess(DYNAMICS, namespace='/other'))
+        node.wait_for_log('No robot_description was given: the embedded planar two-link arm')
+        topics = [stack.enter_context(client.collect(JointState, f'/other/{topic}')) for topic in (
+            'effort_command', 'dynamics/gravity_compensation')]
+        for topic in topics:
+            topic.wait_matched()
+        send_for(client, '/other', names, 2.0)
+        line = node.wait_for_log('Nothing is published: the joint states contain')
+        assert str(names) in line
+        assert 'robot_description_file' in line
+        assert [topic.messages for topic in topics] == [[], []]
+        errors = [line for line in node.log.splitlines() if 'Nothing is published' in line]
+        assert len(errors) == 1
+
+
+def test_the_embedded_arm_is_commanded_by_states_of_its_joints_alone(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, namespace='/own') as node, \
+            client.collect(JointState, '/own/effort_command') as efforts:
+        efforts.wait_matched()
+        send_for(client, '/own', NAMES, 1.0)
+        assert np.abs(efforts.wait_for().effort).max() > 1.0
+        assert 'Nothing is published' not in node.log
+
+
+def test_remapped_commands_need_a_description(client: RosClient) -> None:
+    with NodeProcess(
+            DYNAMICS, namespace='/bare', remaps={'~/commands': '/controller/commands'}) as node, \
+            client.collect(JointState, '/bare/effort_command') as efforts:
+        node.wait_for_log('~/commands is remapped to /controller/commands')
+        efforts.wait_matched()
+        send_for(client, '/bare', NAMES, 1.0)
+        assert efforts.messages == []
+
+
+def test_a_description_on_its_topic_ends_the_refusal(client: RosClient) -> None:
+    names = [f'left_{name}' for name in NAMES]
+    with NodeProcess(DYNAMICS, namespace='/late') as node, \
+            client.collect(JointState, '/late/effort_command') as efforts:
+        efforts.wait_matched()
+        send_for(client, '/late', names, 1.0)
+        node.wait_for_log('Nothing is published')
+        description = client.publisher(String, '/late/robot_description', LATCHED)
+        description.publish(String(data=arm_named('left_')))
+        node.wait_for_log(re.escape(f'joints {names}'))
+        send_for(client, '/late', names, 1.0)
+        wait_until(lambda: bool(efforts.messages), 'an effort')
