@@ -26,7 +26,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.trajectories.goal_limits import check_points
 from robot_dynamics.trajectories.interpolation import Reference, sample_segment
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
@@ -546,9 +549,15 @@ def test_the_documented_words_are_the_words():
         TrajectoryFollower(JOINTS).start(
             trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=7 * SECOND)
     spoken.add(str(refusal.value))
+    urdf = default_arm_urdf().replace('joint1', 'shoulder').replace('joint2', 'elbow').replace(
+        'type="continuous"', 'type="revolute"').replace('<limit ', '<limit lower="-2" upper="2" ')
+    for change in ({'q': ((0.1, 0.2), (0.3, 2.5))}, {'v': ((0.1, 11.0), (0.0, 0.0))}):
+        with pytest.raises(TrajectoryError) as refusal:
+            check_points(load_arm(urdf), trajectory(**{**GOOD, **change}))
+        spoken.add(str(refusal.value))
     unread = [words for words in documented  # by test_message_bytes
               if words.endswith('more would hold up control') or 'cannot be read' in words]
-    assert (len(documented), len(unread)) == (17, 3)
+    assert (len(documented), len(unread)) == (19, 3)
     assert [words for words in documented if words not in spoken] == unread
 
 

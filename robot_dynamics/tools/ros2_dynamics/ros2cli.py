@@ -74,7 +74,7 @@ class CheckVerb(VerbExtension):
 
 
 class PayloadVerb(VerbExtension):
-    """Show the load in force, put one on a link, or take it away."""
+    """Show the active loads, put one on a link, or remove them."""
 
 
 class StatusVerb(VerbExtension):
