@@ -165,7 +165,7 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
         client.answer_to(states, state, gravity)  # nothing is followed before the first state
 
         def torque() -> Any:
-            state.header.stamp.sec += 1
+            state.header.stamp.nanosec += 10_000_000
             return client.answer_to(states, state, torques).effort
 
         trajectories.publish(JointTrajectory(joint_names=NAMES, points=[
