@@ -29,6 +29,7 @@ from robot_dynamics.control import effort_limiter as effort_guard
 from robot_dynamics.control import setpoint_stream as set_point_stream
 from robot_dynamics.control import supervisor as command_supervisor
 from robot_dynamics.monitoring import state_plausibility as state_watch
+from robot_dynamics.monitoring import velocity_estimate
 from robot_dynamics.ros import memory, message_bytes, robot_description
 from robot_dynamics.ros.dynamics import command_output as safe_command
 from robot_dynamics.ros.dynamics import control_path
@@ -130,12 +131,15 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('of which at most {:g} s count', effort_guard.LONGEST_STEP),
     ('every {:.0f} ms', 1e3 * safe_command.ACTION_PERIOD),
     ('after {} valid states without a contradiction', control_path.CONFLICT_RECOVERY),
-    ('a jump of stamps by more than {:.0f} s', state_watch.LONGEST_GAP),
+    ('{} such states in a row', {5: 'five'}[state_watch.CONFIRMATIONS]),
+    ('({:g} s without it) from one state to the next', state_watch.JUMP),
     ('After {:.0f} s\n  without a believable state', state_watch.LONGEST_GAP),
     ('further than {:g} rad (m)', state_watch.PLAY),
     ('{:g} times the way at its velocity limit', state_watch.SPEED_FACTOR),
     ('{} or more that came within it', {5: 'five'}[set_point_stream.STREAM_LENGTH]),
-    ('more than {} off', {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
+    ('Within {} of the clock of this computer', {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
+    ('Stamps before {} are simulated time', {1e9: 2001}[state_watch.SIMULATED_BEFORE]),
+    ('the positions over {:g} ms', 1e3 * velocity_estimate.SPAN),
     ('topic | {:,} bytes', message_bytes.LARGEST_MESSAGE),
     ('points of a trajectory | {:,}', message_bytes.MOST_POINTS),
     ('`robot_description` | {:,} bytes', document.LARGEST_DESCRIPTION),

@@ -33,6 +33,7 @@ from rclpy.serialization import serialize_message
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
@@ -42,6 +43,7 @@ from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 PLANAR_JOINTS = ('joint1', 'joint2')
 # Apart, and in lock-step, the simulated arm waits for an effort, and disturbs nobody.
@@ -61,6 +63,8 @@ class RunningNodes:
     def __enter__(self) -> 'RunningNodes':
         rclpy.init(args=['--ros-args', *ARGUMENTS])
         self.dynamics, self.simulated_arm = DynamicsNode(), SimulatedArmNode()
+        callback_of(self.dynamics, 'robot_description')(
+            serialize_message(String(data=default_arm_urdf())))
         assert self.simulated_arm.get_parameter('lock_step').value
         assert self.simulated_arm.get_namespace() == '/apart'
         self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
