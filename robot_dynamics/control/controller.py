@@ -212,7 +212,8 @@ class Controller:
         """
         load = self._load.prepare(payloads)
         if transition_time == 0.0:
-            dynamics = UncheckedArmDynamics(load.planning.arm)
+            dynamics = UncheckedArmDynamics(load.planning.arm) if load.payloads else (
+                self._load.unloaded)
             with self._lock:
                 self._load.replace(load, dynamics)
                 self._limit_motion()

@@ -76,8 +76,9 @@ class LoadedArm:
         transition = self._transition
         if transition is None:
             return
+        payloads = transition.payloads(stamp_ns)
         self.dynamics = UncheckedArmDynamics(
-            self.arm.with_payloads(transition.payloads(stamp_ns)))
+            self.arm.with_payloads(payloads)) if payloads else self.unloaded
         if transition.done:
             self._transition = None
             transition.when_done(transition.target)

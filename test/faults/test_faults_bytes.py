@@ -29,7 +29,8 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from raw_publisher import bytes_of, RawPublisher
-from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import LATCHED, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -65,6 +66,10 @@ def raw() -> Iterator[RawPublisher]:
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation, as tests leave it."""
     with fault_bench(client, '/faults_bytes') as one:
+        descriptions = client.publisher(String, '/faults_bytes/robot_description', LATCHED)
+        descriptions.publish(String(data=default_arm_urdf()))  # or any other joint is refused
+        wait_until(lambda: one.node.log.count("Model 'planar_arm'") == 2, 'the model')
+        client.node.destroy_publisher(descriptions)
         yield one
 
 
@@ -153,14 +158,14 @@ def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublish
 
 
 @fault(GROUP, '`joint_states`: a joint name that is no UTF-8',
-       'dropped and told, as the joint is missing; back by itself')
+       'reported as incomplete, with the joint; back by itself')
 def test_a_name_that_is_no_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
     bench.check_alive()
     bench.driver.be_quiet()
     data = bytes_of(STATE).replace(b'joint1', b'\xff\xfe\xc0\x80t1')
     send_until(
         raw, f'{bench.namespace}/joint_states', JointState, lambda: [now_stamped(data)],
-        lambda: "name leaves out ['joint1']" in bench.next_status('joint states').message)
+        lambda: "no samples of ['joint1']" in bench.next_status('joint states').message)
     bench.wait_state_timeout()
     bench.check_alive()
 

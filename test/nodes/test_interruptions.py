@@ -237,9 +237,11 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     follow(arm, ELSEWHERE)
 
 
-@fault(GROUP, 'velocities are absent, the arm is moved by hand, velocities are back',
+@fault(GROUP, 'velocities that are required (`require_measured_velocities`) are absent, the arm is '
+       'moved by hand, velocities are back',
        f'a trajectory that is sent in between is rejected; afterwards {HELD}')
 def test_velocities_that_are_absent(arm: FaultBench) -> None:
+    arm.set_parameters(require_measured_velocities=True)
     arm.driver.change = altered(velocity=[])
     arm.wait_status('reference', lambda status: (
         status.message == 'ended early: the joint states have no velocity'))
@@ -254,6 +256,7 @@ def test_velocities_that_are_absent(arm: FaultBench) -> None:
         reference = references.wait_for()  # velocities are back, and the position is held
     assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
     check_held(arm, ELSEWHERE)
+    arm.set_parameters(require_measured_velocities=False)
 
 
 # --- a planned stop ------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ def node(tmp_path: Any) -> Iterator[Node]:
         rclpy.try_shutdown()
 
 
-@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 125, 3), (True, 175, 4)])
+@pytest.mark.parametrize(('follows', 'most', 'published'), [(False, 130, 3), (True, 180, 4)])
 def test_the_calls_of_a_message(
     node: Node, pinocchio_calls: Counter[str], follows: bool, most: int, published: int,
 ) -> None:
