@@ -237,8 +237,8 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     follow(arm, ELSEWHERE)
 
 
-@fault(GROUP, 'velocities that are required (`require_measured_velocities`) are absent, the arm is '
-       'moved by hand, velocities are back',
+@fault(GROUP, 'velocities that are required (`require_measured_velocities`) are absent, the arm '
+       'is moved by hand, velocities are back',
        f'a trajectory that is sent in between is rejected; afterwards {HELD}')
 def test_velocities_that_are_absent(arm: FaultBench) -> None:
     arm.set_parameters(require_measured_velocities=True)
