@@ -1,0 +1,157 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Stamps that jump, in real nodes: simulated time, a clock before NTP, /clock at run time."""
+
+from collections.abc import Iterator
+import itertools
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import stamp_from_ros
+from ros_harness import DYNAMICS, NodeProcess, RosClient
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+Q = [0.4, -0.3]
+HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+SECOND = 1_000_000_000
+PERIOD = SECOND // 100
+COUNTER = itertools.count()
+
+
+class Robot:
+    """A node, and joint states of an arm at rest under any stamps."""
+
+    def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
+        self.client, self.node, self.namespace = client, node, namespace
+        self.states = client.publisher(JointState, f'{namespace}/joint_states')
+        self.efforts = client.collect(JointState, f'{namespace}/effort_command')
+        self.efforts.wait_matched()
+        self.diagnostics = client.collect(DiagnosticArray, '/diagnostics')
+
+    def send(self, stamp_ns: int) -> None:
+        """Publish a state under a stamp."""
+        state = JointState(name=NAMES, position=Q, velocity=[0.0, 0.0])
+        sec, nanosec = divmod(stamp_ns, SECOND)
+        state.header.stamp = Time(sec=sec, nanosec=nanosec)
+        self.states.publish(state)
+
+    def stream(self, first_ns: int, count: int) -> int:
+        """Publish so many states at 100 Hz; return the next stamp."""
+        for k in range(count):
+            self.send(first_ns + k * PERIOD)
+            time.sleep(0.01)
+        return first_ns + count * PERIOD
+
+    def wait_status(self, check: str, words: str) -> None:
+        """Wait for a report that contains words, from now on."""
+        self.diagnostics.clear()
+        self.diagnostics.wait_for(lambda message: any(
+            status.name == f'{self.namespace}/dynamics: {check}' and words in status.message
+            for status in message.status))
+
+    def wait_answer(self, age: float = 0.0) -> Any:
+        """Send states of this age [s] until one is answered; return the effort."""
+        first = time.time_ns() - round(SECOND * age)
+        for _ in range(1000):
+            self.send(time.time_ns() - round(SECOND * age))
+            found = self.efforts.find(
+                lambda effort: effort.header.stamp.sec >= first // SECOND, 0.05)
+            if found is not None:
+                return found
+        raise AssertionError(self.node.log)
+
+
+@pytest.fixture
+def robot(client: RosClient) -> Iterator[Robot]:
+    """Return a node with the default rules on time."""
+    namespace = f'/clocks{next(COUNTER)}'
+    parameters = {'robot_description': default_arm_urdf(), 'state_timeout': 60.0,
+                  'state_max_age': 0.2}
+    with NodeProcess(DYNAMICS, parameters, namespace=namespace) as node:
+        yield Robot(client, node, namespace)
+
+
+@pytest.mark.parametrize('max_age', [0.2, 0.0])
+def test_simulated_time_that_jumps_ahead_moves_no_reference(robot: Robot, max_age: float) -> None:
+    robot.client.set_parameters(f'{robot.namespace}/dynamics', {'state_max_age': max_age})
+    t = robot.stream(10 * SECOND, 30)
+    trajectories = robot.client.publisher(
+        JointTrajectory, f'{robot.namespace}/dynamics/joint_trajectory')
+    point = JointTrajectoryPoint(positions=[Q[0] + 0.5, Q[1]])
+    point.time_from_start.sec = 10
+    trajectories.publish(JointTrajectory(joint_names=NAMES, points=[point]))
+    for _ in range(200):
+        t = robot.stream(t, 5)
+        if robot.client.collect(JointState, f'{robot.namespace}/dynamics/reference').find(
+                lambda _: True, 0.05) is not None:
+            break
+    robot.stream(t + 5 * SECOND, 20)
+    robot.wait_status('reference', 'joint states restarted: stamp jumped ahead')
+    # 5 s further along the trajectory the reference would be 0.25 rad away: 75 N·m and more
+    after = [effort.effort for effort in robot.efforts.messages
+             if stamp_from_ros(effort.header.stamp) >= t + 5 * SECOND]
+    assert after
+    assert np.abs(np.array(after) - HOLD).max() < 5.0
+
+
+def test_a_clock_that_is_set_by_ntp_gets_an_age(robot: Robot) -> None:
+    robot.stream(20 * SECOND, 10)
+    robot.wait_answer()
+    sent = []
+    for _ in range(20):
+        sent.append(time.time_ns() - 10 * SECOND)
+        robot.send(sent[-1])
+        time.sleep(0.01)
+    robot.wait_status('joint states', 's old, expected at most 0.2 s (state_max_age)')
+    assert not {stamp_from_ros(effort.header.stamp) for effort in robot.efforts.messages} & {*sent}
+
+
+def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
+    node = f'{robot.namespace}/dynamics'
+    robot.wait_answer()
+    for is_simulated in (True, False):
+        robot.client.set_parameters(node, {'use_sim_time': is_simulated})
+        robot.efforts.clear()
+        if is_simulated:  # an old recording is answered
+            robot.wait_answer(age=100.0)
+        else:
+            begin = time.time_ns() - 50 * SECOND
+            for _ in range(20):
+                robot.send(time.time_ns() - 50 * SECOND)
+                time.sleep(0.01)
+            robot.wait_status('joint states', 's old, expected at most 0.2 s (state_max_age)')
+            assert not [effort for effort in robot.efforts.messages
+                        if stamp_from_ros(effort.header.stamp) >= begin]
+
+
+def test_an_idle_publisher_is_no_conflict(robot: Robot) -> None:
+    idle = robot.client.publisher(JointState, f'{robot.namespace}/joint_states')
+    robot.stream(1000 * SECOND, 30)
+    robot.efforts.wait_for()
+    robot.efforts.clear()
+    robot.stream(100 * SECOND, 30)  # the simulator was set back
+    found = robot.efforts.wait_for(lambda effort: effort.header.stamp.sec == 100)
+    assert found.effort == pytest.approx(HOLD, abs=1e-6)
+    assert 'several_publishers' not in robot.node.log
+    robot.client.node.destroy_publisher(idle)
