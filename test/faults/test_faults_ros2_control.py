@@ -24,6 +24,7 @@ from fault_stimuli import shifted
 from fault_table import fault
 import numpy as np
 import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.simulated_arm.loops import RESEND_PERIOD
 from robot_dynamics.ros.simulated_arm.unanswered_state import UNANSWERED_AFTER
 from ros2_control_standin import ros2_control
@@ -149,7 +150,9 @@ def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> No
 def commanding(namespace: str, **more: Any) -> NodeProcess:
     """Return a dynamics node that commands the effort controller of this namespace."""
     return NodeProcess(
-        DYNAMICS, {**STEADY, 'joints': NAMES, **more}, namespace=namespace, patient=False,
+        DYNAMICS, {
+            **STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES, **more},
+        namespace=namespace, patient=False,
         remaps={'~/commands': f'{namespace}/effort_controller/commands'},
         environment=NO_SHARED_MEMORY)
 

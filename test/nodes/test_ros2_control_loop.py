@@ -27,6 +27,7 @@ from fault_bench import STEADY
 from fault_table import fault
 import numpy as np
 import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros2_control_standin import DEFAULT_THRESHOLD, INTERFACES, ros2_control
@@ -64,7 +65,8 @@ class Robot(NamedTuple):
     def dynamics(self) -> NodeProcess:
         """Return a node that commands the effort controller."""
         return NodeProcess(
-            DYNAMICS, {**STEADY, 'joints': NAMES}, namespace=self.space, patient=False,
+            DYNAMICS, {**STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES},
+            namespace=self.space, patient=False,
             remaps={'~/commands': f'{self.space}/effort_controller/commands'},
             environment=NO_SHARED_MEMORY)
 

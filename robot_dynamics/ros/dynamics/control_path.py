@@ -257,7 +257,7 @@ class ControlPath:
     def _look_for_replay(self, stamp_ns: int) -> None:
         replay = self.counters.replay
         if self._has_age() and replay.look(stamp_ns, time.time_ns()):
-            self._log.warn(replay.text)
+            self._log.warn('replay', replay.text)
 
     def _description_is_published(self) -> bool:
         """Tell whether a description that was not received yet will replace the embedded arm."""
@@ -332,6 +332,7 @@ class ControlPath:
             self.counters.interruption = (
                 'the stream of set-points paused for more than reference_timeout')
             self._log.warn(
+                'stream',
                 'The stream of set-points paused for more than reference_timeout; reference_loss '
                 'defines the reaction.')
 

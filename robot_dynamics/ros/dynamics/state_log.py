@@ -14,6 +14,9 @@
 
 """What `dynamics` logs and counts of joint states that it cannot answer, or not as usual."""
 
+import math
+import time
+
 from rclpy.node import Node
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
@@ -35,16 +38,24 @@ REMEDIES = {
 
 
 class StateLog:
-    """Logs at most one line of a kind in LOG_PERIOD."""
+    """
+    Logs at most one line of a kind in LOG_PERIOD.
+
+    rclpy limits the lines of a place in the source, and `warn` is one place for all kinds.
+    """
 
     def __init__(self, node: Node, counters: ControlCounters) -> None:
         self._node, self._counters = node, counters
         self.bandwidth_scale = self._reported_scale = 1.0
         self._refused = ''
+        self._logged_at: dict[str, float] = {}
 
-    def warn(self, words: str) -> None:
-        """Log a warning."""
-        self._node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+    def warn(self, kind: str, words: str) -> None:
+        """Log a warning of a kind."""
+        now = time.monotonic()
+        if now - self._logged_at.get(kind, -math.inf) >= LOG_PERIOD:
+            self._logged_at[kind] = now
+            self._node.get_logger().warning(words)
 
     def count(self, reason: str) -> None:
         """Count a dropped state that is not worth a line."""
@@ -57,7 +68,7 @@ class StateLog:
         words = words if remedy is None else f'{words}; {remedy}'
         self._counters.dropped[reason] += 1
         self._counters.last_drop = words
-        self.warn(words)
+        self.warn('dropped', words)
 
     def part(self, missing: list[str], seconds: float) -> None:
         """Note a message that completes no state; log it if none was complete for so long [s]."""
@@ -65,6 +76,7 @@ class StateLog:
         self._counters.missing = tuple(missing)
         if seconds > COMPLETION_TIME:
             self.warn(
+                'incomplete',
                 f'No joint state is complete: there are no new samples of {missing}. Publish '
                 'them on joint_states, or set the parameter joints to the joints in use.')
 
