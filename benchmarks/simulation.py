@@ -186,7 +186,7 @@ def _effort(
     a = AMPLITUDE * frequency**2 * np.cos(phase) + (
         2.0 * NATURAL_FREQUENCY * (rate - v) + NATURAL_FREQUENCY**2 * (_wanted(phase) - q))
     effort = dynamics.rigid_body.inverse_dynamics(q, v, a)
-    return np.asarray(effort + dynamics.friction.smooth_effort(rate))
+    return np.asarray(effort + dynamics.arm.friction.smooth_effort(rate))
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ import re
 import time
 
 from builtin_interfaces.msg import Time
+from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -41,6 +42,8 @@ from std_msgs.msg import String
 NAMES = ('joint1', 'joint2')
 Q = [0.4, -0.3]
 HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+SHARED, OTHER = 'Joint states from several publishers', 'Joint states of another robot'
+NOTHING = 'nothing is published; one error names these joints and `robot_description_file`'
 STATES = 200
 PERIOD = 10_000_000
 """[ns]"""
@@ -84,8 +87,13 @@ def arms(client: RosClient, count: int) -> Iterator[list[Arm]]:
         yield [Arm(stack, client, f'/sources{i}', f'arm{i}_') for i in range(count)]
 
 
-@pytest.mark.parametrize('count', [1, 2])
-@pytest.mark.parametrize('order', ['arm first', 'gripper first', 'any'])
+@pytest.mark.parametrize(('order', 'count'), [
+    pytest.param(order, count, marks=fault(
+        SHARED, f'a gripper at the same rate as {("one arm", "two arms")[count - 1]}, {words}',
+        'at least 99 % of the states of each arm are answered'))
+    for count in (1, 2)
+    for order, words in (('arm first', 'after their states'), (
+        'gripper first', 'before their states'), ('any', 'in any order'))])
 def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) -> None:
     """Its messages arrive at the same rate, right before or after those of each arm."""
     rng = random.Random(0)
@@ -110,7 +118,11 @@ def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) ->
         assert answered >= 0.99 * count * STATES
 
 
-@pytest.mark.parametrize('phase', [0.0, 0.3, 0.8])
+@pytest.mark.parametrize('phase', [
+    pytest.param(phase, marks=fault(
+        SHARED, f'an arm in two messages, {phase:g} of a period apart',
+        'a state is answered once per period, under the newest stamp'))
+    for phase in (0.0, 0.3, 0.8)])
 def test_an_arm_in_two_messages_is_answered(client: RosClient, phase: float) -> None:
     with arms(client, 1) as (arm,):
         halves = [client.publisher(JointState, '/shared/joint_states') for _ in NAMES]
@@ -141,7 +153,11 @@ def send_for(client: RosClient, namespace: str, names: Sequence[str], seconds: f
 
 
 @pytest.mark.parametrize('names', [
-    [f'joint{i}' for i in range(1, 8)], [*NAMES, 'gripper'], ['shoulder', 'elbow']])
+    pytest.param(names, marks=fault(OTHER, f'no description, and {words}', NOTHING))
+    for words, names in (
+        ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
+        ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
+        ('`shoulder` and `elbow`', ['shoulder', 'elbow']))])
 def test_the_embedded_arm_is_not_commanded_for_another_robot(
     client: RosClient, names: list[str],
 ) -> None:
@@ -170,6 +186,8 @@ def test_the_embedded_arm_is_commanded_by_states_of_its_joints_alone(client: Ros
         assert 'Nothing is published' not in node.log
 
 
+@fault(OTHER, 'no description, and `~/commands` is remapped',
+       'no model; a warning names the topic and the description that is missing')
 def test_remapped_commands_need_a_description(client: RosClient) -> None:
     with NodeProcess(
             DYNAMICS, namespace='/bare', remaps={'~/commands': '/controller/commands'}) as node, \

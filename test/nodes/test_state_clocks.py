@@ -21,6 +21,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -34,6 +35,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 NAMES = ['joint1', 'joint2']
 Q = [0.4, -0.3]
 HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+GROUP = 'Stamps of other clocks'
 SECOND = 1_000_000_000
 PERIOD = SECOND // 100
 COUNTER = itertools.count()
@@ -92,7 +94,11 @@ def robot(client: RosClient) -> Iterator[Robot]:
         yield Robot(client, node, namespace)
 
 
-@pytest.mark.parametrize('max_age', [0.2, 0.0])
+@pytest.mark.parametrize('max_age', [
+    pytest.param(max_age, marks=fault(
+        GROUP, f'simulated time jumps 5 s ahead along a trajectory, `state_max_age` {max_age:g}',
+        'time restarts: the reference ends in a stop, and moves with the jump in no way'))
+    for max_age in (0.2, 0.0)])
 def test_simulated_time_that_jumps_ahead_moves_no_reference(robot: Robot, max_age: float) -> None:
     robot.client.set_parameters(f'{robot.namespace}/dynamics', {'state_max_age': max_age})
     t = robot.stream(10 * SECOND, 30)
@@ -115,6 +121,8 @@ def test_simulated_time_that_jumps_ahead_moves_no_reference(robot: Robot, max_ag
     assert np.abs(np.array(after) - HOLD).max() < 5.0
 
 
+@fault(GROUP, 'the first stamps are of 1970, later ones of now, then 10 s old',
+       'stamps of now are answered, old ones dropped as too old')
 def test_a_clock_that_is_set_by_ntp_gets_an_age(robot: Robot) -> None:
     robot.stream(20 * SECOND, 10)
     robot.wait_answer()
@@ -127,6 +135,8 @@ def test_a_clock_that_is_set_by_ntp_gets_an_age(robot: Robot) -> None:
     assert not {stamp_from_ros(effort.header.stamp) for effort in robot.efforts.messages} & {*sent}
 
 
+@fault(GROUP, '`use_sim_time` is set and reset at run time, with old stamps',
+       'old stamps are answered with it, and dropped without it')
 def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
     node = f'{robot.namespace}/dynamics'
     robot.wait_answer()
@@ -145,6 +155,8 @@ def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
                         if stamp_from_ros(effort.header.stamp) >= begin]
 
 
+@fault(GROUP, 'a second publisher is idle, and simulated time goes back',
+       'no conflict: states are answered again after five')
 def test_an_idle_publisher_is_no_conflict(robot: Robot) -> None:
     idle = robot.client.publisher(JointState, f'{robot.namespace}/joint_states')
     robot.stream(1000 * SECOND, 30)
