@@ -29,7 +29,7 @@ LEAST_DAMPING = 0.3
 def loop_warnings(workspace: WorkspaceInertia, options: ControllerOptions) -> Iterator[str]:
     """Yield one sentence for each setting of the loop that can make this arm oscillate."""
     names, gains = workspace.arm.joint_names, options.gains
-    with np.errstate(divide='ignore', invalid='ignore'):
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
         damping = np.where(gains.kp > 0.0, gains.kd / (2.0 * np.sqrt(gains.kp)), np.inf)
     for name, ratio in zip(names, damping.tolist()):
         if ratio >= LEAST_DAMPING:
@@ -46,7 +46,7 @@ def loop_warnings(workspace: WorkspaceInertia, options: ControllerOptions) -> It
            f'{slowest_rate(gains):.0f} Hz.')
     effort = workspace.largest() @ gains.kp
     rate = np.broadcast_to(options.effort_rate, effort.shape)
-    with np.errstate(divide='ignore', invalid='ignore'):
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
         error = np.where(effort > 0.0, rate / omega / effort, np.inf)
     j = int(np.argmin(error))
     if np.isfinite(error[j]):

@@ -184,3 +184,10 @@ def test_at_slow_rates_the_terms_sum_to_the_command_for_the_position_ahead() -> 
     body = ArmDynamics(ARM).rigid_body
     assert output.terms.gravity == pytest.approx(body.gravity(at + 0.5 * period * v))
     assert output.gravity_compensation == pytest.approx(body.gravity(at))
+
+
+def test_warnings_about_gains_of_any_size_are_finite() -> None:
+    for kp in (1e-300, 1e-90, 1e8):
+        options = ControllerOptions(
+            make_gains(ARM.joint_names, kp=[kp], kd=[kp]), effort_rate=np.full(2, 1e9))
+        assert [words for words in loop_warnings(WORKSPACE, options) if 'nan' in words] == []

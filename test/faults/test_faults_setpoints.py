@@ -155,13 +155,14 @@ def test_one_set_point_is_held(bench: FaultBench) -> None:
     rest(bench)
 
 
-@fault(GROUP, 'joint states without velocities',
+@fault(GROUP, 'joint states without velocities, with `require_measured_velocities`',
        'gravity compensation, and the reference ends, reported; a set-point is rejected; nothing '
        'on `~/computed_torque`; when velocities are back, the position is held')
 def test_states_without_velocities(bench: FaultBench) -> None:
     rest(bench)
     with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
         torques.wait_matched()
+        bench.set_parameters(require_measured_velocities=True)
         bench.driver.change = altered(velocity=[])
         status = bench.wait_status(
             'reference', lambda status: 'no velocity' in status.message)
@@ -180,6 +181,7 @@ def test_states_without_velocities(bench: FaultBench) -> None:
         torques.clear()
         assert all(map(is_gravity, torques.wait_count(50)))
         assert all(map(is_gravity, bench.efforts.messages))
+    bench.set_parameters(require_measured_velocities=False)
     rest(bench)
 
 

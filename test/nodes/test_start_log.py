@@ -108,7 +108,7 @@ def halved(message: JointState) -> JointState:
      '`state_max_age`'),
     (early, r'in the future.*; synchronise the clocks of driver and computer, or set '
      '`state_max_age`'),
-    (halved, r"leaves out \['joint2'\].*; set `joints:=\['joint1'\]`")])
+])
 def test_a_dropped_state_names_the_remedy(
     client: RosClient, change: Callable[[JointState], JointState], words: str,
 ) -> None:
@@ -119,6 +119,16 @@ def test_a_dropped_state_names_the_remedy(
         assert re.search(words, line), line
         wait_until(lambda: (status := bench.status('joint states')) is not None and bool(
             re.search(words, status.message)), 'the same in the diagnostics')
+        client.forget(NS)
+
+
+def test_an_incomplete_state_names_the_remedy(client: RosClient) -> None:
+    with fault_bench(client, NS) as bench:
+        bench.driver.change = halved
+        line = bench.node.wait_for_log('No joint state is complete')
+        assert "no new samples of ['joint2']" in line
+        assert 'set the parameter joints' in line
+        bench.wait_status('joint states', lambda status: "['joint2']" in status.message)
         client.forget(NS)
 
 
