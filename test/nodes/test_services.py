@@ -32,6 +32,7 @@ from robot_dynamics.ros.conversions import (
     floats_to_ros,
     payload_from_ros,
     payload_to_ros,
+    stamp_from_ros,
     trajectory_to_ros,
 )
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -383,8 +384,9 @@ def test_a_payload_counts_in_every_service_and_is_latched(
     assert response.effort == pytest.approx(loaded.inverse_dynamics(q, v, a))
     equation = planar.answer('manipulator_equation', position=Q)
     assert equation.gravity == pytest.approx(loaded.rigid_body.gravity(q))
-    in_force = client.wait_for(  # it came after the payload did
-        InertiaStamped, '/planar/dynamics/payload', qos=LATCHED)
+    in_force = client.wait_for(  # it came after the payload did, and gets older messages as well
+        InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m > 0.0,
+        qos=LATCHED)
     back = payload_from_ros(arm, in_force)
     assert back is not None
     assert (back.link, back.mass, back.com.tolist()) == ('tool0', 2.5, [0.1, 0.0, 0.2])
@@ -397,8 +399,10 @@ def test_a_payload_counts_in_every_service_and_is_latched(
     assert planar.answer('set_payload').message == 'no payload'
     assert planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A).effort == (
         pytest.approx(TAU, abs=5e-9))
+    before = stamp_from_ros(in_force.header.stamp)
     client.wait_for(
-        InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m == 0.0,
+        InertiaStamped, '/planar/dynamics/payload', lambda message: (
+            message.inertia.m == 0.0 and stamp_from_ros(message.header.stamp) > before),
         qos=LATCHED)
 
 
