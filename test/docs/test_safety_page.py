@@ -32,7 +32,6 @@ from robot_dynamics.monitoring import state_plausibility as state_watch
 from robot_dynamics.monitoring import velocity_estimate
 from robot_dynamics.ros import memory, message_bytes, robot_description
 from robot_dynamics.ros.dynamics import command_output as safe_command
-from robot_dynamics.ros.dynamics import control_path
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 from robot_dynamics.urdf import document
 from robot_dynamics.urdf import parser as urdf
@@ -130,7 +129,7 @@ def test_every_parameter_of_safety_is_explained() -> None:
 @pytest.mark.parametrize(('words', 'value'), [
     ('of which at most {:g} s count', effort_guard.LONGEST_STEP),
     ('every {:.0f} ms', 1e3 * safe_command.ACTION_PERIOD),
-    ('after {} valid states without a contradiction', control_path.CONFLICT_RECOVERY),
+    ('after {} valid states without a contradiction', state_watch.CONTRADICTION),
     ('{} such states in a row', {5: 'five'}[state_watch.CONFIRMATIONS]),
     ('({:g} s without it) from one state to the next', state_watch.JUMP),
     ('After {:.0f} s\n  without a believable state', state_watch.LONGEST_GAP),

@@ -179,7 +179,9 @@ def committed(command):
         version = metadata.version(PACKAGE)
     except metadata.PackageNotFoundError:
         missing(f'{PACKAGE} is not installed as a wheel')
-    if f'{PACKAGE} {version}:' not in text:
+    of = re.search(rf'^\d+ robots of {PACKAGE} (\S+):$', text, re.MULTILINE)
+    assert of is not None, 'the table does not begin as its command writes it'
+    if of[1] != version:
         pytest.skip(f'the table is of another version than {PACKAGE} {version}')
     return text.splitlines()
 

@@ -30,6 +30,7 @@ from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
 from robot_dynamics.monitoring.state_plausibility import (
+    CONTRADICTION,
     ImplausibleStateError,
     StateMonitor,
     StateVerdict,
@@ -56,8 +57,6 @@ from sensor_msgs.msg import JointState
 
 EXTERNAL_RECOVERY = 25
 """Valid states in a row without an excess after which a fault of external effort has ended."""
-CONFLICT_RECOVERY = 100
-"""Good states in a row after which publishers that contradicted each other agree again."""
 DISCOVERY_TIME = 2.0
 """[s] after the start in which a publisher of robot_description may still be found."""
 NEWEST_ONLY = QoSProfile(depth=1)
@@ -244,7 +243,7 @@ class ControlPath:
                 self._look_for_replay(state.stamp_ns)
             if error.is_conflict:
                 self.command.fail(
-                    Fault('several_publishers', str(error), recovery=CONFLICT_RECOVERY))
+                    Fault('several_publishers', str(error), recovery=CONTRADICTION))
         except RobotDynamicsError as error:
             self._log.drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # nothing that arrives may end the control path
