@@ -153,6 +153,8 @@ class Recorder:
             count.received += 1
             lost = _lost_before(source, info)
             if source.spec.stamped:  # the first stamp of a simulation is 0
+                if self.span_ns[0] <= count.stamp_ns <= self.span_ns[1] < stamp:
+                    count.lost += lost  # at the end of the span
                 count.stamp_ns = stamp
                 if not self.span_ns[0] <= stamp <= self.span_ns[1]:
                     continue

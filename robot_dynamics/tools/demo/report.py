@@ -125,6 +125,9 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
     print(f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
           f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
           'by the recorder')
+    if run.lost:
+        print('                 The recording is incomplete: try a lower real_time_factor or a '
+              'lower --rate.')
     if report.answered < FEW_ANSWERS:
         print('                 This machine did not keep up: expect larger errors, or try a '
               'lower --rate.')
