@@ -37,6 +37,7 @@ from robot_dynamics.identification.steps import (
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.payload_check import check_payloads
 from robot_dynamics.model.rigid_body import RigidBody
 
 Step = TypeVar('Step', Reduction, Evaluation)
@@ -51,8 +52,13 @@ class IdentificationSettings:
     payloads: tuple[Payload, ...] = ()
 
     def arm(self, joint_names: Sequence[str]) -> ArmModel:
-        """Return the arm of these joints, with parameters and payloads."""
+        """
+        Return the arm of these joints, with parameters and payloads.
+
+        Raises InvalidInputError for a payload that the arm cannot carry.
+        """
         arm = arm_from_parameters(self.analysis.urdf, self.analysis.parameters, joint_names)
+        check_payloads(arm, self.payloads)
         return arm.with_payloads(self.payloads)
 
 
