@@ -365,6 +365,7 @@ def test_the_control_path_goes_on_between_bad_requests(
             assert not refused.success
             effort = client.answer_to(states, state, efforts)
             assert effort.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
+    client.node.destroy_publisher(states)
 
 
 # --- payload -------------------------------------------------------------------------------------
@@ -430,6 +431,7 @@ def test_a_transition_takes_the_time_of_the_joint_states(
             assert quarter >= 4 or not announced
         payloads.wait_for(lambda message: message.inertia.m == 2.5)
         planar.answer('set_payload')
+    client.node.destroy_publisher(states)
 
 
 # --- a node without a model ----------------------------------------------------------------------

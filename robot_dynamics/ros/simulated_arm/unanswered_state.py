@@ -14,6 +14,7 @@
 
 """The reason why a joint state of `simulated_arm` in lock-step gets no effort."""
 
+import math
 import time
 
 from rclpy.node import Node
@@ -32,6 +33,8 @@ class UnansweredState:
     def __init__(self, node: Node, states: Publisher, efforts: Subscription) -> None:
         """`states` publishes the joint states, `efforts` receives the efforts."""
         self._node, self._states, self._efforts = node, states, efforts
+        self._logged = ''
+        self._logged_at = -math.inf
         self.begin(0, 0)
 
     def begin(self, stamp_ns: int, previous_ns: int) -> None:
@@ -46,26 +49,34 @@ class UnansweredState:
             self._others, self._other_ns = self._others + 1, stamp_ns
 
     def look(self) -> None:
-        """Log the reason if the state has been unanswered for too long."""
-        waited = time.monotonic() - self._since
+        """Log the reason if the state has been unanswered for too long: at once if it is new."""
+        now = time.monotonic()
+        waited = now - self._since
         if waited < UNANSWERED_AFTER:
             return
+        kind, reason = self._reason()
+        if kind == self._logged and now - self._logged_at < LOG_PERIOD:
+            return
+        self._logged, self._logged_at = kind, now
         self._node.get_logger().warning(
             f'lock_step: no effort for the joint state of {_seconds(self._stamp_ns)} s for '
-            f'{waited:.1f} s: {self._reason()}', throttle_duration_sec=LOG_PERIOD)
+            f'{waited:.1f} s: {reason}')
 
-    def _reason(self) -> str:
+    def _reason(self) -> tuple[str, str]:
+        """Return the kind of the reason, and the reason."""
         states, efforts = self._states.topic_name, self._efforts.topic_name
         if self._states.get_subscription_count() == 0:
-            return f'{states} has no subscriber, expected a controller such as dynamics'
+            return 'subscriber', (
+                f'{states} has no subscriber, expected a controller such as dynamics')
         if self._efforts.get_publisher_count() == 0:
-            return f'{efforts} has no publisher, expected a controller such as dynamics'
+            return 'publisher', (
+                f'{efforts} has no publisher, expected a controller such as dynamics')
         if self._others == 0:
-            return (
+            return 'silence', (
                 f'the publisher of {efforts} has sent no valid effort since. lock_step needs an '
                 'effort for every state; use lock_step:=false behind ros2_control')
         stamp = f'{_seconds(self._other_ns)} s' if self._other_ns else '0 (none)'
-        return (
+        return 'stamps', (
             f'{self._others} efforts arrived on {efforts} under other stamps, the last is '
             f'{stamp}. lock_step needs efforts under the stamp of the state; use '
             'lock_step:=false behind ros2_control')
