@@ -22,6 +22,7 @@ import subprocess
 from typing import Any
 
 import children
+from fault_table import fault
 import pytest
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.identification.identified_arm import parameter_file
@@ -196,10 +197,13 @@ def test_files_of_launch_arguments(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(('check', 'value', 'words'), [
-    (parameter_files, 'no/such.yaml',
-     f"launch argument params is 'no/such.yaml', which is no such file "
-     f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). '
-     'No node was started.'),
+    pytest.param(
+        parameter_files, 'no/such.yaml',
+        f"launch argument params is 'no/such.yaml', which is no such file "
+        f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). '
+        'No node was started.', marks=fault(
+            'Files and pages of others', 'a launch file gets a parameter file that does not exist',
+            'refused with the path, before any node is started')),
     (parameter_files, str(ROOT),
      f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
      'a parameter file (YAML). No node was started.'),

@@ -18,6 +18,7 @@ import subprocess
 import sys
 
 import children
+from fault_table import fault
 import pytest
 from recordings import KnownMotion, START_NS, stored_file, write_recording
 from robot_dynamics.recordings import compression
@@ -120,6 +121,8 @@ def test_a_large_file_may_expand_further():
     assert Budget('a', LEAST_LIMIT).limit == LARGEST_RATIO * LEAST_LIMIT
 
 
+@fault('Files and pages of others', 'a compressed recording that expands to 1 GB of zeros',
+       'refused with the limit, in less than 300 MB of memory')
 def test_a_file_of_zeros_is_refused_in_bounded_memory(tmp_path):
     zstd = zstd_module()
     compressor, file = zstd.ZstdCompressor(), tmp_path / 'zeros.mcap.zstd'
@@ -134,7 +137,8 @@ def test_a_file_of_zeros_is_refused_in_bounded_memory(tmp_path):
         'status = pathlib.Path("/proc/self/status").read_text()\n'
         'print(re.search("VmHWM: *([0-9]+) kB", status.replace(chr(9), ""))[1])')
     done = children.run(
-        [sys.executable, '-c', script, str(file)], stdout=subprocess.PIPE, text=True, timeout=60)
+        [sys.executable, '-c', script, str(file)], stdout=subprocess.PIPE, text=True,
+        timeout=children.TIMEOUT)
     error, peak = done.stdout.split()
     assert error == 'DecompressionLimitError'
     assert int(peak) < 300_000  # [KiB]

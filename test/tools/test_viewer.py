@@ -18,6 +18,7 @@ from contextlib import closing
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_table import fault
 from geometry_msgs.msg import Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -255,6 +256,9 @@ def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(server, tmp_path, n
         assert 'not found' not in words
 
 
+@fault('Files and pages of others',
+       'a description from a topic names a mesh outside packages and declared directories',
+       'not opened, and named in the page')
 def test_meshes_of_a_description_from_a_topic_are_drawn_from_declared_directories_only(
         server, tmp_path):
     trimesh.creation.box().export(tmp_path / 'body.stl')

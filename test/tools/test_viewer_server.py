@@ -30,6 +30,7 @@ import threading
 
 import children
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_table import fault
 import pytest
 import rclpy
 from rclpy.context import Context
@@ -87,7 +88,9 @@ def connected(server, **options):
 # --- who gets in ---------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('origin', [
-    'http://evil.example', 'https://evil.example', 'http://evil.example:{port}',
+    pytest.param('http://evil.example', marks=fault(
+        'Files and pages of others', 'a web page of another origin opens the socket of the viewer',
+        'refused with status 403')), 'https://evil.example', 'http://evil.example:{port}',
     'http://127.0.0.1.evil.example', 'http://localhost.evil.example:{port}',
     'http://evil.example/http://localhost:{port}', 'http://192.168.0.1:{port}', 'null', 'file://',
     'http://localhost', 'http://localhost:1', 'http://127.0.0.1:1{port}', 'http://localhost:{port}/',
