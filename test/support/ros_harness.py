@@ -30,6 +30,7 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 from types import TracebackType
 from typing import Any
 
@@ -246,6 +247,14 @@ def running(*nodes: NodeProcess) -> Iterator[None]:
             node.interrupt()
 
 
+def stacks() -> str:
+    """Return what each thread of this process does, for the report of a test that waited."""
+    names = {thread.ident: thread.name for thread in threading.enumerate()}
+    return '\n'.join(
+        f'thread {names.get(ident)}:\n{"".join(traceback.format_stack(frame)[-4:])}'
+        for ident, frame in sys._current_frames().items())
+
+
 class Collector:
     """Keeps the messages of a topic; close it, or use it in a `with` statement."""
 
@@ -301,7 +310,7 @@ class Collector:
         found = self.find(predicate, timeout)
         assert found is not None, (
             f'no such message on {self._topic} in {timeout:g} s; {len(self.messages)} others, '
-            f'the last: {self.messages[-1:]}')
+            f'the last: {self.messages[-1:]}\n{stacks()}')
         return found
 
     def wait_count(self, count: int, timeout: float = TIMEOUT) -> list[Any]:

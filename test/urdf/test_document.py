@@ -43,7 +43,8 @@ def amplified():
 @pytest.mark.parametrize('read', [
     pytest.param(parse_urdf, marks=fault(
         'Files and pages of others',
-        'a robot description of 390 KB whose DTD expands to 9 million elements', 'refused by name, before it is parsed')),
+        'a robot description of 390 KB whose DTD expands to 9 million elements',
+        'refused by name, before it is parsed')),
     check_model, read_visuals, lambda xml: with_elements(xml, {}, {})])
 def test_entities_are_refused_before_they_expand(read):
     memory, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
