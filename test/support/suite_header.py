@@ -27,7 +27,7 @@ from robot_dynamics.animation.video import check_format
 from robot_dynamics.exceptions import MissingDependencyError
 from robots import is_installed, PACKAGE
 
-DURATION = 'duration: about 7 minutes in three processes on two idle cores'
+DURATION = 'duration: about 7 minutes in four processes on two idle cores'
 """Of the default run; measure it again (last line of the output) when many tests are added."""
 
 TESTS = Path(__file__).parents[1]
