@@ -34,18 +34,19 @@ MOST_JOINTS = 100
 DESCRIPTION_SPECS = (
     ParameterSpec(
         'robot_description', Type.STRING, '',
-        'The URDF of the arm, as XML.', read_only=True),
+        'URDF of the arm as XML text.', read_only=True),
     ParameterSpec(
         'robot_description_file', Type.STRING, '',
-        'The URDF as a file: a path, or package://PACKAGE/PATH; .xacro files are expanded where '
+        'URDF file of the arm: a path or package://PACKAGE/PATH. A .xacro file is expanded if '
         'xacro is installed.', read_only=True),
     ParameterSpec(
         'joints', Type.STRING_ARRAY, [],
-        'The actuated joints, in the order of all arrays. Empty: all that move and do not mimic, '
-        'in the order of the URDF. Moving joints left out are locked.', read_only=True),
+        'Names of the actuated joints, in the order of all arrays. If empty, all joints that '
+        'move and do not mimic others, in the order of the URDF. Moving joints that are not '
+        'named are locked.', read_only=True),
     ParameterSpec(
         'gravity', Type.DOUBLE_ARRAY, [0.0, 0.0, -9.81],
-        'Acceleration of gravity in the base frame [m/s^2].', read_only=True,
+        'Gravitational acceleration in the base frame [m/s^2].', read_only=True,
         minimum=-1000.0, maximum=1000.0),
 )
 
@@ -56,34 +57,41 @@ FRICTION_SPECS = tuple(
     for field in FRICTION_FIELDS)
 
 
-def _actuator_spec(field: str, description: str, low: float, high: float) -> ParameterSpec:
+def _actuator_spec(
+    field: str, description: str, without: str, low: float, high: float,
+) -> ParameterSpec:
+    """`without` says what an empty array means."""
     return ParameterSpec(
-        f'actuator.{field}', Type.DOUBLE_ARRAY, [], f'{description}, one a joint or one for all.',
+        f'actuator.{field}', Type.DOUBLE_ARRAY, [],
+        f'{description}; one value for all joints or one per joint. If empty, {without}.',
         read_only=True, minimum=low, maximum=high)
 
 
 ACTUATOR_SPECS = (
     _actuator_spec(
-        'torque_constant', 'K_t [N m/A]; with gear_ratio turns the actuators on', 0, 1e6),
+        'torque_constant', 'Motor torque constant K_t [N m/A]',
+        'there is no actuator model; setting it together with gear_ratio enables the model',
+        0, 1e6),
     _actuator_spec(
-        'gear_ratio', 'N, turns of the motor a turn of the joint. Empty: the mechanicalReduction '
-        "of the URDF's <transmission>", -1e6, 1e6),
-    _actuator_spec('back_emf_constant', 'K_e [V s/rad]. Empty: K_t', 0, 1e6),
-    _actuator_spec('resistance', 'R [Ohm]. Empty: 0', 0, 1e6),
-    _actuator_spec('inductance', 'L [H]. Empty: 0', 0, 1e6),
-    _actuator_spec('rotor_inertia', 'J_r [kg m^2]. Empty: 0', 0, 1e6),
-    _actuator_spec('efficiency', 'Efficiency of the gearbox in (0, 1]. Empty: 1', 0, 1),
-    _actuator_spec('current_limit', 'Largest current [A]. Empty: none', 0, 1e6),
-    _actuator_spec('voltage_limit', 'Largest voltage [V]. Empty: none', 0, 1e6),
+        'gear_ratio', 'Gear ratio N, motor revolutions per joint revolution',
+        'the mechanicalReduction of the <transmission> in the URDF', -1e6, 1e6),
+    _actuator_spec('back_emf_constant', 'Back-EMF constant K_e [V s/rad]', 'K_t', 0, 1e6),
+    _actuator_spec('resistance', 'Winding resistance R [Ohm]', '0', 0, 1e6),
+    _actuator_spec('inductance', 'Winding inductance L [H]', '0', 0, 1e6),
     _actuator_spec(
-        'current_time_constant', 'T_c [s] of the current loop, for simulated_arm. Empty: 0.0002',
-        0, 10),
+        'rotor_inertia', 'Rotor inertia J_r [kg m^2] about the motor axis', '0', 0, 1e6),
+    _actuator_spec('efficiency', 'Efficiency of the gear, in (0, 1]', '1', 0, 1),
+    _actuator_spec('current_limit', 'Largest motor current [A]', 'there is no limit', 0, 1e6),
+    _actuator_spec('voltage_limit', 'Largest motor voltage [V]', 'there is no limit', 0, 1e6),
     _actuator_spec(
-        'backlash', 'Whole gap between the teeth on the joint side [rad] or [m], for '
-        'simulated_arm; needs rotor_inertia. Empty: 0', 0, 1),
+        'current_time_constant', 'Time constant T_c [s] of the current loop, in simulated_arm',
+        '0.0002', 0, 10),
     _actuator_spec(
-        'restitution', 'Restitution e of teeth that meet, in [0, 1], for simulated_arm. Empty: 0',
-        0, 1),
+        'backlash', 'Backlash of the gear on the joint side [rad] or [m], the whole gap, in '
+        'simulated_arm; requires rotor_inertia', '0', 0, 1),
+    _actuator_spec(
+        'restitution', 'Coefficient of restitution e of the gear teeth at contact, in [0, 1], in '
+        'simulated_arm', '0', 0, 1),
 )
 
 

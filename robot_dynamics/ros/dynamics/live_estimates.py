@@ -50,11 +50,11 @@ NO_SUBSCRIBERS = 'nobody listens'
 ESTIMATE_SPECS = (
     ParameterSpec(
         'external_effort_bandwidth', Type.DOUBLE, DEFAULT_BANDWIDTH,
-        'Bandwidth of ~/external_effort [Hz]: it follows as a low-pass filter of first order '
-        'with this cut-off does.', minimum=0.01, maximum=1000.0),
+        'Bandwidth [Hz] of the momentum observer: ~/external_effort responds like a first- '
+        'order low-pass filter with this cut-off frequency.', minimum=0.01, maximum=1000.0),
     ParameterSpec(
         'residual_bandwidth', Type.DOUBLE, DEFAULT_BANDWIDTH,
-        'Cut-off [Hz] of the low-pass filter of second order that ~/residual comes through.',
+        'Cut-off frequency [Hz] of the second-order low-pass filter of ~/residual.',
         minimum=0.01, maximum=1000.0),
 )
 

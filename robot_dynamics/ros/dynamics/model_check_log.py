@@ -26,7 +26,8 @@ LARGEST_ARM = 12
 """Joints up to which the start of a node has time for the quick search, not only a brief one."""
 IGNORE_CHECKS_SPEC = ParameterSpec(
     'ignore_checks', Type.STRING_ARRAY, [],
-    'Checks of the model whose errors do not refuse it, by name; they are logged as warnings.',
+        'Names of model checks whose errors are logged as warnings instead of rejecting the '
+        'model.',
     read_only=True, choices=tuple(CHECKS))
 
 

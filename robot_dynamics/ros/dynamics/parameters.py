@@ -48,69 +48,77 @@ INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 SAFETY_SPECS = (
     ParameterSpec(
         'fault_action', Type.STRING, FAULT_ACTIONS[0],
-        'What a fault does to effort_command: hold_gravity_then_ramp (hold for hold_time, then '
-        'ramp to zero), ramp_to_zero, or stop_publishing at once.', choices=FAULT_ACTIONS),
+        'Reaction of effort_command to a fault: hold_gravity_then_ramp compensates gravity '
+        'for hold_time and then ramps to zero, ramp_to_zero ramps at once, stop_publishing '
+        'publishes no further command.', choices=FAULT_ACTIONS),
     ParameterSpec(
         'hold_time', Type.DOUBLE, 1.0,
-        'How long hold_gravity_then_ramp holds the arm [s].', minimum=0.0, maximum=3600.0),
+        'Time [s] for which hold_gravity_then_ramp compensates gravity before the ramp.',
+        minimum=0.0, maximum=3600.0),
     ParameterSpec(
         'ramp_time', Type.DOUBLE, 0.5,
-        'How long efforts take to ramp to zero, after a fault, at deactivation and at the end '
-        '[s]; longer where effort_rate_limit asks for it.', minimum=0.0, maximum=60.0),
+        'Duration [s] of the ramp of the efforts to zero after a fault, at deactivation and '
+        'at shutdown. The ramp takes longer if effort_rate_limit requires it.',
+        minimum=0.0, maximum=60.0),
     ParameterSpec(
         'state_timeout', Type.DOUBLE, 0.05,
-        'Time without a valid joint state that is a fault, on the steady clock [s].',
+        'Longest time [s] without a valid joint state, measured on the steady clock. A longer '
+        'gap is a fault.',
         minimum=0.001, maximum=60.0),
     ParameterSpec(
         'state_max_age', Type.DOUBLE, 0.2,
-        'How far the stamp of a joint state may be from the clock of this computer [s]; 0 for '
-        'any. Stamps that are more than an hour off at first are of another clock: then this '
-        'limits how far that clock may run ahead of or behind its first offset. Stamps before '
-        '2001 are simulated time, which may run slowly.',
+        'Largest difference [s] between the stamp of a joint state and the clock of this '
+        'computer; 0 accepts any stamp. If the first stamp is more than an hour off, the '
+        'stamps come from another clock; the limit then applies to the change of its offset. '
+        'Stamps before 2001 are simulated time, which may run slowly.',
         minimum=0.0, maximum=60.0),
     ParameterSpec(
         'reference_timeout', Type.DOUBLE, 0.1,
-        'Pause of a stream of set-points after which reference_loss takes effect [s].',
+        'Longest pause [s] of a stream of moving set-points. After a longer pause '
+        'reference_loss takes effect.',
         minimum=0.001, maximum=60.0),
     ParameterSpec(
         'reference_loss', Type.STRING, REFERENCE_LOSS[0],
         'Reaction to a reference that ends early (fault, paused stream, restart of the joint '
-        'states): hold (stop within the limits and hold the position) or gravity_compensation '
-        '(no feedback, for hand guiding).', choices=REFERENCE_LOSS),
+        'states): hold stops the arm within its limits and holds the position, '
+        'gravity_compensation removes the feedback, for hand guiding.', choices=REFERENCE_LOSS),
     ParameterSpec(
         'condition_references', Type.BOOL, True,
-        'Follow every reference within velocity, acceleration and jerk limits that the arm can '
-        'follow; without, a step of the reference is a step of the effort.'),
+        'Limit every reference to velocities, accelerations and jerks that the arm can '
+        'follow. If false, a step of the reference causes a step of the effort.'),
     ParameterSpec(
         'infeasible_trajectory', Type.STRING, INFEASIBLE_TRAJECTORY[0],
-        'Reaction to a trajectory that exceeds a limit of the arm: it is rejected (reject), its '
-        'velocities are lowered (slow_down), or its positions are clipped to the position limits '
-        'as well (clip). Paths without velocities are always slowed down as needed.',
+        'Reaction to a trajectory that exceeds a limit of the arm: reject rejects it, '
+        'slow_down lowers its velocities, clip also clips its positions to the position '
+        'limits. Paths without velocities are always slowed down as needed.',
         choices=INFEASIBLE_TRAJECTORY),
     ParameterSpec(
         'following_error_limit', Type.DOUBLE_ARRAY, [],
-        'Distance [rad] or [m] between position and reference that is a fault, one for all '
-        'joints or one per joint, 0 for none; empty for 0.3 s at the velocity limit.',
+        'Distance [rad] or [m] between position and reference above which a fault occurs; one '
+        'value for all joints or one per joint, 0 for no limit. If empty, the limit is the '
+        'distance at the velocity limit in 0.3 s.',
         minimum=0.0, maximum=1e9),
     ParameterSpec(
         'overspeed_factor', Type.DOUBLE, 1.2,
-        'Multiple of a velocity limit of the URDF that is a fault, 0 for none.',
+        'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.',
         minimum=0.0, maximum=1e9),
     ParameterSpec(
         'external_effort_limit', Type.DOUBLE_ARRAY, [],
-        'External effort [N m] or [N] that is a fault, one for all joints or one per joint, 0 or '
-        'empty for none; see ~/external_effort.', minimum=0.0, maximum=1e9),
+        'Estimated external effort [N m] or [N] above which a fault occurs; one value for all '
+        'joints or one per joint. 0 or an empty array disables this check. The estimate is '
+        'published on ~/external_effort.', minimum=0.0, maximum=1e9),
     ParameterSpec(
         'effort_rate_limit', Type.DOUBLE, 0.0,
-        'Largest rate of change of effort_command [N m/s] or [N/s] of every joint; 0 for the '
-        'effort limit of each joint in 0.1 s.', minimum=0.0, maximum=1e9),
+        'Largest rate of change [N m/s] or [N/s] of effort_command for every joint; 0 for the '
+        'effort limit of each joint per 0.1 s.', minimum=0.0, maximum=1e9),
     ParameterSpec(
         'position_margin', Type.DOUBLE, 0.01,
-        'Distance before a position limit [rad] or [m] from which no effort pushes on toward it.',
+        'Distance [rad] or [m] before a position limit from which no effort may accelerate '
+        'the joint toward the limit.',
         minimum=0.0, maximum=10.0),
     ParameterSpec(
         'position_fault_margin', Type.DOUBLE, 0.0087,
-        'Distance past a position limit [rad] or [m] that is a fault.',
+        'Distance [rad] or [m] beyond a position limit at which a fault occurs.',
         minimum=0.0, maximum=1e9),
 )
 
@@ -122,67 +130,76 @@ SPECS = (
     PAYLOAD_SPEC,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
-        'What effort_command carries; computed_torque falls back to gravity_compensation '
-        'without a reference.', choices=command_modes()),
+        'Control law whose efforts effort_command contains; none publishes no command. '
+        'computed_torque compensates gravity while there is no reference.',
+        choices=command_modes()),
     ParameterSpec(
         'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
-        'Natural frequency of the tracking error [rad/s], one for all joints or one a joint: '
-        'K_p is its square.', minimum=0.0, maximum=1e4),
+        'Natural frequency [rad/s] of the tracking error; one value for all joints or one per '
+        'joint. K_p is its square.', minimum=0.0, maximum=1e4),
     ParameterSpec(
         'gains.damping_ratio', Type.DOUBLE_ARRAY, [DEFAULT_DAMPING_RATIO],
-        'Damping ratio of the tracking error, one for all joints or one a joint: K_d is twice '
-        'this times the natural frequency.', minimum=0.0, maximum=1e4),
+        'Damping ratio of the tracking error; one value for all joints or one per joint. K_d '
+        'is 2 times this ratio times the natural frequency.', minimum=0.0, maximum=1e4),
     ParameterSpec(
         'gains.kp', Type.DOUBLE_ARRAY, [],
-        'K_p [1/s^2] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+        'Proportional gain K_p [1/s^2], which replaces gains.natural_frequency; one value for '
+        'all joints or one per joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
         'gains.kd', Type.DOUBLE_ARRAY, [],
-        'K_d [1/s] instead, one for all joints or one a joint.', minimum=0.0, maximum=1e8),
+        'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all '
+        'joints or one per joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
         'soften_gains', Type.BOOL, True,
-        'Scale the gains down to what the rate of the joint states allows, and for large errors '
-        'to what effort_rate_limit allows; without, a disturbance can make the arm oscillate.'),
+        'Scale the gains down to the values that the rate of the joint states allows and, for '
+        'large errors, that effort_rate_limit allows. If false, a disturbance can make the '
+        'arm oscillate.'),
     ParameterSpec(
         'friction_compensation', Type.STRING, 'reference',
-        'The velocity at which computed torque compensates friction: reference (that of the '
-        'reference, corrected by the error: robust), measured (exact linearisation, for strong '
-        'gears read without delay), or none.', choices=FRICTION_MODES),
+        'Velocity at which computed torque compensates friction: reference uses the velocity '
+        'of the reference, corrected by the tracking error (robust); measured uses the '
+        'measured velocity (exact linearisation, for stiff gears without delay); none '
+        'disables the compensation.', choices=FRICTION_MODES),
     ParameterSpec(
         'effort_scale', Type.DOUBLE, 1.0,
-        'Share of the URDF effort limits to which effort_command is clamped.',
+        'Fraction of the URDF effort limits to which effort_command is clamped.',
         minimum=0.0, maximum=1.0),
     ParameterSpec(
         'measured_effort', Type.STRING, 'joint_torque',
-        'What effort in joint_states is: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N m] or motor_current [A] (both need actuators), or none.',
+        'Meaning of the field effort in joint_states: joint_torque, '
+        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (the last two '
+        'require actuator parameters), or none.',
         read_only=True, choices=MEASURED_EFFORTS),
     ParameterSpec(
         'robot_compensates', Type.STRING_ARRAY, [],
-        'What the robot adds by itself to the effort that it is commanded, and effort_command '
-        'so leaves out: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
+        'Terms that the robot adds automatically to the commanded effort, and that '
+        'effort_command therefore omits: gravity, friction.',
+        read_only=True, choices=ROBOT_COMPENSATIONS),
     ParameterSpec(
         'require_measured_velocities', Type.BOOL, False,
-        'Follow references only if the joint states contain velocities. By default, velocities '
-        'that are missing or NaN are estimated from the positions, 5 ms late or half a period '
-        'of the states, and the gains are lowered accordingly.'),
+        'Follow references only if the joint states contain velocities. By default, '
+        'velocities that are missing or NaN are estimated from the positions with a delay of '
+        '5 ms or half a period of the states, and the gains are lowered accordingly.'),
     ParameterSpec(
         'joint_sample_max_age', Type.DOUBLE, 0.0,
-        'Largest difference [s] between the stamps of the samples of a state, if the joints of '
-        'the arm are spread over several messages. 0 for half a period of these messages.',
+        'Largest difference [s] between the stamps of the samples of one state, if the joints '
+        'of the arm are spread over several messages; 0 for half a period of these messages.',
         minimum=0.0, maximum=10.0),
     ParameterSpec(
         'effort_check', Type.BOOL, True,
-        'Compare measured effort, command and g(q) once in a static hold, and warn where gravity '
-        'is compensated twice, or not as declared.', read_only=True),
+        'Compare measured effort, command and g(q) once while the arm holds still, and log a '
+        'warning if gravity is compensated twice or not as declared.', read_only=True),
     *ESTIMATE_SPECS,
     *SAFETY_SPECS,
     ParameterSpec(
         'autostart', Type.BOOL, True,
-        'Configure and activate at the start; without, wait for ~/change_state.',
+        'Configure and activate the node at start. If false, the node waits for '
+        '~/change_state.',
         read_only=True),
     ParameterSpec(
         'state_thread', Type.BOOL, True,
-        'Take joint states in a thread of their own (little delay) instead of in the executor.',
+        'Receive joint states in a separate thread, with little delay, instead of in the '
+        'executor.',
         read_only=True),
 )
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')

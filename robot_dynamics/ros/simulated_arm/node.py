@@ -57,74 +57,80 @@ SPECS = (
     PAYLOAD_SPEC,
     ParameterSpec(
         'rate', Type.DOUBLE, 500.0,
-        'Joint states a second [Hz]; the effort is held in between.',
+        'Rate [Hz] of the joint states. The effort is constant between two states.',
         read_only=True, minimum=1.0, maximum=10000.0),
     ParameterSpec(
         'lock_step', Type.BOOL, False,
-        'Each state waits for the effort that carries its stamp, as fast as the machine can, '
-        'in the time of /clock.', read_only=True),
+        'Advance simulated time only when the effort with the stamp of the newest joint state '
+        'arrives. Simulated time is published on /clock.', read_only=True),
     ParameterSpec(
         'real_time_factor', Type.DOUBLE, 0.0,
-        'How many times as fast as a clock lock_step may be; 0: as fast as it can.',
+        'Upper limit of the speed of simulated time with lock_step, as a multiple of real '
+        'time; 0 for no limit.',
         read_only=True, minimum=0.0, maximum=1e6),
     ParameterSpec(
         'publish_clock', Type.BOOL, False,
-        'Count time from 0 and publish it on /clock; lock_step does so always.', read_only=True),
+        'Count simulated time from 0 and publish it on /clock. With lock_step this is always '
+        'the case.', read_only=True),
     ParameterSpec(
         'paused', Type.BOOL, False,
-        'Keep simulated time at its present value and publish the same joint state every 0.1 s. '
-        'It needs lock_step or publish_clock.'),
+        'Stop simulated time and publish the same joint state every 0.1 s. Requires lock_step '
+        'or publish_clock.'),
     ParameterSpec(
         'initial_position', Type.DOUBLE_ARRAY, [],
-        'Position at the start [rad] or [m], one a joint. Empty: 0, or the limit nearest to it.',
+        'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position '
+        'limit nearest to it.',
         read_only=True, minimum=-1e6, maximum=1e6),
     ParameterSpec(
         'initial_velocity', Type.DOUBLE_ARRAY, [],
-        'Velocity at the start [rad/s] or [m/s], one a joint. Empty: 0.',
+        'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.',
         read_only=True, minimum=-1e6, maximum=1e6),
     ParameterSpec(
         'brakes', Type.BOOL, True,
-        'Hold the arm until the first effort arrives, and after command_timeout until the next '
-        'one; without, it falls freely then.', read_only=True),
+        'Engage the brakes until the first effort arrives, and after command_timeout until '
+        'the next effort. If false, the arm falls freely in these times.', read_only=True),
     ParameterSpec(
         'command_timeout', Type.DOUBLE, 0.2,
-        'Time without a valid effort after which the brakes engage until the next one [s]; 0: '
-        'never. With lock_step time itself waits for the effort.', minimum=0.0, maximum=3600.0),
+        'Time [s] without a valid effort after which the brakes engage until the next effort; '
+        '0 disables this timeout. With lock_step, simulated time waits for the effort '
+        'instead.', minimum=0.0, maximum=3600.0),
     ParameterSpec(
         'clip_efforts', Type.BOOL, True,
-        'Clip each received effort to the effort limits of the URDF, as a drive does, and log a '
-        'warning that names joint, value and limit. With false any effort acts on the arm.'),
+        'Clip each received effort to the effort limits of the URDF, as a drive does, and log '
+        'a warning that names joint, value and limit. If false, any effort acts on the arm.'),
     ParameterSpec(
         'measured_effort', Type.STRING, 'joint_torque',
-        'What this arm reports as effort in joint_states: joint_torque, '
-        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (both need '
-        'actuators), or none.', read_only=True, choices=MEASURED_EFFORTS),
+        'Meaning of the field effort in joint_states: joint_torque, '
+        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (the last two '
+        'require actuator parameters), or none.', read_only=True, choices=MEASURED_EFFORTS),
     ParameterSpec(
         'robot_compensates', Type.STRING_ARRAY, [],
-        'What this arm adds by itself to the effort that it is commanded, by its own model '
-        'without a payload: gravity, friction.', read_only=True, choices=ROBOT_COMPENSATIONS),
+        'Terms that the simulated arm adds automatically to the commanded effort, computed '
+        'with its own model without payloads: gravity, friction.',
+        read_only=True, choices=ROBOT_COMPENSATIONS),
     ParameterSpec(
         'encoders', Type.STRING, 'joint',
-        'Where joint_states measures position and velocity where gears have backlash: at the '
-        'joint, or at the motor.', read_only=True, choices=('joint', 'motor')),
+        'Side of the gear on which joint_states measures position and velocity if there is '
+        'backlash: joint or motor.', read_only=True, choices=('joint', 'motor')),
     ParameterSpec(
         'position_noise', Type.DOUBLE, 0.0,
-        'Standard deviation of the noise on measured positions [rad] or [m].',
+        'Standard deviation [rad] or [m] of the noise on measured positions.',
         minimum=0.0, maximum=1.0),
     ParameterSpec(
         'velocity_noise', Type.DOUBLE, 0.0,
-        'Standard deviation of the noise on measured velocities [rad/s] or [m/s].',
+        'Standard deviation [rad/s] or [m/s] of the noise on measured velocities.',
         minimum=0.0, maximum=10.0),
     ParameterSpec(
         'effort_noise', Type.DOUBLE, 0.0,
-        'Standard deviation of the noise on measured efforts, in what measured_effort is in.',
+        'Standard deviation of the noise on measured efforts, in the unit of measured_effort.',
         minimum=0.0, maximum=1e6),
     ParameterSpec(
-        'seed', Type.INTEGER, 0, 'Seed of the noise.', read_only=True,
+        'seed', Type.INTEGER, 0,
+        'Seed of the random number generator of the noise.', read_only=True,
         minimum=0, maximum=2**31 - 1),
     ParameterSpec(
         'max_step', Type.DOUBLE, DEFAULT_MAX_STEP,
-        'Longest step of integration [s].', read_only=True, minimum=1e-6, maximum=0.1),
+        'Longest integration step [s].', read_only=True, minimum=1e-6, maximum=0.1),
 )
 
 USAGE = NodeUsage(
