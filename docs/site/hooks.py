@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-What MkDocs calls: pages made from the README and from the code, links, formulas, anchors.
-
-This module stays as long as the README is the source of pages of the site (`readme_pages`).
-"""
+"""What MkDocs calls: pages of files outside docs/ and of the code, links, formulas, anchors."""
 
 from collections.abc import Mapping
 import posixpath
@@ -26,19 +22,16 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files, InclusionLevel
 from python_pages import python_pages
-from readme_pages import (
+from site_links import (
     CODE,
     code_page,
     github_slug,
     links,
     PAGES_OF_FILES,
-    README,
-    readme_pages,
     ROOT,
     target_in_site,
     with_links_of_site,
 )
-from reference_pages import reference_pages
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -50,23 +43,14 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are no files of docs/, links rewritten, and those that they link to."""
-    readme = (ROOT / README).read_text(encoding='utf-8')
-    try:
-        reference = reference_pages(readme)
-    except ValueError as error:
-        raise PluginError(f'reference: {error}') from None
-    made = {
-        **{page: (text, README) for page, text in readme_pages(readme).items()},
-        **{page: ((ROOT / name).read_text(encoding='utf-8'), name)
-           for name, page in PAGES_OF_FILES.items()},
-        **{page: (text, README) for page, text in reference.items()},
-    }
+    made = {page: ((ROOT / name).read_text(encoding='utf-8'), name)
+            for name, page in PAGES_OF_FILES.items()}
     for file in files.documentation_pages():
         made[file.src_uri] = (file.content_string, f'docs/{file.src_uri}')
-    code = _linked_code(made, readme)
+    code = _linked_code(made)
     for page, (text, source) in made.items():
         try:
-            text = with_links_of_site(text, source, page, readme)
+            text = with_links_of_site(text, source, page)
         except ValueError as error:
             raise PluginError(f'{page}: {error}') from None
         _replace(files, config, page, text)
@@ -75,13 +59,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def _linked_code(made: Mapping[str, tuple[str, str]], readme: str) -> dict[str, str]:
+def _linked_code(made: Mapping[str, tuple[str, str]]) -> dict[str, str]:
     """Return a page for each file of the repository that a page links to, and is no page."""
     found = {}
     for page, (text, source) in made.items():
         for link in links(text):
             try:
-                target = target_in_site(link, source, readme).partition('#')[0]
+                target = target_in_site(link, source).partition('#')[0]
             except ValueError as error:
                 raise PluginError(f'{page}: {error}') from None
             if target.startswith(f'{CODE}/'):

@@ -17,7 +17,7 @@
 from importlib import import_module
 import inspect
 
-from readme_pages import ROOT
+from site_links import ROOT
 
 PACKAGE = 'robot_dynamics'
 WITH_ROS = ('ros', 'tools')

@@ -13,10 +13,13 @@
 # limitations under the License.
 
 """
-Pages of the reference, out of the code: what nodes publish and answer, parameters, executables.
+Write the reference in docs/reference from the code: topics, services, parameters, executables.
 
-Both nodes are made, not run, and asked what they have. What topics and services mean are the words
-of README.md, whose tables a test compares with the running nodes. Options are what --help prints.
+    scripts/reference
+
+Both nodes are constructed, and asked for their topics, services and parameters. The descriptions
+of topics, services and diagnostics come from `robot_dynamics.ros.interface_descriptions`, those of
+parameters from their specifications, options from --help. A test compares the files with the code.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,18 +28,22 @@ from html import escape
 from importlib import import_module
 import io
 import os
+from pathlib import Path
 import re
+import sys
 from typing import Any
 
 import rclpy
 from rclpy.node import Node
-from readme_pages import ROOT, sections
 from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.interface_descriptions import SERVICES, STATUSES, TOPICS
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 
+ROOT = Path(__file__).resolve().parents[2]
+REFERENCE = ROOT / 'docs' / 'reference'
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
     'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
@@ -44,22 +51,26 @@ NODES = {
 }
 OF_RCLPY = re.compile(
     r'/(rosout|parameter_events)$|/\w+_parameters?(_types|_atomically)?$|/get_type_description$')
-"""What every node has: topics and services that no reader asks for."""
+"""Topics and services that every rclpy node has."""
 WIDTH = '88'
 """Columns of the text of --help."""
+NOTE = '<!-- Written by scripts/reference from the code. -->\n\n'
+EXIT_STATUSES = (
+    ('0', 'The executable did its work; a node ended after SIGINT, SIGTERM or a shutdown.'),
+    ('1', 'The arguments are valid, but the work failed: a check found errors, a motion was not '
+          'tracked, or a node could not start.'),
+    ('2', 'An argument, a parameter or a file is invalid. One line on stderr names it.'),
+    ('130', 'An interrupt (Ctrl-C) ended a tool. Partial results are kept and named.'))
 
 Row = Sequence[str]
 
 
-def reference_pages(readme: str) -> dict[str, str]:
-    """Return the pages by name, links as in the README."""
-    parts = sections(readme)
-    return {
-        'reference/topics.md': _topics_page(parts),
-        'reference/parameters.md': _parameters_page(parts),
-        'reference/messages.md': _messages_page(),
-        'reference/executables.md': _executables_page(),
-    }
+def reference_pages() -> dict[str, str]:
+    """Return the pages by file name."""
+    return {name: NOTE + text for name, text in (
+        ('topics.md', _topics_page()), ('parameters.md', _parameters_page()),
+        ('messages.md', _messages_page()), ('diagnostics.md', _diagnostics_page()),
+        ('executables.md', _executables_page()))}
 
 
 # ------------------------------------------------------------------ topics and services
@@ -78,9 +89,15 @@ def _node(name: str) -> Iterator[Node]:
         rclpy.try_shutdown()
 
 
-def _topics_page(parts: Mapping[str, str]) -> str:
-    text = ['# Topics and services\n', 'Names are relative to the namespace of the node; `~` '
-            'stands for its name. Quality of service is what each side offers or asks for.\n']
+def _topics_page() -> str:
+    text = [
+        '# Topics and services\n',
+        'Names are relative to the namespace of the node; `~` stands for the name of the node. '
+        'The column "quality of service" lists what the publisher offers or the subscriber '
+        'requests.\n',
+        'Arrays in services are in the order of `joint_names`, or in the order of the node if '
+        '`joint_names` is empty. [Conventions](../conventions.md) describes omitted names and '
+        'mimic joints.\n']
     for name in NODES:
         with _node(name) as node:
             out = node.get_publisher_names_and_types_by_node(name, '/')
@@ -92,11 +109,11 @@ def _topics_page(parts: Mapping[str, str]) -> str:
             text += [
                 f'## Topics of `{name}`\n',
                 _table(('topic', 'type', 'direction', 'quality of service', 'meaning'),
-                       _with_meaning(rows, parts['Topics'], name)),
+                       _with_meaning(rows, TOPICS[name], name)),
                 f'## Services of `{name}`\n',
-                _table(('service', 'type', 'answers'),
-                       _with_meaning(_rows(services, name), parts['Services'], name))]
-    return '\n'.join([*text, _words(parts['Topics']), _words(parts['Services'])])
+                _table(('service', 'type', 'effect'),
+                       _with_meaning(_rows(services, name), SERVICES[name], name))]
+    return '\n'.join(text)
 
 
 def _rows(
@@ -130,33 +147,32 @@ def _qos(profile: Any) -> str:
 
 def _type_link(kind: str) -> str:
     if kind.startswith(f'{INTERFACES}/'):
-        return f'[`{kind}`](docs/reference/messages.md#{kind.rpartition("/")[2].lower()})'
+        return f'[`{kind}`](messages.md#{kind.rpartition("/")[2].lower()})'
     return f'`{kind}`'
 
 
-def _with_meaning(rows: Sequence[Row], section: str, node: str) -> list[Row]:
-    """Add the last cell of the README's row; raise ValueError where it has none."""
-    chapter = section.split(f'\n### `{node}`\n')[1].split('\n### ')[0]
-    cells = [line.strip('|').split('|') for line in chapter.splitlines() if line.startswith('|')]
-    meaning = {(row[0].strip()): row[-1].strip() for row in cells[2:]}
-    missing = [row[0] for row in rows if row[0] not in meaning]
-    if missing:
-        raise ValueError(f'README.md does not say what {missing} of {node} mean')
-    return [[*row, meaning[row[0]]] for row in rows]
-
-
-def _words(section: str) -> str:
-    """Return what a section of the README says beside its tables."""
-    return re.sub(r'^(\|.*|### .*)\n', '', section, flags=re.MULTILINE)
+def _with_meaning(rows: Sequence[Row], texts: Mapping[str, str], node: str) -> list[Row]:
+    """Add the description of each row; raise ValueError for names without one, and vice versa."""
+    names = [row[0].strip('`') for row in rows]
+    different = set(names) ^ set(texts)
+    if different:
+        raise ValueError(f'interface_descriptions and {node} differ in {sorted(different)}')
+    return [[*row, texts[name]] for row, name in zip(rows, names)]
 
 
 # ------------------------------------------------------------------ parameters
 
-def _parameters_page(parts: Mapping[str, str]) -> str:
-    text = ['# Parameters\n', _words(parts['Parameters'])]
+def _parameters_page() -> str:
+    text = [
+        '# Parameters\n',
+        'Arrays with one value per joint are in the order of `joints`, which must then be set. '
+        'An invalid value is rejected with a reason, at start and at run time. The files in '
+        '[config](../../config/) show parameters with comments. Their key `/**` applies to both '
+        'nodes in any namespace and under any name; a key such as `/dynamics` applies only to '
+        'the node with exactly this full name.\n']
     for name, (_, specs, _) in NODES.items():
         text += [f'## `{name}`\n', _table(
-            ('parameter', 'type', 'default', 'values', 'may change', 'meaning'),
+            ('parameter', 'type', 'default', 'values', 'run time', 'meaning'),
             [_parameter_row(spec) for spec in specs])]
     return '\n'.join(text)
 
@@ -177,6 +193,17 @@ def _parameter_row(spec: ParameterSpec) -> Row:
 
 # ------------------------------------------------------------------ messages and executables
 
+def _diagnostics_page() -> str:
+    text = ['# Diagnostics\n', 'Statuses of the nodes on `/diagnostics`, once per second and '
+            'whenever a level changes. The name of a status is that of the node and that of the '
+            'status, such as `/dynamics: command`. Values of a status are counters and figures '
+            'with their unit in the key.\n']
+    for name, statuses in STATUSES.items():
+        text += [f'## `{name}`\n', _table(
+            ('status', 'meaning'), [(f'`{key}`', meaning) for key, meaning in statuses.items()])]
+    return '\n'.join(text)
+
+
 def _messages_page() -> str:
     text = ['# Messages\n', f'The definitions of `{INTERFACES}`, as they are compiled.\n']
     for file in sorted((ROOT / INTERFACES).glob('*/*.*')):
@@ -189,19 +216,22 @@ def _messages_page() -> str:
 
 
 def _executables_page() -> str:
-    text = ['# Executables\n', 'Each is started as `ros2 run robot_dynamics NAME`.\n']
+    text = [
+        '# Executables\n',
+        'Each is started as `ros2 run robot_dynamics NAME`. Exit statuses:\n',
+        _table(('status', 'meaning'), EXIT_STATUSES)]
     for name, module, function in sorted(_entry_points()):
         text.append(f'## {name}\n')
         if module == 'robot_dynamics.ros.entry_points':
             doc = getattr(import_module(module), function).__doc__.strip()
             text.append(f'{doc} Its options are `--help` and those of ROS: [topics and services]'
-                        '(docs/reference/topics.md), [parameters](docs/reference/parameters.md).'
+                        '(topics.md), [parameters](parameters.md).'
                         '\n')
         else:
             text.append(f'```text\n{_help(module, function)}\n```\n')
         if name == 'dynamics':
-            text.append('The same as `ros2 dynamics VERB`, [where there is ros2cli]'
-                        '(docs/ros2_dynamics.md).\n')
+            text.append('With ros2cli, `ros2 dynamics VERB` does the same '
+                        '([ros2 dynamics](../ros2_dynamics.md)).\n')
             text += [f'### dynamics {verb}\n\n```text\n{_help(module, function, verb)}\n```\n'
                      for verb in _verbs()]
     return '\n'.join(text)
@@ -242,3 +272,16 @@ def _help(module: str, function: str, *verb: str) -> str:
 def _table(head: Row, rows: Sequence[Row]) -> str:
     lines = [head, ['---'] * len(head), *rows]
     return '\n'.join(f'| {" | ".join(cells)} |' for cells in lines) + '\n'
+
+
+def main() -> int:
+    """Write the pages to docs/reference, or to the directory that is given."""
+    directory = Path(*sys.argv[1:]) if sys.argv[1:] else REFERENCE
+    directory.mkdir(exist_ok=True)
+    for name, text in reference_pages().items():
+        (directory / name).write_text(text, encoding='utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

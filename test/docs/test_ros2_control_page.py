@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/ros2_control.md and the README: joints, controllers and threshold fit each other."""
+"""Joints, controllers and threshold of ros2_control.md and real_robot.md fit each other."""
 
 from pathlib import Path
 import re
@@ -24,7 +24,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / 'docs' / 'ros2_control.md').read_text(encoding='utf-8')
-README = (ROOT / 'README.md').read_text(encoding='utf-8')
+ROBOT_PAGE = (ROOT / 'docs' / 'real_robot.md').read_text(encoding='utf-8')
 TYPES = {
     'joint_state_broadcaster': 'joint_state_broadcaster/JointStateBroadcaster',
     'effort_controller': 'effort_controllers/JointGroupEffortController'}
@@ -66,8 +66,8 @@ def test_the_topics_of_the_hardware_are_those_of_the_simulated_arm() -> None:
     assert float(parameters['trigger_joint_command_threshold'] or 0) < 0.0
 
 
-def test_the_controller_of_the_readme_has_the_joints_of_its_parameter_file() -> None:
-    types, joints = controllers(README)
+def test_the_controller_for_a_real_robot_has_the_joints_of_its_parameter_file() -> None:
+    types, joints = controllers(ROBOT_PAGE)
     nodes = yaml.safe_load((ROOT / 'config' / 'ur10.yaml').read_text(encoding='utf-8'))
     assert types == TYPES
     assert [joints] == [node['ros__parameters']['joints'] for node in nodes.values()
@@ -75,6 +75,6 @@ def test_the_controller_of_the_readme_has_the_joints_of_its_parameter_file() -> 
 
 
 def test_both_start_the_controllers_that_they_configure() -> None:
-    for text in (README, PAGE):
+    for text in (ROBOT_PAGE, PAGE):
         assert f'spawner {" ".join(TYPES)}\n' in text
-        assert '/effort_controller/commands' in text
+        assert 'controller:=effort_controller' in text

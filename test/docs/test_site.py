@@ -28,21 +28,20 @@ sys.path.insert(0, str(ROOT / 'docs' / 'site'))
 
 from check_site import faults_of, main  # noqa: E402
 import python_pages  # noqa: E402
-import readme_pages  # noqa: E402
+import site_links  # noqa: E402
 
-README = (ROOT / 'README.md').read_text(encoding='utf-8')
-PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 
 
 def anchors(page: Path) -> list[str]:
-    text = readme_pages.FENCE.sub('', page.read_text(encoding='utf-8'))
-    return [readme_pages.github_slug(heading)
+    text = site_links.FENCE.sub('', page.read_text(encoding='utf-8'))
+    return [site_links.github_slug(heading)
             for heading in re.findall(r'^#+ (.+)$', text, re.MULTILINE)]
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_anchors_of_links_are_headings(page: Path) -> None:
-    for link in readme_pages.links(page.read_text(encoding='utf-8')):
+    for link in site_links.links(page.read_text(encoding='utf-8')):
         path, _, anchor = link.partition('#')
         if anchor and not link.startswith('http'):
             target = page.parent / path if path else page
@@ -62,7 +61,7 @@ def test_every_page_of_docs_is_in_the_navigation() -> None:
         assert f': {page.name}\n' in navigation, page.name
 
 
-# --- the README as pages -------------------------------------------------------------------------
+# --- links ---------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('heading', 'anchor'), [
     ('Two commands', 'two-commands'),
@@ -72,43 +71,31 @@ def test_every_page_of_docs_is_in_the_navigation() -> None:
     ('Größe des Δ', 'größe-des-δ'),
 ])
 def test_anchors_are_those_of_github(heading: str, anchor: str) -> None:
-    assert readme_pages.github_slug(heading) == anchor
-
-
-def test_each_section_of_the_readme_has_one_place() -> None:
-    pages = readme_pages.readme_pages(README)
-    for heading in readme_pages.sections(README):
-        if heading:
-            shown = [page for page, text in pages.items() if f'## {heading}\n' in text]
-            in_reference = readme_pages.SECTIONS.get(heading, '').startswith('reference/')
-            assert len(shown) == (0 if in_reference else 1), heading
-    assert set(readme_pages.SECTIONS) <= set(readme_pages.sections(README))
+    assert site_links.github_slug(heading) == anchor
 
 
 @pytest.mark.parametrize(('link', 'source', 'page', 'shown'), [
     ('docs/safety.md', 'README.md', 'index.md', 'safety.md'),
     ('docs/images/demo.png', 'README.md', 'index.md', 'images/demo.png'),
-    ('docs/safety.md', 'README.md', 'reference/topics.md', '../safety.md'),
-    ('#topics', 'README.md', 'index.md', 'reference/topics.md#topics'),
+    ('../safety.md', 'docs/reference/topics.md', 'reference/topics.md', '../safety.md'),
     ('#what', 'docs/safety.md', 'safety.md', '#what'),
-    ('../README.md#see-it', 'docs/safety.md', 'safety.md', 'index.md#see-it'),
+    ('../README.md#status', 'docs/safety.md', 'safety.md', 'index.md#status'),
     ('../README.md', 'docs/safety.md', 'safety.md', 'index.md'),
     ('CONTRIBUTING.md', 'README.md', 'index.md', 'contributing.md'),
-    ('config/ur10.yaml', 'README.md', 'quick_start.md', 'code/config/ur10.yaml.md'),
+    ('config/ur10.yaml', 'README.md', 'index.md', 'code/config/ur10.yaml.md'),
     ('../setup.py', 'docs/safety.md', 'safety.md', 'code/setup.py.md'),
     ('https://a.example/b', 'README.md', 'index.md', 'https://a.example/b'),
 ])
 def test_links_lead_to_pages_of_the_site(link: str, source: str, page: str, shown: str) -> None:
     text = f'see [this]({link}), not\n```\n[that]({link})\n```\n'
-    assert readme_pages.with_links_of_site(text, source, page, README) == text.replace(
-        link, shown, 1)
+    assert site_links.with_links_of_site(text, source, page) == text.replace(link, shown, 1)
 
 
 @pytest.mark.parametrize(('link', 'source'), [
-    ('absent.yaml', 'README.md'), ('#absent', 'README.md'), ('../../absent', 'docs/safety.md')])
+    ('absent.yaml', 'README.md'), ('../../absent', 'docs/safety.md')])
 def test_links_to_nothing_are_refused(link: str, source: str) -> None:
     with pytest.raises(ValueError, match='absent'):
-        readme_pages.target_in_site(link, source, README)
+        site_links.target_in_site(link, source)
 
 
 # --- the reference of Python ---------------------------------------------------------------------

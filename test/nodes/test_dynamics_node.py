@@ -17,6 +17,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 import threading
+import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
@@ -37,6 +38,7 @@ from ros_harness import (
     LATCHED,
     NodeProcess,
     RosClient,
+    TIMEOUT,
     wait_until,
 )
 from sensor_msgs.msg import JointState
@@ -219,11 +221,21 @@ def expected_torque(q: Any, v: Any, q_ref: Any, v_ref: Any = (0.0, 0.0),
 
 
 def settle(tracking: Bench, reference: Any) -> Any:
-    """Send states until the computed torque is that of a constant reference; return it."""
+    """
+    Send states until the computed torque is that of a constant reference; return it.
+
+    Each has a new stamp, because the node may receive the first one before the reference.
+    """
     wanted = expected_torque(Q, V, *reference)
-    return tracking.client.ask(
-        tracking.states, tracking.state(), tracking.computed_torque,
-        lambda message: message.effort == pytest.approx(wanted, abs=1e-9))
+    tracking.computed_torque.clear()
+    deadline = time.monotonic() + TIMEOUT
+    while time.monotonic() < deadline:
+        tracking.states.publish(tracking.state())
+        found = tracking.computed_torque.find(
+            lambda message: message.effort == pytest.approx(wanted, abs=1e-9), 0.5)
+        if found is not None:
+            return found
+    raise AssertionError(f'the computed torque did not become {wanted} in {TIMEOUT:g} s')
 
 
 def test_a_set_point_is_followed(tracking: Bench) -> None:

@@ -74,8 +74,8 @@ def test_another_order_closes_the_topic_until_its_subscriber_leaves(
         assert not commander.order.allows()
         fault, = commander.faults
         assert (fault.name, fault.latched) == ('controller_order', True)
-    wait_until(commander.order.allows, 'an open topic')
-    assert commander.order.fault is None
+    wait_until(lambda: commander.order.fault is None, 'the end of the fault')
+    assert commander.order.allows()
 
 
 def test_a_newcomer_does_not_interrupt_a_command_and_is_checked(commander: Commander) -> None:

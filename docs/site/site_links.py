@@ -12,34 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-The README as pages of the site, and links to what is no page.
-
-README.md is read on its own more often than on the site, so it is written once, there: its
-sections become the first pages here, and the site's reference takes the words of its tables.
-This module stays as long as the README is the source of these pages.
-"""
+"""Links of the repository as links of the site, and pages that show files of the repository."""
 
 from pathlib import Path
 import posixpath
 import re
 
 ROOT = Path(__file__).resolve().parents[2]
-README = 'README.md'
-HOME, QUICK_START = 'index.md', 'quick_start.md'
 CODE = 'code'
 """The directory of the site with the files of the repository that a page links to."""
-SECTIONS = {
-    'See it': HOME,
-    'Further reading': HOME,
-    'What was run where': HOME,
-    'Licence': HOME,
-    'Topics': 'reference/topics.md',
-    'Services': 'reference/topics.md',
-    'Parameters': 'reference/parameters.md',
-}
-"""Which page has which section of the README; those that are not named make the quick start."""
-PAGES_OF_FILES = {'CONTRIBUTING.md': 'contributing.md'}
+PAGES_OF_FILES = {'README.md': 'index.md', 'CONTRIBUTING.md': 'contributing.md'}
 
 LINK = re.compile(r'(?<=\]\()([^)\s]+)(?=\))')
 FENCE = re.compile(r'^(```|~~~).*?^\1[`~]*$', re.MULTILINE | re.DOTALL)
@@ -50,55 +32,22 @@ def github_slug(heading: str, separator: str = '-') -> str:
     return re.sub(r'[^\w\- ]', '', heading.strip().lower()).replace(' ', separator)
 
 
-def sections(text: str) -> dict[str, str]:
-    """Return the text under each `## heading`, and what is before the first under ''."""
-    parts = re.split(r'^## (.+)$', text, flags=re.MULTILINE)
-    return {'': parts[0], **dict(zip(parts[1::2], parts[2::2]))}
-
-
-def readme_pages(text: str) -> dict[str, str]:
-    """Return the home page and the quick start, links as in the README."""
-    home, start = [], ['# Quick start\n']
-    for heading, body in sections(text).items():
-        page = HOME if not heading else SECTIONS.get(heading, QUICK_START)
-        words = f'## {heading}{body}' if heading else body
-        if page == HOME:
-            home.append(words)
-        elif page == QUICK_START:
-            start.append(words)
-    return {HOME: ''.join(home), QUICK_START: '\n'.join(start)}
-
-
-def page_of_section(anchor: str, text: str) -> str:
-    """Return which page of the site has the heading of the README with this anchor."""
-    page = HOME
-    for heading, body in sections(text).items():
-        if heading:
-            page = SECTIONS.get(heading, QUICK_START)
-        inner = re.findall(r'^###+ (.+)$', body, re.MULTILINE)
-        if anchor in map(github_slug, [heading, *inner]):
-            return page
-    raise ValueError(f'README.md has no heading for #{anchor}')
-
-
 def links(text: str) -> list[str]:
     """Return the targets of all links outside of code between fences."""
     return LINK.findall(FENCE.sub('', text))
 
 
-def target_in_site(target: str, source: str, readme: str) -> str:
+def target_in_site(target: str, source: str) -> str:
     """
     Return a link in a file of the repository as one of the site, relative to its root.
 
-    `source` is that file. Links to the outside, and within another page than the README, stay as
-    they are. Raises ValueError where there is no such file or heading.
+    `source` is that file. Links to other servers, and within a page, stay unchanged. Raises
+    ValueError if the file does not exist.
     """
     path, mark, anchor = target.partition('#')
-    if re.match(r'[a-z]+:', target) or (not path and source != README):
+    if re.match(r'[a-z]+:', target) or not path:
         return target
-    path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path or README))
-    if path == README:
-        return (page_of_section(anchor, readme) if anchor else HOME) + mark + anchor
+    path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
     if path in PAGES_OF_FILES:
         return PAGES_OF_FILES[path] + mark + anchor
     if path.startswith('docs/'):
@@ -108,10 +57,10 @@ def target_in_site(target: str, source: str, readme: str) -> str:
     return f'{CODE}/{path}.md{mark}{anchor}'
 
 
-def with_links_of_site(text: str, source: str, page: str, readme: str) -> str:
+def with_links_of_site(text: str, source: str, page: str) -> str:
     """Return the text of the file `source` as that of a page, its links relative to the page."""
     def replace(found: re.Match[str]) -> str:
-        target = target_in_site(found[0], source, readme)
+        target = target_in_site(found[0], source)
         path, mark, anchor = target.partition('#')
         if not path or re.match(r'[a-z]+:', target):
             return target
@@ -120,7 +69,7 @@ def with_links_of_site(text: str, source: str, page: str, readme: str) -> str:
         return posixpath.relpath(path, posixpath.dirname(page) or '.') + mark + anchor
 
     done, end = [], 0
-    for fence in FENCE.finditer(text):  # code stays as it is
+    for fence in FENCE.finditer(text):  # code stays unchanged
         done += [LINK.sub(replace, text[end:fence.start()]), fence[0]]
         end = fence.end()
     return ''.join([*done, LINK.sub(replace, text[end:])])

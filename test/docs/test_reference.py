@@ -12,22 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The README's tables name exactly what the running nodes have; its files and tests exist."""
+"""docs/reference is what scripts/reference writes, and has what the running nodes have."""
 
 from collections.abc import Iterator
 from html import unescape
+import os
 from pathlib import Path
 import re
+import subprocess
+import sys
 
+import children
+from diagnostic_msgs.msg import DiagnosticArray
+from fault_table import BEGIN, END, HEAD, PAGE
 import pytest
 from rcl_interfaces.srv import ListParameters
+from robot_dynamics.ros.interface_descriptions import STATUSES
 from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
+REFERENCE = ROOT / 'docs' / 'reference'
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
 MODULES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM}
 
-# What every rclpy node has, and no reader of the README asks for.
+# Topics and services that every rclpy node has.
 OF_RCLPY = re.compile(
     r'/(rosout|parameter_events)$|/(get|set|list|describe)_parameter|/set_parameters_atomically$|'
     r'/get_parameter_types$|/get_type_description$')
@@ -35,18 +43,52 @@ PARAMETERS_OF_RCLPY = {'use_sim_time', 'start_type_description_service'}
 TYPES = {1: 'bool', 2: 'int', 3: 'double', 4: 'string', 8: 'double[]', 9: 'string[]'}
 
 
-def table(section: str, node: str) -> list[list[str]]:
-    """Return the cells of the rows under `## section` / `### node`, code marks removed."""
-    chapter = README.split(f'\n## {section}\n')[1].split('\n## ')[0]
-    lines = chapter.split(f'\n### `{node}`\n')[1].split('\n### ')[0].splitlines()
+def table(page: str, heading: str) -> list[list[str]]:
+    """Return the cells of the rows under `## heading`, code marks and links removed."""
+    text = (REFERENCE / f'{page}.md').read_text(encoding='utf-8')
+    lines = text.split(f'\n## {heading}\n')[1].split('\n## ')[0].splitlines()
     rows = [line for line in lines if line.startswith('|')][2:]
-    return [
-        [unescape(cell.strip().strip('`')) for cell in row.strip('|').split('|')] for row in rows]
+    return [[unescape(re.sub(r'^\[?`([^`]*)`.*', r'\1', cell.strip()))
+             for cell in row.strip('|').split(' | ')] for row in rows]
 
 
 def absolute(name: str, node: str) -> str:
     return name if name.startswith('/') else f'/{name}'.replace('/~', f'/{node}')
 
+
+# --- the files -----------------------------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the directory of the pages that the generator writes now."""
+    directory = tmp_path_factory.mktemp('reference')
+    done = children.run(
+        [sys.executable, str(ROOT / 'docs' / 'site' / 'reference_pages.py'), str(directory)],
+        env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 0, done.stdout
+    return directory
+
+
+@pytest.mark.parametrize('page', [
+    'topics', 'parameters', 'messages', 'diagnostics', 'executables'])
+def test_a_page_is_what_scripts_reference_writes(written: Path, page: str) -> None:
+    new, old = ((directory / f'{page}.md').read_text(encoding='utf-8')
+                for directory in (written, REFERENCE))
+    if page == 'executables' and sys.version_info >= (3, 13):  # argparse prints options otherwise
+        new, old = (' '.join(sorted(set(re.findall(r'--?[a-z][\w-]*', text))))
+                    for text in (new, old))
+    assert new == old, 'docs/reference is old: run scripts/reference'
+
+
+def test_the_readme_is_short_and_counts_the_faults() -> None:
+    assert README.count('\n') <= 160
+    text = PAGE.read_text(encoding='utf-8').split(BEGIN)[1].split(END)[0]
+    faults = sum(line.startswith('| ') and f'{line}\n' not in HEAD for line in text.splitlines())
+    assert f'each of {faults} injected faults' in README
+
+
+# --- the running nodes ---------------------------------------------------------------------------
 
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
@@ -58,7 +100,7 @@ def nodes() -> Iterator[None]:
 def test_topics(client: RosClient, node: str) -> None:
     expected = {
         (absolute(name, node), kind, direction)
-        for name, kind, direction, _ in table('Topics', node)}
+        for name, kind, direction, *_ in table('topics', f'Topics of `{node}`')}
 
     def running() -> set[tuple[str, str, str]]:
         try:
@@ -77,7 +119,8 @@ def test_topics(client: RosClient, node: str) -> None:
 
 @pytest.mark.parametrize('node', MODULES)
 def test_services(client: RosClient, node: str) -> None:
-    expected = {(absolute(name, node), kind) for name, kind, _ in table('Services', node)}
+    expected = {(absolute(name, node), kind)
+                for name, kind, _ in table('topics', f'Services of `{node}`')}
 
     def running() -> set[tuple[str, str]]:
         try:
@@ -94,11 +137,11 @@ def test_services(client: RosClient, node: str) -> None:
 
 @pytest.mark.parametrize('node', MODULES)
 def test_parameters(client: RosClient, node: str) -> None:
-    rows = {name: rest for name, *rest in table('Parameters', node)}
+    rows = {name: rest for name, *rest in table('parameters', f'`{node}`')}
     listed = client.call(ListParameters, f'/{node}/list_parameters').result.names
     assert set(listed) - PARAMETERS_OF_RCLPY == set(rows)
     for name, descriptor in client.describe_parameters(f'/{node}', list(rows)).items():
-        kind, default, may_change, meaning = rows[name]
+        kind, default, _, may_change, meaning = rows[name]
         value = client.get_parameter(f'/{node}', name)
         if name == 'publish_clock':  # set by this test, to see /clock
             value = not value
@@ -109,8 +152,17 @@ def test_parameters(client: RosClient, node: str) -> None:
             descriptor.description), name
 
 
+def test_statuses(client: RosClient) -> None:
+    assert [name for name, _ in table('diagnostics', '`dynamics`')] == list(STATUSES['dynamics'])
+    with client.collect(DiagnosticArray, '/diagnostics') as reports:
+        found = reports.wait_for(lambda message: any(
+            status.name.startswith('/dynamics: ') for status in message.status))
+    assert {status.name.removeprefix('/dynamics: ') for status in found.status} == set(
+        STATUSES['dynamics'])
+
+
 def test_links_lead_to_files() -> None:
-    pages = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *(ROOT / 'docs').glob('*.md')]
+    pages = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *(ROOT / 'docs').rglob('*.md')]
     for page in pages:
         for target in re.findall(r'\]\(([^)#]+)', page.read_text(encoding='utf-8')):
             if not target.startswith('http'):

@@ -1,0 +1,131 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Descriptions of the topics, services and diagnostics of both nodes, by node and by name.
+
+The reference in docs/reference is made from these texts. A test compares the names with those of
+the running nodes.
+"""
+
+from collections.abc import Mapping
+
+Descriptions = Mapping[str, Mapping[str, str]]
+"""Text by node and by name; `~` stands for the name of the node."""
+
+TOPICS: Descriptions = {
+    'dynamics': {
+        'joint_states': 'Measured state, matched by joint name. The newest message of each '
+                        'publisher is used.',
+        'robot_description': 'URDF of the arm, used if no parameter gives one.',
+        '~/joint_trajectory': 'Reference: a trajectory, or a set-point if it has one point '
+                              '([trajectories](../trajectories.md)).',
+        'effort_command': 'Command of the selected control law, without the terms in '
+                          '`robot_compensates`, within the limits. It has the stamp of the '
+                          'joint state from which it is computed.',
+        '~/commands': 'The values of `effort_command` in the order of `joints`, as the '
+                      'controllers of ros2_control expect them.',
+        '~/gravity_compensation': 'Gravity-compensation torque g(q).',
+        '~/computed_torque': 'Computed torque M(q̈_ref + K_d ė + K_p e) + C q̇ + g + friction, '
+                             'while there is a reference.',
+        '~/terms': 'Command before its limits, split by term, and the energies. Published while '
+                   'there are subscribers.',
+        '~/reference': 'Position and velocity of the reference at the stamp of the joint state, '
+                       'while there is a reference and a subscriber.',
+        '~/external_effort': 'External joint torque Jᵀf, estimated by the momentum observer '
+                             '([external torque](../external_effort.md)). Published while there '
+                             'are subscribers.',
+        '~/residual': 'Measured minus modelled effort, filtered. Published while there are '
+                      'subscribers.',
+        '~/markers': 'Markers for RViz: efforts at the joints, external torque and force, '
+                     'payload. Published at 30 Hz while there are subscribers.',
+        '~/payload': 'Active payloads. After each change, one message per loaded link, all with '
+                     'the same stamp, the changed link last; m = 0 if there is no payload. A '
+                     'late subscriber also receives older messages: use those with the newest '
+                     'stamp.',
+        '/diagnostics': 'Statuses of the node, once per second and whenever a level changes '
+                        '([diagnostics](diagnostics.md)).',
+        '~/transition_event': 'Transitions of the lifecycle.',
+    },
+    'simulated_arm': {
+        'effort_command': 'Effort at each joint, clipped to the effort limits of the URDF '
+                          '(`clip_efforts`); the terms in `robot_compensates` are added. It acts '
+                          'until the next message, at most for `command_timeout`.',
+        '~/external_wrench': 'Wrench on the link `frame_id`, in the frame of this link. It acts '
+                             'until the next message; zeros remove it.',
+        'joint_states': 'Position, velocity, and effort as `measured_effort` defines it.',
+        '~/motor_states': 'Motor position and velocity divided by the gear ratio; they differ '
+                          'from the joint values by the backlash. The effort is that of '
+                          '`joint_states`.',
+        '/clock': 'Simulated time, with `publish_clock` or `lock_step`.',
+    },
+}
+"""Meaning of each topic."""
+
+_SEE_SAFETY = '([safety](../safety.md))'
+SERVICES: Descriptions = {
+    'dynamics': {
+        '~/inverse_dynamics': 'Returns the efforts of a motion, split by term, with optional '
+                              'external wrenches.',
+        '~/inverse_dynamics_batch': 'Returns the efforts of many samples in one call.',
+        '~/inverse_dynamics_trajectory': 'Returns the efforts at the points of a trajectory, and '
+                                         'whether arm and motors can deliver the efforts of the '
+                                         'whole motion.',
+        '~/forward_dynamics': 'Returns the joint accelerations that efforts cause.',
+        '~/manipulator_equation': 'Returns M, C, g, N, friction, the Christoffel symbols and the '
+                                  'energies.',
+        '~/set_payload': 'Sets the payload of a link, on request gradually. m = 0 removes it, '
+                         'and with an empty `frame_id` all payloads. A payload that the arm '
+                         f'cannot carry is rejected {_SEE_SAFETY}.',
+        '~/stop': 'Stops the arm within its limits, along the reference if there is one, and '
+                  'then holds the position. Available in every state of the node, also during '
+                  'long requests.',
+        '~/reset_fault': 'Resets a latched fault and re-enables commands. Returns `success` '
+                         'false and the reason while the cause persists.',
+        '~/change_state': 'Lifecycle: configures, activates, deactivates, cleans up or shuts '
+                          'down the node (`ros2 lifecycle set`).',
+        '~/get_state': 'Lifecycle: returns the current state.',
+        '~/get_available_states': 'Lifecycle: returns all states.',
+        '~/get_available_transitions': 'Lifecycle: returns the transitions from the current '
+                                       'state.',
+        '~/get_transition_graph': 'Lifecycle: returns all transitions.',
+    },
+    'simulated_arm': {
+        '~/reset': 'Returns the arm to its initial pose and engages the brakes.',
+        '~/set_payload': 'Sets the payload of a link of the simulated arm. The controller is not '
+                         'informed.',
+    },
+}
+"""Effect of each service."""
+
+STATUSES: Descriptions = {
+    'dynamics': {
+        'joint states': 'Whether joint states arrive and are complete; why messages were '
+                        'dropped, with a counter per reason.',
+        'timing': 'Rate, jitter and longest interval of the joint states; delay of the answers.',
+        'reference': 'Whether a reference is followed; why the latest one ended early or was '
+                     'rejected, until the next one.',
+        'command': 'Mode of the command, an active fault and its reason, and the counters of '
+                   'published and limited commands.',
+        'estimates': 'Whether `~/external_effort` and `~/residual` are estimated; restarts of '
+                     'the estimators.',
+        'other nodes': 'Other publishers of the command topics, and other nodes of the same '
+                       'name.',
+        'payload': 'Active payloads by link.',
+        'model': 'Name of the arm, the control law, and whether a new description waits.',
+        'effort check': 'Result of the comparison of measured effort, command and g(q) in a '
+                        'static hold ([effort semantics](../effort_semantics.md)).',
+    },
+}
+"""Meaning of each status on /diagnostics, which is named `NODE: STATUS`."""
