@@ -538,7 +538,7 @@ def test_a_refusal_names_point_field_value_and_expectation(change, words):
 
 def test_the_documented_words_are_the_words():
     page = (Path(__file__).parents[2] / 'docs' / 'trajectories.md').read_text(encoding='utf-8')
-    table = page.split('## What is refused')[1].split('\n## ')[0]
+    table = page.split('## Rejected trajectories')[1].split('\n## ')[0]
     documented = re.findall(r'^\|[^|]+\| `(.+)` \|$', table, re.MULTILINE)
     spoken = set()
     for change, _ in REFUSALS:
