@@ -15,7 +15,7 @@
 """
 Draw docs/images/viewer.png: the page of the viewer, with a UR10 that moves a load of 5 kg.
 
-It needs Chromium; where there is none, the picture stays as it is.
+The script needs Chromium. Without Chromium it leaves the file unchanged.
 """
 
 import os

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Write the table of docs/model_check.md: what the model check finds on example-robot-data.
+Write the table of docs/model_check.md: findings of the model check in example-robot-data.
 
-Without an argument the page is written anew; `--print` shows the table alone.
+Without an argument the script rewrites the page; with `--print` it only prints the table.
 """
 
 from collections import Counter
@@ -41,13 +41,13 @@ HEAD = (
 
 
 def robot_directory() -> Path:
-    """Return where the robots are; raise PackageNotFoundError where they are not installed."""
+    """Return the directory of the robots; raise PackageNotFoundError if it is not installed."""
     prefix = Path(str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
     return prefix / 'share' / PACKAGE / 'robots'
 
 
 def table(directory: Path) -> str:
-    """Return the table as markdown, and below it what could not be loaded."""
+    """Return the table as markdown, followed by the list of the files that failed to load."""
     rows, refused = [], []
     paths = sorted(directory.rglob('*.urdf'))
     stems = Counter(path.stem for path in paths)
