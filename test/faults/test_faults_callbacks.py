@@ -28,7 +28,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from ros_harness import NodeProcess, RosClient
+from ros_harness import NodeProcess, RosClient, wait_until
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -117,7 +117,7 @@ def test_a_transition_that_fails(bench: FaultBench) -> None:
     assert not change(Transition.TRANSITION_CLEANUP)
     state = bench.client.call(GetState, bench.name('get_state')).current_state
     assert state.id == State.PRIMARY_STATE_UNCONFIGURED
-    assert list(bench.efforts.messages[-1].effort) == [0.0, 0.0]
+    wait_until(lambda: list(bench.efforts.messages[-1].effort) == [0.0, 0.0], 'efforts of zero')
     assert change(Transition.TRANSITION_CONFIGURE)
     assert change(Transition.TRANSITION_ACTIVATE)
     bench.check_commanding()
