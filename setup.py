@@ -56,6 +56,7 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
+        'test': ['pytest'],  # `colcon test` runs pytest because of this line
         'tools': ['matplotlib', 'mcap', 'pillow', 'pyyaml', 'rosbags', 'scipy'],
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
