@@ -57,11 +57,14 @@ setup(
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
         'test': ['pytest'],  # `colcon test` runs pytest because of this line
-        'tools': ['matplotlib', 'mcap', 'pillow', 'pyyaml', 'rosbags', 'scipy'],
+        'tools': [
+            'apsw', "backports.zstd; python_version < '3.14'", 'lz4', 'matplotlib', 'mcap',
+            'pillow', 'pyyaml', 'rosbags', 'scipy'],
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
-        'viewer': ['pycollada', 'viser~=1.1'],  # in a browser
+        'completion': ['argcomplete'],  # of `robot_dynamics_dynamics` in a shell
+        'viewer': ['pycollada', 'trimesh', 'viser~=1.1', 'websockets'],  # in a browser
         'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
