@@ -16,13 +16,13 @@
 
 from pathlib import Path
 import re
+import shlex
 import subprocess
 import sys
 
 import pytest
-from workspace import PACKAGES, Workspace
+from workspace import documented, PACKAGES, Workspace
 
-ROOT = Path(__file__).resolve().parents[2]
 pytest.importorskip('colcon_core', reason='colcon is not installed')
 
 SELECTION = 'test/planar'
@@ -45,13 +45,6 @@ def test_is_skipped():
 """
 
 
-def documented(start: str) -> str:
-    """Return the one command of README.md that starts so."""
-    lines = (ROOT / 'README.md').read_text(encoding='utf-8').splitlines()
-    command, = {line for line in lines if line.startswith(f'{start} ')}
-    return command
-
-
 @pytest.fixture(scope='module')
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """Return a workspace in which both packages are built with the command of the README."""
@@ -70,6 +63,15 @@ def run_tests(workspace: Workspace, selection: str) -> 'subprocess.CompletedProc
 def test_the_build_has_both_packages(workspace: Workspace) -> None:
     for name in PACKAGES:
         assert (workspace.directory / 'install' / name / 'share' / name / 'package.xml').exists()
+
+
+def test_the_installed_package_has_the_version_of_the_manifest(workspace: Workspace) -> None:
+    program = 'import robot_dynamics as r; print(r.__file__, r.__version__)'
+    installed, = (workspace.directory / 'install' / 'robot_dynamics').glob('lib/*/site-packages')
+    shown = workspace.run('python -c', program, PYTHONPATH=str(installed)).stdout.split()
+    assert shown[0].startswith(str(installed))
+    manifest = (workspace.source / 'package.xml').read_text(encoding='utf-8')
+    assert shown[1:] == re.findall('<version>(.+)</', manifest)
 
 
 def test_colcon_test_runs_the_tests_that_pytest_runs(workspace: Workspace) -> None:
@@ -92,3 +94,24 @@ def test_a_failing_test_fails_colcon_test(workspace: Workspace) -> None:
     result = workspace.run(documented('colcon test-result'))
     assert result.returncode != 0, result.stdout
     assert 'Summary: 3 tests, 0 errors, 1 failure, 1 skipped' in result.stdout
+
+
+@pytest.mark.parametrize('option', [(), ('--symlink-install',)])
+def test_a_build_without_the_interfaces_stops_with_the_command(
+        tmp_path: Path, option: tuple[str, ...]) -> None:
+    plain = Workspace(tmp_path)
+    built = plain.run('colcon build', *option)
+    assert built.returncode != 0, built.stdout
+    command, = re.findall('robot_dynamics needs the package .* Run: (.*)', built.stdout)
+    start, paths = command.split(' --base-paths ')
+    assert start == 'colcon build'
+    listed = plain.run('colcon list --names-only --base-paths', *paths.split())
+    assert listed.stdout.split()[-2:] == list(PACKAGES)
+    assert [(tmp_path / path).resolve() for path in documented(start).split()[3:]] == [
+        (tmp_path / path).resolve() for path in paths.split()]
+
+
+def test_with_a_link_to_the_interfaces_a_workspace_needs_no_paths(tmp_path: Path) -> None:
+    linked = Workspace(tmp_path)
+    subprocess.run(shlex.split(documented('ln -s')), cwd=tmp_path, check=True)
+    assert linked.run('colcon list --names-only').stdout.split()[-2:] == list(PACKAGES)

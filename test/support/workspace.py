@@ -28,6 +28,11 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ('robot_dynamics', 'robot_dynamics_interfaces')
 SEARCH_PATHS = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'COLCON_PREFIX_PATH', 'LD_LIBRARY_PATH',
                 'PATH', 'PYTHONPATH')
+PROGRAMS = {
+    'python': [sys.executable],
+    'colcon': [sys.executable, '-m', 'colcon'],
+    'rosdep': [sys.executable, '-c', 'from rosdep2.main import rosdep_main; rosdep_main()']}
+"""The programs of this interpreter; those on the PATH may be of another one."""
 NOT_SOURCES = ('.*', '__pycache__', '*.egg-info', 'build', 'install', 'log', 'out')
 
 
@@ -47,6 +52,13 @@ def without_this_project(environment: Mapping[str, str]) -> Iterator[tuple[str, 
             yield name, os.pathsep.join(kept)
         elif not name.startswith(('PYTEST_', 'COLCON_')):
             yield name, value
+
+
+def documented(start: str) -> str:
+    """Return the one command of README.md that starts so."""
+    lines = (ROOT / 'README.md').read_text(encoding='utf-8').splitlines()
+    command, = {line for line in lines if line.startswith(f'{start} ')}
+    return command
 
 
 class Workspace:
@@ -70,10 +82,7 @@ class Workspace:
     ) -> 'subprocess.CompletedProcess[str]':
         """Return the result of a command line of the README with further arguments."""
         program, *arguments = command.split()
-        if program == 'colcon':  # of this interpreter
-            arguments = ['-m', 'colcon', *arguments]
-            program = sys.executable
         return children.run(
-            [program, *arguments, *more], cwd=self.directory, text=True, timeout=children.LONG,
-            env={**self.environment, **variables}, stdout=subprocess.PIPE,
+            [*PROGRAMS[program], *arguments, *more], cwd=self.directory, text=True,
+            timeout=children.LONG, env={**self.environment, **variables}, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT)
