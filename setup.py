@@ -15,7 +15,10 @@
 """Install the nodes, the library and the tools as an ament_python package."""
 
 from glob import glob
+import os
+from pathlib import Path
 import sys
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
@@ -38,10 +41,29 @@ EXECUTABLES = {
 # them on the PATH, where their names must not be those of other programs.
 is_wheel = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
 prefix = f'{package_name}_' if is_wheel else ''
+here = Path(__file__).resolve().parent
+manifest = ElementTree.parse(here / 'package.xml')
+maintainer = manifest.find('maintainer')
+
+
+def check_interfaces():
+    """Stop a build by colcon that has not found the nested package of the messages."""
+    name = f'{package_name}_interfaces'
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    if not any(Path(prefix, 'share', name, 'package.xml').exists() for prefix in prefixes):
+        sys.exit(f'{package_name} needs the package {name} in its directory, which colcon does '
+                 f'not search. Run: colcon build --base-paths {here.parent} {here / name}')
+
+
+# Packages of Debian are built with --root, and pip builds a wheel: neither needs the messages.
+is_installed = {'develop', 'install'} & set(sys.argv) and '--help' not in sys.argv
+has_root = any(argument.startswith('--root') for argument in sys.argv)
+if is_installed and not has_root and 'AMENT_PREFIX_PATH' in os.environ:
+    check_interfaces()
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version='0.1.0',  # catkin_prepare_release changes it together with package.xml
     packages=find_packages(include=['robot_dynamics', 'robot_dynamics.*']),
     package_data={package_name: ['py.typed']},
     data_files=[
@@ -56,20 +78,27 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pin'],
     extras_require={
-        'tools': ['matplotlib', 'mcap', 'pillow', 'pyyaml', 'rosbags', 'scipy'],
+        'test': ['pytest'],  # `colcon test` runs pytest because of this line
+        'tools': [
+            'apsw', "backports.zstd; python_version < '3.14'", 'lz4', 'matplotlib', 'mcap',
+            'pillow', 'pyyaml', 'rosbags', 'scipy'],
         'parquet': ['pyarrow'],  # of analyze_bag
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
-        'viewer': ['pycollada', 'viser~=1.1'],  # in a browser
+        'completion': ['argcomplete'],  # of `robot_dynamics_dynamics` in a shell
+        'viewer': ['pycollada', 'trimesh', 'viser~=1.1', 'websockets'],  # in a browser
         'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
         'peers': ['drake', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
     },
     zip_safe=False,
-    maintainer='The robot_dynamics authors',
-    maintainer_email='maintainers@robot-dynamics.example',
-    description='Which joint torques produce a motion? Dynamics of robot arms with a URDF.',
-    license='Apache-2.0',
+    author=manifest.findtext('author'),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get('email'),
+    url=manifest.findtext('url'),
+    description=manifest.findtext('description'),
+    license=manifest.findtext('license'),
+    license_files=['LICENSE'],
     entry_points={
         'console_scripts': [
             f'{prefix}{name} = {function}' for name, function in EXECUTABLES.items()],

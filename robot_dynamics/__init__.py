@@ -22,6 +22,8 @@ More is in the subpackages: `robot_dynamics.model`, `robot_dynamics.control` and
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+__version__: str
+
 if TYPE_CHECKING:
     from robot_dynamics.analysis import analyze_recording as analyze_recording
     from robot_dynamics.control import Controller as Controller
@@ -68,7 +70,20 @@ _MODULES = {
 __all__ = sorted(_MODULES)
 
 
+def _version() -> str:
+    """Return the version in package.xml of a checkout, or else that of the installation."""
+    from importlib.metadata import version
+    from pathlib import Path
+    import re
+    manifest = Path(__file__).resolve().parents[1] / 'package.xml'
+    if not manifest.exists():
+        return version(__name__)
+    return str(re.findall('<version>(.+)</version>', manifest.read_text(encoding='utf-8'))[0])
+
+
 def __getattr__(name: str) -> object:
+    if name == '__version__':
+        return _version()
     if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     value = globals()[name] = getattr(import_module(_MODULES[name]), name)

@@ -46,6 +46,10 @@ os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 SUPPORT = Path(__file__).parent / 'support'
 os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(SUPPORT / 'fast_discovery.xml'))
 
+# `colcon test` passes its own options (the file for the results, paths) in this variable; a pytest
+# that a test starts would read them too.
+os.environ.pop('PYTEST_ADDOPTS', None)
+
 # The background job of a shell script ignores SIGINT, which processes started by it inherit: tests
 # could not interrupt theirs. A handler is not inherited, and leaves them the default.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -12,17 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The libraries that the package can do without: each is named with an extra that contains it."""
+"""What the package imports is declared, and a missing library is named with its command."""
 
 import ast
 from pathlib import Path
+import re
+import shlex
+import subprocess
 import sys
 
 import pytest
-from robot_dynamics.dependencies import LIBRARIES, optional
+from robot_dynamics.dependencies import install_command, LIBRARIES, optional
 from robot_dynamics.exceptions import MissingDependencyError
 
-SETUP = Path(__file__).parents[1] / 'setup.py'
+ROOT = Path(__file__).parents[1]
+SETUP = ROOT / 'setup.py'
+SYSTEM_PYTHON = Path('/usr/bin/python3')
+ROSDEP_KEYS = {
+    'PIL': 'python3-pil', 'argcomplete': 'python3-argcomplete', 'matplotlib': 'python3-matplotlib',
+    'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'yaml': 'python3-yaml'}
+"""The rosdep keys of modules that no package of ROS has."""
+DISTRIBUTIONS = {
+    'PIL': 'pillow', 'backports': 'backports.zstd', 'imageio_ffmpeg': 'imageio-ffmpeg',
+    'yaml': 'pyyaml'}
+"""The names on PyPI of modules that have another one there."""
+OF_NEWER_PYTHON = {'compression'}
+"""Modules of the standard library of Python 3.14."""
 
 
 def extras() -> dict[str, list[str]]:
@@ -33,15 +48,88 @@ def extras() -> dict[str, list[str]]:
     raise ValueError('setup.py has no extras_require')
 
 
+def imported_modules(path: Path) -> set[str]:
+    """Return the modules outside of the standard library that a file imports, also if needed."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.append(node.module)
+        elif isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'optional':
+            names += [part.value for part in node.args[:1] if isinstance(part, ast.Constant)]
+    return ({name.partition('.')[0] for name in names}
+            - set(sys.stdlib_module_names) - OF_NEWER_PYTHON - {'robot_dynamics'})
+
+
+def declared_in_manifest() -> set[str]:
+    """Return the packages that package.xml names as needed at run time."""
+    text = (ROOT / 'package.xml').read_text(encoding='utf-8')
+    return set(re.findall(r'<(?:exec_)?depend>(.+?)</', text))
+
+
+SOURCES = [*(ROOT / 'robot_dynamics').rglob('*.py'), *(ROOT / 'launch').glob('*.py')]
+IMPORTED = sorted(set().union(*map(imported_modules, SOURCES)))
+
+
+@pytest.mark.parametrize('module', IMPORTED)
+def test_every_import_is_declared(module: str) -> None:
+    """A module has a package of ROS or a rosdep key in package.xml, or is in an extra."""
+    in_extras = {re.split(r'[~=<>;]', required)[0].strip()
+                 for requirements in extras().values() for required in requirements}
+    assert (ROSDEP_KEYS.get(module, module) in declared_in_manifest()
+            or DISTRIBUTIONS.get(module, module) in in_extras), module
+
+
 @pytest.mark.parametrize('library', LIBRARIES)
-def test_a_missing_library_is_named_with_its_extra(
+def test_a_missing_library_is_named_with_its_command(
         library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    name, _, extra = LIBRARIES[library]
-    words = rf'^a test needs the library {name} \(.*robot_dynamics\[{extra}\]\)$'
-    with pytest.raises(MissingDependencyError, match=words):
+    name, _, packages, extra = LIBRARIES[library]
+    words = f'a test needs the library {name}, which cannot be imported. Install it: '
+    with pytest.raises(MissingDependencyError) as caught:
         optional(f'{library}.part', 'a test')
-    assert any(required.startswith(name.lower()) for required in extras()[extra])
+    assert str(caught.value) == words + install_command(library)
+    in_extra = {re.split('[~=<>;]', required)[0] for required in extras()[extra]}
+    assert set(packages) <= in_extra
+
+
+@pytest.mark.skipif(
+    sys.prefix == sys.base_prefix, reason='not in a virtual environment, as scripts/test is')
+def test_the_command_in_a_virtual_environment_is_that_of_its_pip() -> None:
+    assert shlex.split(install_command('viser')) == [
+        sys.executable, '-m', 'pip', 'install', 'viser', 'pycollada']
+
+
+def command_of_system_python(library: str) -> str:
+    """Return the command for the interpreter that apt manages."""
+    program = f'from robot_dynamics.dependencies import *; print(install_command({library!r}))'
+    return subprocess.run(
+        [SYSTEM_PYTHON, '-c', program], cwd=ROOT, env={'PATH': '/usr/bin'}, check=True,
+        capture_output=True, text=True).stdout.strip()
+
+
+@pytest.mark.skipif(
+    not list(Path('/usr/lib').glob('python3*/EXTERNALLY-MANAGED')),
+    reason='no Python of Debian or Ubuntu that refuses a plain pip install (PEP 668)')
+def test_the_system_python_gets_a_command_that_it_does_not_refuse() -> None:
+    assert command_of_system_python('scipy') == 'sudo apt install python3-scipy'
+    command = command_of_system_python('rosbags')
+    needs_pip = command.startswith('sudo apt install python3-pip && ')
+    words = shlex.split(command.rpartition(' && ')[2])
+    assert words == [str(SYSTEM_PYTHON), '-m', 'pip', 'install', '--user',
+                     '--break-system-packages', 'rosbags', 'numpy<2']
+    if needs_pip:
+        return
+    # Without an index pip gets as far as it is allowed to: it looks for the package.
+    tried = subprocess.run(
+        [*words, '--dry-run', '--no-index', '--no-deps'], capture_output=True, text=True,
+        env={'PATH': '/usr/bin', 'PIP_CONFIG_FILE': '/dev/null'})
+    assert 'externally-managed-environment' not in tried.stderr
+    plain = subprocess.run(
+        [*words[:4], 'rosbags', '--dry-run', '--no-index', '--no-deps'], capture_output=True,
+        text=True, env={'PATH': '/usr/bin', 'PIP_CONFIG_FILE': '/dev/null'})
+    assert 'externally-managed-environment' in plain.stderr
 
 
 def test_a_module_inside_a_library_is_returned() -> None:

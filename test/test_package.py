@@ -17,6 +17,7 @@
 import ast
 from configparser import ConfigParser
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -85,7 +86,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ('robot_dynamics', 'resource', 'config', 'launch', 'rviz'):
         shutil.copytree(
             PROJECT / name, source / name, ignore=shutil.ignore_patterns('__pycache__'))
-    for name in ('setup.py', 'setup.cfg', 'package.xml'):
+    for name in ('LICENSE', 'setup.py', 'setup.cfg', 'package.xml'):
         shutil.copy(PROJECT / name, source)
     subprocess.run(
         [sys.executable, 'setup.py', '-q', 'bdist_wheel', '--dist-dir', directory],
@@ -117,3 +118,17 @@ def test_the_library_of_a_wheel_needs_no_ros(wheel: Path) -> None:
     out = subprocess.run(
         [sys.executable, '-c', program], capture_output=True, text=True, check=True).stdout
     assert out == 'True [-49.522825, -11.370879]\n'
+
+
+def test_a_wheel_has_version_licence_and_author(wheel: Path) -> None:
+    metadata = next(wheel.glob('*.dist-info')) / 'METADATA'
+    text = metadata.read_text(encoding='utf-8')
+    fields = dict(re.findall(r'^([\w-]+): (.+)$', text, re.MULTILINE))
+    program = f'import sys; sys.path.insert(0, {str(wheel)!r}); import robot_dynamics; ' \
+        'print(robot_dynamics.__file__, robot_dynamics.__version__)'
+    file, version = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=True).stdout.split()
+    assert file.startswith(str(wheel))
+    assert version == fields['Version'] == robot_dynamics.__version__
+    assert fields['Author'] == 'The robot_dynamics authors'
+    assert list(metadata.parent.rglob('LICENSE'))

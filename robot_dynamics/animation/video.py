@@ -32,7 +32,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.dependencies import optional
+from robot_dynamics.dependencies import install_command, optional
 from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 
 FORMATS = ('.gif', '.mp4')
@@ -167,5 +167,5 @@ def _ffmpeg() -> str:
         return str(get_ffmpeg_exe())
     except (ImportError, RuntimeError):
         raise MissingDependencyError(
-            'an MP4 needs the program ffmpeg, which is not on the PATH (apt install ffmpeg, or '
-            'pip install imageio-ffmpeg); a .gif needs no more than Pillow') from None
+            'an MP4 needs the program ffmpeg, which is not on the PATH (sudo apt install ffmpeg, '
+            f'or {install_command("imageio_ffmpeg")}); a .gif needs no more than Pillow') from None

@@ -51,14 +51,15 @@ ARM = load_arm(default_arm_urdf())
 ROTORS, FRICTION = np.array([0.3, 0.1]), np.array([2.0, 1.0])
 
 
-def record(path, seed=0, gain=1.0, duration=16.0, off=0.15):
+def record(path, seed=0, gain=1.0, duration=16.0, off=0.15, arm=ARM):
     """Write a recording of an arm with rotors, friction, and masses off from its URDF."""
-    states = fourier_motion(ARM, 100.0, duration, seed)
-    effort = rigid_effort(changed_arm(ARM, off), states, ROTORS) + FRICTION * (
+    states = fourier_motion(arm, 100.0, duration, seed)
+    rotors, friction = (np.resize(each, arm.joint_count) for each in (ROTORS, FRICTION))
+    effort = rigid_effort(changed_arm(arm, off), states, rotors) + friction * (
         0.5 * states.v + np.tanh(states.v / 0.1))
     effort += 0.1 * np.random.default_rng(seed).normal(size=effort.shape)
     stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
-    data = joint_state_messages(stamps, ARM.joint_names, states.q, states.v, effort / gain)
+    data = joint_state_messages(stamps, arm.joint_names, states.q, states.v, effort / gain)
     return write_recording(path, list(zip(stamps.tolist(), data)))
 
 
@@ -259,6 +260,20 @@ def test_options_are_checked(capsys, option, value, words):
 
 
 # --- a real arm ----------------------------------------------------------------------------------
+
+def test_an_arm_with_six_joints(tmp_path):
+    """As of the real arm below, with a recording made here, of masses that the URDF has not."""
+    record(tmp_path / 'bag', arm=load_arm(robot_urdf('ur10')))
+    urdf = tmp_path / 'ur10.urdf'
+    urdf.write_text(robot_urdf('ur10'))
+    assert main([str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) \
+        == DONE
+    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert figures['samples'] == {'train': 960, 'test': 640}
+    residual = {name: np.array(test['test']) for name, test in figures['residual'].items()}
+    for name in ('base', 'consistent'):
+        assert (residual[name] < [*[0.01] * 3, *[0.1] * 3]).all()  # the wrists' efforts are noise
+
 
 def test_a_real_ur10(tmp_path, capsys):
     if not UR10.exists():

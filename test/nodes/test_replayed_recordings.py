@@ -12,16 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of rosbag2 itself, replayed through the real node: bit-identical efforts."""
+"""Recordings, made here and by rosbag2, replayed through the real node: bit-identical efforts."""
 
 from collections.abc import Iterator
+from pathlib import Path
 import struct
 import time
 
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from recordings import NO_ROSBAG2, ROSBAG2
+from recordings import KnownMotion, recording_path, recordings_of
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -31,8 +32,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 pytest.importorskip('rosbags')
-pytestmark = pytest.mark.skipif(not ROSBAG2.is_dir(), reason=NO_ROSBAG2)
 NAMES = ['joint1', 'joint2']
+COUNTS = {'made_mcap': len(KnownMotion().q), 'mcap': 1903, 'sqlite3_zstd': 11376}
+"""Joint states of each recording."""
+WITH_GRAVITY = ('made_mcap', 'mcap')
 STAMP = struct.Struct('<iI')
 """`header.stamp`, after four bytes of encapsulation."""
 
@@ -68,32 +71,36 @@ def replay(client: RosClient) -> Iterator[Replay]:
         one.close()
 
 
-def states_of(name: str) -> list[bytes]:
+def states_of(path: Path) -> list[bytes]:
     """Return the serialized joint states of a recording."""
-    with Recording(ROSBAG2 / name) as recording:
+    with Recording(path) as recording:
         return [data for _, data in recording.raw_messages('/joint_states')]
 
 
-@pytest.mark.parametrize(('name', 'count'), [('mcap', 1903), ('sqlite3_zstd', 11376)])
+@pytest.mark.parametrize('name', recordings_of(COUNTS))
 def test_the_efforts_are_those_of_the_library_and_of_the_recording(
-    replay: Replay, name: str, count: int,
+    replay: Replay, name: str, tmp_path: Path,
 ) -> None:
     dynamics = ArmDynamics(load_arm(default_arm_urdf(), NAMES))
-    with Recording(ROSBAG2 / name) as recording:
+    path = recording_path(name, tmp_path)
+    with Recording(path) as recording:
         positions = recording.joint_series('/joint_states').position
         recorded = recording.joint_series('/dynamics/gravity_compensation').effort if any(
             topic.name == '/dynamics/gravity_compensation' for topic in recording.topics) else None
     assert positions is not None
-    efforts = np.array([replay.answer(data).effort for data in states_of(name)])
-    assert len(efforts) == count
+    efforts = np.array([replay.answer(data).effort for data in states_of(path)])
+    assert len(efforts) == COUNTS[name]
     assert np.array_equal(efforts, [dynamics.rigid_body.gravity(q) for q in positions])
-    assert (recorded is not None) == (name == 'mcap')
+    assert (recorded is not None) == (name in WITH_GRAVITY)
     assert recorded is None or np.array_equal(efforts, recorded)
 
 
-def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(client: RosClient) -> None:
+@pytest.mark.parametrize('name', recordings_of(['made_sqlite3', 'sqlite3_zstd']))
+def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(
+    client: RosClient, name: str, tmp_path: Path,
+) -> None:
     """As `ros2 bag play --clock` publishes it, to a node with `use_sim_time`."""
-    states = states_of('sqlite3_zstd')[:300]
+    states = states_of(recording_path(name, tmp_path))[:300]
     shift = int(time.time()) - 600 - STAMP.unpack_from(states[0], 4)[0]
     with NodeProcess(
             DYNAMICS, {'use_sim_time': True}, namespace='/clocked', patient=False,

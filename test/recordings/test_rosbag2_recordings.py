@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings that rosbag2 itself wrote: what the library, `analyze_bag` and `identify` read."""
+"""
+Whole recordings: what the library, `analyze_bag` and `identify` read.
+
+Those that rosbag2 itself wrote are outside of the repository; the others are made here.
+"""
 
 import json
 import re
@@ -23,7 +27,7 @@ import pytest
 pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
 pytest.importorskip('matplotlib')
-from recordings import NO_ROSBAG2, ROSBAG2  # noqa: E402
+from recordings import KnownMotion, MADE, recording_path, recordings_of  # noqa: E402
 from robot_dynamics.model.arm import load_arm  # noqa: E402
 from robot_dynamics.model.arm_dynamics import ArmDynamics  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
@@ -31,10 +35,18 @@ from robot_dynamics.recordings.reader import Recording  # noqa: E402
 from robot_dynamics.tools import analyze_bag, identify  # noqa: E402
 import yaml  # noqa: E402
 
-pytestmark = pytest.mark.skipif(not ROSBAG2.is_dir(), reason=NO_ROSBAG2)
 CONVERTED = ('mcap_chunks_zstd', 'mcap_split_zstd', 'sqlite3_zstd')
 """Conversions of the recording `sqlite3_lock_step`."""
-ALL = ('mcap', 'sqlite3_lock_step', *CONVERTED)
+ALL = (*MADE, 'mcap', 'sqlite3_lock_step', *CONVERTED)
+ORIGINAL = {
+    **{name: 'made_sqlite3' for name in MADE if name != 'made_sqlite3'},
+    **dict.fromkeys(CONVERTED, 'sqlite3_lock_step')}
+"""The recording with the same messages in another format, by name."""
+
+
+@pytest.fixture(scope='module')
+def directory(tmp_path_factory):
+    return tmp_path_factory.mktemp('recordings')
 
 
 @pytest.fixture
@@ -44,13 +56,14 @@ def urdf(tmp_path):
     return str(file)
 
 
-@pytest.mark.parametrize('name', ALL)
-def test_every_message_that_rosbag2_counted_is_read(name):
-    about = yaml.safe_load((ROSBAG2 / name / 'metadata.yaml').read_text())[
+@pytest.mark.parametrize('name', recordings_of(ALL))
+def test_every_message_that_the_metadata_count_is_read(name, directory):
+    path = recording_path(name, directory)
+    about = yaml.safe_load((path / 'metadata.yaml').read_text())[
         'rosbag2_bagfile_information']
     counts = {topic['topic_metadata']['name']: topic['message_count']
               for topic in about['topics_with_message_count']}
-    with Recording(ROSBAG2 / name) as recording:
+    with Recording(path) as recording:
         read = {topic.name: sum(1 for _ in recording.raw_messages(topic.name))
                 for topic in recording.topics}
         assert recording.losses == []
@@ -58,37 +71,41 @@ def test_every_message_that_rosbag2_counted_is_read(name):
     assert sum(read.values()) == about['message_count']
 
 
-@pytest.mark.parametrize('name', CONVERTED)
-def test_conversions_have_the_same_messages(name):
-    with Recording(ROSBAG2 / 'sqlite3_lock_step') as one, Recording(ROSBAG2 / name) as other:
-        for topic in ('/joint_states', '/effort_command', '/dynamics/terms'):
+@pytest.mark.parametrize('name', recordings_of(ORIGINAL))
+def test_conversions_have_the_same_messages(name, directory):
+    original = recording_path(ORIGINAL[name], directory)
+    with Recording(original) as one, Recording(recording_path(name, directory)) as other:
+        terms = () if name in MADE else ('/dynamics/terms',)
+        for topic in ('/joint_states', '/effort_command', *terms):
             assert list(one.raw_messages(topic)) == list(other.raw_messages(topic))
 
 
-def test_the_library_computes_the_recorded_efforts():
+@pytest.mark.parametrize('name', recordings_of(['made_mcap', 'mcap']))
+def test_the_library_computes_the_recorded_efforts(name, directory):
     dynamics = ArmDynamics(load_arm(default_arm_urdf()))
-    with Recording(ROSBAG2 / 'mcap') as recording:
+    with Recording(recording_path(name, directory)) as recording:
         states = recording.joint_series('/joint_states')
         gravity = recording.joint_series('/dynamics/gravity_compensation')
     assert states.stamps_ns.tolist() == gravity.stamps_ns.tolist()
-    assert len(states.stamps_ns) == 1903
+    assert len(states.stamps_ns) == (len(KnownMotion().q) if name in MADE else 1903)
     computed = [dynamics.rigid_body.gravity(q) for q in states.position]
     assert np.array_equal(computed, gravity.effort)
 
 
-@pytest.mark.parametrize('name', ALL)
-def test_analyze_bag(name, urdf, capsys):
-    assert analyze_bag.main([str(ROSBAG2 / name), '--urdf', urdf]) == 0
+@pytest.mark.parametrize('name', recordings_of(ALL))
+def test_analyze_bag(name, urdf, capsys, directory):
+    assert analyze_bag.main([str(recording_path(name, directory)), '--urdf', urdf]) == 0
     relative = [float(share) for share in re.findall(
-        r'^joint\d .*?([\d.]+) % +-?[\d.]+ N', capsys.readouterr().out, re.MULTILINE)]
+        r'^joint\d .*?([\d.]+) % +[-+]?[\d.]+ N', capsys.readouterr().out, re.MULTILINE)]
     assert len(relative) == 2
     assert max(relative) < 0.5  # the arm was simulated with this model
 
 
-@pytest.mark.parametrize('name', ALL)
-def test_identify(name, urdf, tmp_path):
+@pytest.mark.parametrize('name', recordings_of(['made_mcap_file', *ALL[len(MADE):]]))
+def test_identify(name, urdf, tmp_path, directory):
     assert identify.main([
-        str(ROSBAG2 / name), '--urdf', urdf, '--output', str(tmp_path / 'identified')]) == 0
+        str(recording_path(name, directory)), '--urdf', urdf,
+        '--output', str(tmp_path / 'identified')]) == 0
     report = json.loads((tmp_path / 'identified' / 'report.json').read_text())
     assert max(report['residual']['consistent']['test']) < 0.005
     assert report['failed'] == {}

@@ -18,6 +18,7 @@ from pathlib import Path
 import shutil
 
 import numpy as np
+import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -36,6 +37,26 @@ FORMATS = {
 ROSBAG2 = Path(__file__).parents[3] / 'shared' / 'data' / 'rosbag2'
 """Recordings that rosbag2 itself wrote, of the nodes of this package with the default arm."""
 NO_ROSBAG2 = 'the recordings of rosbag2 are missing: no shared/data/rosbag2 next to the project'
+
+
+MADE = {f'made_{form}': form for form in FORMATS}
+"""Names of recordings that tests make, each in a format of FORMATS."""
+
+
+def recordings_of(names):
+    """Return recordings as values of a parameter; those of rosbag2 are skipped where missing."""
+    from_rosbag2 = pytest.mark.skipif(not ROSBAG2.is_dir(), reason=NO_ROSBAG2)
+    return [name if name in MADE else pytest.param(name, marks=from_rosbag2) for name in names]
+
+
+def recording_path(name, directory):
+    """Return the path of a recording of rosbag2, or of one that is made in this directory."""
+    if name not in MADE:
+        return ROSBAG2 / name
+    path = directory / name
+    if not path.exists():
+        write_topics(path, KnownMotion().loop_topics(), MADE[name])
+    return path
 
 
 class KnownMotion:
@@ -67,6 +88,17 @@ class KnownMotion:
             self.tau if effort else None)))
 
 
+    def loop_topics(self):
+        """Return the messages of a closed loop of this motion, by topic."""
+        gravity = ArmDynamics(self.arm).rigid_body.gravity
+        held = np.array([gravity(q) for q in self.q])
+        return {'/joint_states': self.messages(), **{topic: list(zip(
+            self.stamps_ns.tolist(), joint_state_messages(
+                self.stamps_ns, self.names, None, None, effort)))
+            for topic, effort in (('/effort_command', self.tau),
+                                  ('/dynamics/gravity_compensation', held))}}
+
+
 def serialized(kind, types=None, **fields):
     """Return a message in bytes; `types` is the typestore, that of ROS 2 Jazzy by default."""
     from rosbags import typesys
@@ -76,16 +108,24 @@ def serialized(kind, types=None, **fields):
 
 def write_recording(path, messages, form='mcap', topic='/joint_states', kind=JOINT_STATE):
     """Write (time, bytes) in a format of FORMATS; return the path."""
+    return write_topics(path, {topic: messages}, form, kind)
+
+
+def write_topics(path, topics, form='mcap', kind=JOINT_STATE):
+    """Write (time, bytes) by topic, all of one kind, in a format of FORMATS; return the path."""
     from rosbags import rosbag2, typesys
     storage, compression = FORMATS[form]
     writer = rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[storage])
     writer.set_compression(
         rosbag2.CompressionMode[compression], rosbag2.CompressionFormat.ZSTD)
     with writer:
-        connection = writer.add_connection(
-            topic, kind, typestore=typesys.get_typestore(typesys.Stores.ROS2_JAZZY))
-        for time_ns, data in messages:
-            writer.write(connection, time_ns, data)
+        types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+        connections = {topic: writer.add_connection(topic, kind, typestore=types)
+                       for topic in topics}
+        arrivals = [(time_ns, topic, data) for topic, messages in topics.items()
+                    for time_ns, data in messages]
+        for time_ns, topic, data in sorted(arrivals, key=lambda arrival: arrival[0]):
+            writer.write(connections[topic], time_ns, data)
     return path
 
 

@@ -73,7 +73,7 @@ TOOLS = (
     Tool('playwright', lambda: has_module('playwright'), '(?m)^from browser import'),
     Tool('ffmpeg', has_ffmpeg, r"check_format\(Path\('x.mp4'\)\)"),
     Tool(PACKAGE, is_installed, '(?m)^from robots import .*robot_'),
-    Tool('../shared/data/rosbag2', ROSBAG2.exists, r'(?m)^from recordings import .*\bROSBAG2'),
+    Tool('../shared/data/rosbag2', ROSBAG2.exists, r'(?m)^from recordings import .*\b\w+_of\b'),
     Tool('../shared/data/ur10', UR10.exists, "'shared' / 'data' / 'ur10'|shared/data/ur10"),
 )
 

@@ -34,7 +34,7 @@ from robot_dynamics.tools.demo.processes import choose_domain
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from robots import robot_path
+from robots import robot_path, robot_urdf
 from ros_harness import TIMEOUT, wait_until, write_parameters
 
 UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
@@ -307,6 +307,23 @@ def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
     assert status == 0, out + err
     assert re.search(r'^  \d+ states without any effort \(brakes\): played', out, re.MULTILINE)
     assert max(relative_residuals(out).values()) < 10.0
+
+
+def test_replay_of_an_arm_with_six_joints(tmp_path):
+    """As of the real arm below, with a recording made here: the model has these efforts."""
+    motion = KnownMotion(seconds=3.0, rate=125.0, urdf=robot_urdf('ur10'), rest=0.3)
+    bag = write_recording(tmp_path / 'made', motion.messages(), 'sqlite3')
+    status, out, err = run_demo(
+        tmp_path, '--replay', bag, '--robot', robot_path('ur10'), '--no-plot', '--out', 'here')
+    assert status == 0, out + err
+    assert '375 states played' in out
+    relative = [float(fraction) for fraction in re.findall(
+        r'^\w+_joint .*?([\d.]+) % ', out, re.MULTILINE)]
+    assert len(relative) == 6
+    assert max(relative) < 10.0
+    with Recording(tmp_path / 'here' / 'recording') as recording:
+        gravity = recording.joint_series('/dynamics/gravity_compensation')
+    assert len(gravity.stamps_ns) == 375
 
 
 def test_replay_of_a_real_arm(tmp_path):

@@ -16,7 +16,8 @@
 Show the package at work: `demo` closes a loop, `demo --replay` compares with a robot.
 
 Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a
-mistake in the arguments, or a file that cannot be used; 130 interrupted.
+mistake in the arguments, a file that cannot be used, or a library that is not installed; 130
+interrupted.
 """
 
 import argparse
@@ -30,6 +31,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.tools.command_line import (
     add_robot,
@@ -132,6 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
         if None not in (getattr(arguments, option), getattr(arguments, other)):
             raise InvalidInputError(
                 f'--{option} is given with --{other}, expected one of the two')
+    _check_libraries(arguments)
     try:
         directory = _make_directory(arguments.out)
     except OSError as error:
@@ -142,6 +145,16 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.replay is not None:
         return _replay(arguments, directory)
     return _closed_loop(arguments, directory)
+
+
+def _check_libraries(arguments: argparse.Namespace) -> None:
+    """Raise MissingDependencyError before any node starts if a library is not installed."""
+    optional('yaml', 'demo')
+    optional('rosbags', 'demo')
+    if not arguments.no_plot:
+        optional('matplotlib', 'the picture of demo (--no-plot makes none)')
+    if arguments.viewer is not None:
+        optional('viser', 'demo --viewer')
 
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:

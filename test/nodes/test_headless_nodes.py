@@ -1,0 +1,71 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A robot without a screen: both nodes run where the libraries of the tools are missing."""
+
+import os
+from pathlib import Path
+import sys
+
+from absent_libraries import environment_without
+import children
+import pytest
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+
+OF_TOOLS = ('matplotlib', 'scipy', 'PIL', 'rosbags', 'mcap', 'viser', 'trimesh', 'xacro', 'launch')
+
+
+@pytest.fixture(scope='module')
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return an environment without these libraries, which is tried first."""
+    variables = environment_without(tmp_path_factory.mktemp('site'), OF_TOOLS)
+    for module in OF_TOOLS:
+        tried = children.run(
+            [sys.executable, '-c', f'import {module}'], capture_output=True, text=True,
+            env={**os.environ, **variables})
+        assert f'ModuleNotFoundError: No module named {module!r}' in tried.stderr
+    return variables
+
+
+def test_both_nodes_close_the_loop(client: RosClient, environment: dict[str, str]) -> None:
+    nodes = [NodeProcess(DYNAMICS, environment=environment),
+             NodeProcess(SIMULATED_ARM, {'initial_position': [0.5, 0.2]}, environment=environment)]
+    with client.collect(JointState, '/effort_command') as efforts, \
+            client.collect(JointState, '/joint_states') as states, running(*nodes):
+        effort = efforts.wait_for(lambda message: len(message.effort) == 2)
+        state = states.wait_for(lambda message: any(message.effort))  # the brakes are released
+        response = client.call(
+            InverseDynamics, '/dynamics/inverse_dynamics',
+            InverseDynamics.Request(position=[0.785398, 0.523599]))
+    assert list(effort.name) == list(state.name) == ['joint1', 'joint2']
+    assert response.success, response.message
+    assert list(response.effort) == pytest.approx([-49.5228, -11.3709], abs=1e-3)
+
+
+@pytest.mark.parametrize('name', ['demo', 'viewer'])
+def test_a_tool_says_what_is_missing_before_it_starts_a_node(
+        environment: dict[str, str], tmp_path: Path, name: str) -> None:
+    library = {'demo': 'rosbags', 'viewer': 'viser'}[name]
+    command = [sys.executable, '-m', f'robot_dynamics.tools.{name}']
+    done = children.run(
+        command, capture_output=True, text=True, cwd=tmp_path, env={**os.environ, **environment})
+    assert done.returncode in (1, 2)
+    assert done.stdout == ''
+    line, = done.stderr.splitlines()
+    assert line.startswith(f'{name}: ')
+    assert f'needs the library {library}, which cannot be imported. Install it: ' in line
+    assert f' -m pip install {library}' in line or f'--break-system-packages {library}' in line
+    assert not list(tmp_path.iterdir())  # no log of a node, no recording

@@ -1,0 +1,136 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""rosdep, catkin_pkg and bloom with both packages; the index of rosdep is local."""
+
+from pathlib import Path
+import re
+import shlex
+import subprocess
+
+from catkin_pkg.packages import find_packages
+import pytest
+from workspace import documented, PACKAGES, Workspace
+
+pytest.importorskip('rosdep2', reason='rosdep is not installed')
+pytest.importorskip('bloom', reason='bloom is not installed')
+
+KEYS = (
+    'python3-argcomplete', 'python3-hypothesis', 'python3-matplotlib', 'python3-numpy',
+    'python3-pil', 'python3-pytest', 'python3-scipy', 'python3-yaml')
+"""Keys of rosdep/python.yaml with a package of Ubuntu, in ros/rosdistro of 22 August 2026."""
+ROS_PACKAGES = (
+    'ament_cmake', 'ament_index_python', 'builtin_interfaces', 'coal', 'diagnostic_msgs',
+    'geometry_msgs', 'launch', 'launch_ros', 'lifecycle_msgs', 'pinocchio', 'rcl_interfaces',
+    'rclpy', 'robot_state_publisher', 'ros2cli', 'ros2launch', 'rosgraph_msgs',
+    'rosidl_default_generators', 'rosidl_default_runtime', 'sensor_msgs', 'std_msgs', 'std_srvs',
+    'trajectory_msgs', 'visualization_msgs', 'xacro')
+"""Packages of jazzy/distribution.yaml, as above."""
+INDEX = """%YAML 1.1
+---
+distributions:
+  jazzy:
+    distribution: [distribution.yaml]
+    distribution_status: active
+    distribution_type: ros2
+    python_version: 3
+type: index
+version: 4
+"""
+RELEASED = (
+    "  {0}: {{release: {{packages: [{0}], tags: {{release: x}}, version: 1.0.0-1,\n"
+    "    url: 'https://localhost/{0}.git'}}}}\n")
+DISTRIBUTION = """%YAML 1.1
+---
+release_platforms: {{ubuntu: [noble]}}
+repositories:
+{0}type: distribution
+version: 2
+"""
+SIMULATED = ('--simulate', '--reinstall', '--os=ubuntu:noble')
+"""rosdep then prints what it would install on Ubuntu 24.04, also what is installed here."""
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    """Return a workspace whose rosdep knows KEYS and ROS_PACKAGES, and needs no network."""
+    made, index = Workspace(tmp_path), tmp_path / 'index'
+    (index / 'sources').mkdir(parents=True)
+    (index / 'python.yaml').write_text(
+        ''.join(f'{key}: {{ubuntu: [{key}]}}\n' for key in KEYS), encoding='utf-8')
+    (index / 'sources' / '10-local.list').write_text(f'yaml file://{index}/python.yaml\n')
+    (index / 'index.yaml').write_text(INDEX)
+    (index / 'distribution.yaml').write_text(
+        DISTRIBUTION.format(''.join(map(RELEASED.format, ROS_PACKAGES))))
+    made.environment.update(
+        AMENT_PREFIX_PATH=str(index),  # rosdep leaves out packages that it finds there
+        HOME=str(tmp_path), ROS_HOME=str(tmp_path / 'ros'), ROS_DISTRO='jazzy',
+        ROSDEP_SOURCE_PATH=str(index / 'sources'), ROSDISTRO_INDEX_URL=f'file://{index}/index.yaml')
+    updated = made.run('rosdep update --rosdistro jazzy')
+    assert updated.returncode == 0, updated.stdout
+    return made
+
+
+def link_interfaces(workspace: Workspace) -> None:
+    subprocess.run(shlex.split(documented('ln -s')), cwd=workspace.directory, check=True)
+
+
+@pytest.mark.parametrize('linked', [False, True])
+def test_rosdep_install_finds_every_dependency(workspace: Workspace, linked: bool) -> None:
+    command = documented('rosdep install')
+    if linked:
+        link_interfaces(workspace)
+        command = 'rosdep install --from-paths src -y --ignore-src'
+    installed = workspace.run(command, *SIMULATED)
+    assert installed.returncode == 0, installed.stdout
+    names = re.findall('apt-get install -y.* (.+)', installed.stdout)
+    expected = [f'ros-jazzy-{name.replace("_", "-")}' for name in ROS_PACKAGES]
+    assert sorted(names) == sorted([*KEYS, *expected])
+
+
+def test_rosdep_names_the_interfaces_where_only_one_path_is_given(workspace: Workspace) -> None:
+    """If this fails, rosdep looks inside packages, and no command needs the second path."""
+    installed = workspace.run('rosdep install --from-paths src -y --ignore-src', *SIMULATED)
+    assert installed.returncode != 0
+    assert 'Cannot locate rosdep definition for [robot_dynamics_interfaces]' in installed.stdout
+
+
+def git(directory: Path, *arguments: str) -> None:
+    subprocess.run(
+        ['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *arguments],
+        cwd=directory, check=True, capture_output=True)
+
+
+BLOOM = """
+import sys
+from bloom.packages import get_package_data
+names, version, _ = get_package_data(directory=sys.argv[1], release_directory='.')
+print(*names, version)
+"""
+
+
+def test_bloom_finds_one_package_per_path(workspace: Workspace) -> None:
+    """A release needs a source tree for each package: bloom does not look inside packages."""
+    git(workspace.directory, 'init', '-q', '-b', 'master')
+    git(workspace.directory, 'commit', '-q', '--allow-empty', '-m', 'release repository')
+    for name, path in zip(PACKAGES, (workspace.source, workspace.source / PACKAGES[1])):
+        found = workspace.run('python -c', BLOOM, str(path))
+        assert re.fullmatch(rf'{name} \d+\.\d+\.\d+\n', found.stdout), found.stdout
+
+
+def test_catkin_pkg_finds_both_with_a_link(workspace: Workspace) -> None:
+    source = str(workspace.directory / 'src')
+    assert [package.name for package in find_packages(source).values()] == ['robot_dynamics']
+    link_interfaces(workspace)
+    assert {package.name for package in find_packages(source).values()} == set(PACKAGES)

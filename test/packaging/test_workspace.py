@@ -1,0 +1,117 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The commands of ROS tools that docs/installation.md documents, in a new workspace."""
+
+from pathlib import Path
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+from workspace import documented, PACKAGES, Workspace
+
+pytest.importorskip('colcon_core', reason='colcon is not installed')
+
+SELECTION = 'test/planar'
+"""Tests that need no ROS and take a few seconds."""
+FAILING = """
+import pytest
+
+
+def test_passes():
+    pass
+
+
+def test_fails():
+    assert 1 == 2
+
+
+@pytest.mark.skip(reason='to be counted')
+def test_is_skipped():
+    pass
+"""
+
+
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    """Return a workspace in which both packages are built with the documented command."""
+    made = Workspace(tmp_path_factory.mktemp('workspace'))
+    built = made.run(documented('colcon build'))
+    assert built.returncode == 0, built.stdout
+    return made
+
+
+def run_tests(workspace: Workspace, selection: str) -> 'subprocess.CompletedProcess[str]':
+    """Run `colcon test` as documented, with some tests only; return its result."""
+    return workspace.run(
+        documented('colcon test'), '--return-code-on-test-failure', '--pytest-args', selection)
+
+
+def test_the_build_has_both_packages(workspace: Workspace) -> None:
+    for name in PACKAGES:
+        assert (workspace.directory / 'install' / name / 'share' / name / 'package.xml').exists()
+
+
+def test_the_installed_package_has_the_version_of_the_manifest(workspace: Workspace) -> None:
+    program = 'import robot_dynamics as r; print(r.__file__, r.__version__)'
+    installed, = (workspace.directory / 'install' / 'robot_dynamics').glob('lib/*/site-packages')
+    shown = workspace.run('python -c', program, PYTHONPATH=str(installed)).stdout.split()
+    assert shown[0].startswith(str(installed))
+    manifest = (workspace.source / 'package.xml').read_text(encoding='utf-8')
+    assert shown[1:] == re.findall('<version>(.+)</', manifest)
+
+
+def test_colcon_test_runs_the_tests_that_pytest_runs(workspace: Workspace) -> None:
+    tested = run_tests(workspace, SELECTION)
+    assert tested.returncode == 0, tested.stdout
+    result = workspace.run(documented('colcon test-result'))
+    assert result.returncode == 0, result.stdout
+    passed = subprocess.run(
+        [sys.executable, '-m', 'pytest', '-q', SELECTION], cwd=workspace.source,
+        capture_output=True, text=True, check=True).stdout
+    count = int(re.findall(r'^(\d+) passed', passed, re.MULTILINE)[0])
+    assert count > 0
+    assert f'Summary: {count} tests, 0 errors, 0 failures, 0 skipped' in result.stdout
+
+
+def test_a_failing_test_fails_colcon_test(workspace: Workspace) -> None:
+    (workspace.source / 'test' / 'test_that_fails.py').write_text(FAILING, encoding='utf-8')
+    tested = run_tests(workspace, 'test/test_that_fails.py')
+    assert tested.returncode != 0, tested.stdout
+    result = workspace.run(documented('colcon test-result'))
+    assert result.returncode != 0, result.stdout
+    assert 'Summary: 3 tests, 0 errors, 1 failure, 1 skipped' in result.stdout
+
+
+@pytest.mark.parametrize('option', [(), ('--symlink-install',)])
+def test_a_build_without_the_interfaces_stops_with_the_command(
+        tmp_path: Path, option: tuple[str, ...]) -> None:
+    plain = Workspace(tmp_path)
+    built = plain.run('colcon build', *option)
+    assert built.returncode != 0, built.stdout
+    command, = re.findall('robot_dynamics needs the package .* Run: (.*)', built.stdout)
+    start, paths = command.split(' --base-paths ')
+    assert start == 'colcon build'
+    listed = plain.run('colcon list --names-only --base-paths', *paths.split())
+    assert listed.stdout.split()[-2:] == list(PACKAGES)
+    assert [(tmp_path / path).resolve() for path in documented(start).split()[3:]] == [
+        (tmp_path / path).resolve() for path in paths.split()]
+
+
+def test_with_a_link_to_the_interfaces_a_workspace_needs_no_paths(tmp_path: Path) -> None:
+    linked = Workspace(tmp_path)
+    subprocess.run(shlex.split(documented('ln -s')), cwd=tmp_path, check=True)
+    assert linked.run('colcon list --names-only').stdout.split()[-2:] == list(PACKAGES)

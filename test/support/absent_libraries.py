@@ -1,0 +1,49 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An environment for child processes in which libraries cannot be imported."""
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+
+SITE = '''
+import sys
+
+MODULES = {modules!r}
+
+
+class Absent:
+    """A finder that comes before all others and raises as a missing module does."""
+
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name.partition('.')[0] in MODULES:
+            raise ModuleNotFoundError(f'No module named {{name!r}}', name=name)
+
+
+sys.meta_path.insert(0, Absent)
+'''
+
+
+def environment_without(directory: Path, modules: Sequence[str]) -> dict[str, str]:
+    """
+    Return variables for a process that starts as if these modules were not installed.
+
+    Python imports `sitecustomize`, which is written to the directory, before anything else.
+    """
+    (directory / 'sitecustomize.py').write_text(
+        SITE.format(modules=tuple(modules)), encoding='utf-8')
+    paths = [str(directory), os.environ.get('PYTHONPATH', '')]
+    return {'PYTHONPATH': os.pathsep.join(filter(None, paths))}
