@@ -18,7 +18,7 @@ The arguments of the launch files: descriptions, defaults, and checks before any
 This module does not import launch. `launch_actions` makes the arguments and the nodes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 import re
@@ -111,9 +111,7 @@ def check_arm_arguments(
     """
     namespace = absolute_namespace(values['namespace'], outer_namespace)
     full_names = [full_name(namespace, name) for name in nodes]
-    file = parameter_file(values['params'])
-    if file is not None:
-        file.check_applies(full_names)
+    file = parameter_file(values['params'], full_names)
     overrides: dict[str, Any] = {
         name: truth(name, values[name]) for name in ('use_sim_time', 'autostart') if values[name]}
     if values['gravity']:
@@ -129,17 +127,26 @@ def check_arm_arguments(
         namespace, file, description, _log_level(values['log_level']), overrides)
 
 
-def parameter_file(params: str) -> ParameterFile | None:
+def parameter_file(params: str, nodes: Sequence[str]) -> ParameterFile | None:
     """
     Return the parameter file of the launch argument params, None if it is empty.
 
-    Raises InvalidInputError if the file is missing or is not a parameter file.
+    Raises InvalidInputError if the file is missing, is not a parameter file, or has sections that
+    do not apply to the nodes with these full names.
     """
     if not params:
         return None
     path = Path(params).expanduser()
     _check_is_file('params', params, path, 'the path of a parameter file (YAML)')
-    return ParameterFile(path, 'launch argument params')
+    try:
+        file = ParameterFile(path, 'launch argument params')
+    except InvalidInputError as error:
+        raise InvalidInputError(f'{error}. No node was started.') from None
+    ignored = file.ignored_sections(nodes)
+    if ignored:
+        raise InvalidInputError(
+            f'launch argument params is {str(path)!r}, whose {ignored}. No node was started.')
+    return file
 
 
 def description_in_file(robot: str) -> str:

@@ -47,7 +47,7 @@ class ParameterFile:
         if not self._sections:
             raise InvalidInputError(
                 f'{field} is {str(path)!r}, which has no parameters; expected a section such as '
-                '/** that contains ros__parameters. No node was started.')
+                '/** that contains ros__parameters')
 
     def _tree(self) -> Any:
         try:
@@ -58,7 +58,7 @@ class ParameterFile:
             reason = ' '.join(str(error).split())
         raise InvalidInputError(
             f'{self._field} is {str(self.path)!r}, which cannot be read: {reason}; expected a '
-            'parameter file (YAML). No node was started.')
+            'parameter file (YAML)')
 
     def parameters(self, node: str) -> dict[str, Any]:
         """Return the parameters of the node with a full name; nested names are not flattened."""
@@ -73,27 +73,27 @@ class ParameterFile:
         applying = [section for section in self._sections if _applies(section, node)]
         return applying[-1] if applying else '/**'
 
-    def check_applies(self, nodes: Sequence[str]) -> None:
+    def ignored_sections(self, nodes: Sequence[str]) -> str:
         """
-        Check that the file has a section for the nodes with these full names.
+        Return which sections the nodes with these full names ignore by mistake, '' for none.
 
-        Raises InvalidInputError if no section applies to any of them, or if no section applies to
-        a node that a section names in another namespace: the node would ignore the section.
+        That is the case if no section applies to any of the nodes, or if sections name a node in
+        other namespaces and none of them applies to it.
         """
         for node in nodes:
-            applies = [section for section in self._sections if _applies(section, node)]
             base = node.rpartition('/')[2]
             named = [section for section in self._sections if section.rpartition('/')[2] == base]
-            if named and not any(section in applies for section in named):
-                raise self._no_section(named, [node])
+            if named and not any(_applies(section, node) for section in named):
+                return _do_not_apply(named, [node])
         if not any(_applies(section, node) for section in self._sections for node in nodes):
-            raise self._no_section(list(self._sections), nodes)
+            return _do_not_apply(list(self._sections), nodes)
+        return ''
 
-    def _no_section(self, sections: list[str], nodes: Sequence[str]) -> InvalidInputError:
-        return InvalidInputError(
-            f'{self._field} is {str(self.path)!r}, whose sections {sections} do not apply to '
-            f'{" and ".join(nodes)}; expected the section /**, which applies to every node in '
-            'every namespace, or the full name of a node. No node was started.')
+
+def _do_not_apply(sections: Sequence[str], nodes: Sequence[str]) -> str:
+    return (
+        f'sections {list(sections)} do not apply to {" and ".join(nodes)}; expected the section '
+        '/**, which applies to every node in every namespace, or the full name of a node')
 
 
 def write_parameter_file(section: str, values: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+import re
 from typing import Any
 
 from launch_values import BOTH, checked, write
@@ -27,6 +28,8 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.launch_arguments import DYNAMICS
 from robot_dynamics.ros.parameter_file import ParameterFile
+from ros_harness import DYNAMICS as DYNAMICS_MODULE
+from ros_harness import NodeProcess
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -135,3 +138,22 @@ def test_the_parameter_files_of_this_package_apply_in_every_namespace(path: Path
         file = checked(params=str(path), namespace=namespace, robot_description='<robot/>').file
         assert file is not None
         assert 'command' in file.parameters(f'/{namespace}/dynamics'.replace('//', '/'))
+
+
+@pytest.mark.parametrize(('text', 'warns'), [
+    ('/**: {ros__parameters: {command: none}}', False),
+    ('/left/dynamics: {ros__parameters: {command: none}}', False),
+    ('/**: {ros__parameters: {command: none}}\n/dynamics: {ros__parameters: {rate: 9.0}}', True),
+    ('/dynamics: {ros__parameters: {command: none}}', True)])
+def test_a_node_warns_of_sections_that_it_ignores(text: str, warns: bool, tmp_path: Path) -> None:
+    params = write(tmp_path / 'arm.yaml', text)
+    node = NodeProcess(DYNAMICS_MODULE, namespace='/left', patient=False, arguments=(
+        '--ros-args', '--params-file', params))
+    with node:
+        if warns:
+            node.wait_for_log(re.escape(
+                f"Parameter file '{params}': sections ['/dynamics'] do not apply to "
+                '/left/dynamics; expected the section /**'))
+        else:
+            node.wait_for_log('Active with command: none')
+    assert ('do not apply' in node.log) == warns
