@@ -13,44 +13,41 @@
 # limitations under the License.
 
 """
-`dynamics_node` beside a robot that runs already.
+`dynamics_node` next to a robot that is already running.
 
-It reads the robot's /joint_states and /robot_description. With `controller:=NAME` its commands go
-to that effort_controllers/JointGroupEffortController, whose joints must be those of the parameter
-`joints`, in the same order; the node checks this before it publishes a command there.
+It subscribes to the robot's joint_states and robot_description. With `controller:=NAME` it sends
+its commands to that effort_controllers/JointGroupEffortController, whose joints must be those of
+the parameter `joints`, in the same order; the node checks this before it publishes a command.
 
 ros2 launch robot_dynamics beside_robot.launch.py params:=ur10.yaml [controller:=effort_controller]
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from robot_dynamics.ros.launch_arguments import parameter_files
+from robot_dynamics.ros.launch_actions import arm_arguments, declared, dynamics_node
+from robot_dynamics.ros.launch_arguments import DYNAMICS
 
 from launch import LaunchDescription
 
 
 def _node(context, *_):
-    params = parameter_files(LaunchConfiguration('params').perform(context))
     controller = LaunchConfiguration('controller').perform(context)
     remappings = [('joint_states', LaunchConfiguration('joint_states').perform(context))]
     if controller:
-        remappings.append(('~/commands', f'/{controller}/commands'))
-    return [Node(
-        package='robot_dynamics', executable='dynamics_node',
-        parameters=params, remappings=remappings)]
+        remappings.append(('~/commands', f'{controller}/commands'))
+    return [dynamics_node(arm_arguments(context, (DYNAMICS,)), remappings)]
 
 
 def generate_launch_description():
     return LaunchDescription([
+        *declared(otherwise='the topic robot_description'),
         DeclareLaunchArgument(
-            'params', default_value='',
-            description='The parameter file, e.g. a copy of config/ur10.yaml.'),
-        DeclareLaunchArgument(
-            'joint_states', default_value='/joint_states',
-            description='The topic of the measured joint states.'),
+            'joint_states', default_value='joint_states',
+            description='Topic of the measured joint states, relative to the namespace unless it '
+                        'begins with a slash.'),
         DeclareLaunchArgument(
             'controller', default_value='',
-            description='The effort controller to command; empty: publish, command nothing.'),
+            description='Effort controller that receives the commands, relative to the namespace '
+                        'unless it begins with a slash. Empty: no controller.'),
         OpaqueFunction(function=_node),
     ])

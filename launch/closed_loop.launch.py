@@ -16,41 +16,33 @@
 The closed loop without hardware: `simulated_arm`, `dynamics_node` and `robot_state_publisher`.
 
 ros2 launch robot_dynamics closed_loop.launch.py [robot:=FILE.urdf] [params:=FILE.yaml] [tf:=false]
+`ros2 launch robot_dynamics closed_loop.launch.py --show-args` describes all arguments.
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
-from robot_dynamics.ros.launch_arguments import launched_description, parameter_files
+from robot_dynamics.ros.launch_actions import (
+    arm_arguments,
+    CLOSED_LOOP,
+    closed_loop,
+    declared,
+    is_true,
+    state_publisher,
+)
 
 from launch import LaunchDescription
 
 
 def _nodes(context, *_):
-    params = parameter_files(LaunchConfiguration('params').perform(context))
-    xml = launched_description(LaunchConfiguration('robot').perform(context))
-    # Said to be text, or launch takes it for YAML, to which ': ' and ' #' mean something.
-    description = {'robot_description': ParameterValue(xml, value_type=str)}
-    parameters = [*params, description]
-    return [
-        Node(package='robot_dynamics', executable='simulated_arm', parameters=parameters),
-        Node(package='robot_dynamics', executable='dynamics_node', parameters=parameters),
-        Node(package='robot_state_publisher', executable='robot_state_publisher',
-             parameters=[description], condition=IfCondition(LaunchConfiguration('tf'))),
-    ]
+    arm = arm_arguments(context, CLOSED_LOOP)
+    transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
+    return [*closed_loop(arm), *transforms]
 
 
 def generate_launch_description():
     return LaunchDescription([
-        DeclareLaunchArgument(
-            'robot', default_value='',
-            description='The URDF: a path or package://PACKAGE/PATH; empty for the two-link arm.'),
-        DeclareLaunchArgument(
-            'params', default_value='', description='A parameter file for both nodes.'),
+        *declared(otherwise='the planar two-link arm'),
         DeclareLaunchArgument(
             'tf', default_value='true',
-            description='Whether robot_state_publisher runs too, for RViz.'),
+            description='Whether robot_state_publisher is started as well, for RViz.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -13,55 +13,54 @@
 # limitations under the License.
 
 """
-RViz with the arm and its `~/markers`, `robot_state_publisher`, and the closed loop to look at.
+RViz with the arm and its `~/markers`, `robot_state_publisher`, and the closed loop.
 
 ros2 launch robot_dynamics rviz.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
-Beside nodes that run already: nodes:=false, and tf:=false beside a robot_state_publisher.
+If the nodes are already running: nodes:=false, and tf:=false if robot_state_publisher runs.
 """
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import PathJoinSubstitution
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-from robot_dynamics.ros.launch_arguments import launched_description, parameter_files
+from robot_dynamics.ros.launch_actions import (
+    arm_arguments,
+    clock,
+    CLOSED_LOOP,
+    closed_loop,
+    declared,
+    is_true,
+    state_publisher,
+    TF,
+)
 from robot_dynamics.urdf.parser import parse_urdf
 
 from launch import LaunchDescription
 
+TOPICS = [(f'/{topic}', topic) for topic in ('dynamics/markers', 'robot_description')]
+"""Remappings that move the topics of the displays into the namespace of the node."""
+
 
 def _nodes(context, *_):
-    params = parameter_files(LaunchConfiguration('params').perform(context))
-    xml = launched_description(LaunchConfiguration('robot').perform(context))
-    # Said to be text, or launch takes it for YAML, to which ': ' and ' #' mean something.
-    description = {'robot_description': ParameterValue(xml, value_type=str)}
-    parameters = [*params, description]
-    loop = IfCondition(LaunchConfiguration('nodes'))
+    arm = arm_arguments(context, CLOSED_LOOP)
+    nodes = closed_loop(arm) if is_true(context, 'nodes') else []
+    transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
     display = PathJoinSubstitution([FindPackageShare('robot_dynamics'), 'rviz', 'dynamics.rviz'])
-    return [
-        Node(package='robot_dynamics', executable='simulated_arm', parameters=parameters,
-             condition=loop),
-        Node(package='robot_dynamics', executable='dynamics_node', parameters=parameters,
-             condition=loop),
-        Node(package='robot_state_publisher', executable='robot_state_publisher',
-             parameters=[description], condition=IfCondition(LaunchConfiguration('tf'))),
-        Node(package='rviz2', executable='rviz2',
-             arguments=['-d', display, '-f', parse_urdf(xml).root_link]),
-    ]
+    rviz = Node(
+        package='rviz2', executable='rviz2', namespace=arm.namespace,
+        parameters=clock(arm), remappings=[*TF, *TOPICS],
+        arguments=['-d', display, '-f', parse_urdf(arm.description).root_link])
+    return [*nodes, *transforms, rviz]
 
 
 def generate_launch_description():
     return LaunchDescription([
-        DeclareLaunchArgument(
-            'robot', default_value='',
-            description='The URDF: a path or package://PACKAGE/PATH; empty for the two-link arm.'),
-        DeclareLaunchArgument(
-            'params', default_value='', description='A parameter file for both nodes.'),
+        *declared(otherwise='the planar two-link arm'),
         DeclareLaunchArgument(
             'nodes', default_value='true',
-            description='Whether simulated_arm and dynamics_node are started too.'),
+            description='Whether simulated_arm and dynamics_node are started as well.'),
         DeclareLaunchArgument(
-            'tf', default_value='true', description='Whether robot_state_publisher runs too.'),
+            'tf', default_value='true',
+            description='Whether robot_state_publisher is started as well.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -29,6 +29,7 @@ from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.node_arguments import NodeUsage, outside_of_ros_args
+from robot_dynamics.ros.parameter_file_log import log_ignored_sections
 from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
 
 LONGEST_TURN = 0.0001
@@ -63,6 +64,7 @@ def run_node(
         executor = SingleThreadedExecutor()
         try:
             node = make_node()
+            log_ignored_sections(node, sys.argv if args is None else args)
             executor.add_node(node)
             end.when_asked(_when_asked(node))
             limit_memory()

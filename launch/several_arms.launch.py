@@ -1,0 +1,75 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Several arms, each in its own namespace: `dynamics_node` and `simulated_arm` for each.
+
+ros2 launch robot_dynamics several_arms.launch.py arms:=left,right params:=left.yaml,right.yaml
+For robots that are already running: simulated:=false [controller:=effort_controller]
+"""
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from robot_dynamics.ros.launch_actions import (
+    arm_arguments,
+    CLOSED_LOOP,
+    closed_loop,
+    declared,
+    dynamics_node,
+    is_true,
+    state_publisher,
+)
+from robot_dynamics.ros.launch_arguments import ARGUMENTS, DYNAMICS, values_by_arm
+
+from launch import LaunchDescription
+
+PER_ARM = 'One file for all arms, or one per arm, separated by commas in the order of arms. '
+
+
+def _nodes(context, *_):
+    by_arm = values_by_arm(context.launch_configurations)
+    if is_true(context, 'simulated'):
+        arms = [arm_arguments(context, CLOSED_LOOP, values) for values in by_arm]
+        transforms = map(state_publisher, arms) if is_true(context, 'tf') else []
+        return [*(node for arm in arms for node in closed_loop(arm)), *transforms]
+    controller = LaunchConfiguration('controller').perform(context)
+    remappings = [('~/commands', f'{controller}/commands')] if controller else []
+    arms = [arm_arguments(context, (DYNAMICS,), values) for values in by_arm]
+    return [dynamics_node(arm, remappings) for arm in arms]
+
+
+def generate_launch_description():
+    return LaunchDescription([
+        DeclareLaunchArgument(
+            'arms', default_value='left,right',
+            description='Names of the arms, which are their namespaces, separated by commas.'),
+        *declared(
+            otherwise='the planar two-link arm (simulated) or the topic robot_description (not '
+                      'simulated)',
+            namespace=None, params=f'{PER_ARM}{ARGUMENTS["params"][1]}',
+            robot=f'{PER_ARM}{ARGUMENTS["robot"][1]}'),
+        DeclareLaunchArgument(
+            'simulated', default_value='true',
+            description='true: simulated_arm is started for each arm; false: the robots are '
+                        'running, and only dynamics_node is started for each.'),
+        DeclareLaunchArgument(
+            'tf', default_value='true',
+            description='Whether robot_state_publisher is started as well for each simulated '
+                        'arm; it publishes on tf in the namespace of the arm.'),
+        DeclareLaunchArgument(
+            'controller', default_value='',
+            description='Effort controller in each namespace that receives the commands if '
+                        'simulated is false. Empty: no controller.'),
+        OpaqueFunction(function=_nodes),
+    ])

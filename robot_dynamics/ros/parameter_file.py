@@ -1,0 +1,125 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The sections of a ROS parameter file, and the nodes to which they apply."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+import re
+from tempfile import NamedTemporaryFile
+from typing import Any
+
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.yaml_text import load_yaml
+
+
+class ParameterFile:
+    """
+    A parameter file: parameters by section.
+
+    A section names a node by its full name. Its name may contain `*` for one part of the name,
+    and `**` for any number of parts.
+    """
+
+    def __init__(self, path: Path, field: str) -> None:
+        """
+        Read a file; `field` names it in messages.
+
+        Raises InvalidInputError for a file that is not YAML, or that has no section.
+        """
+        self.path = path
+        self._field = field
+        self._sections: dict[str, dict[str, Any]] = {}
+        for section, parameters in _sections(self._tree()):
+            self._sections.setdefault(section, {}).update(parameters)
+        if not self._sections:
+            raise InvalidInputError(
+                f'{field} is {str(path)!r}, which has no parameters; expected a section such as '
+                '/** that contains ros__parameters')
+
+    def _tree(self) -> Any:
+        try:
+            return load_yaml(self.path.read_text(encoding='utf-8'), 'a parameter file')
+        except (OSError, ValueError) as error:
+            reason: object = error
+        except Exception as error:  # yaml.YAMLError, of a library that is loaded late
+            reason = ' '.join(str(error).split())
+        raise InvalidInputError(
+            f'{self._field} is {str(self.path)!r}, which cannot be read: {reason}; expected a '
+            'parameter file (YAML)')
+
+    def parameters(self, node: str) -> dict[str, Any]:
+        """Return the parameters of the node with a full name; nested names are not flattened."""
+        values: dict[str, Any] = {}
+        for section, parameters in self._sections.items():
+            if _applies(section, node):
+                values.update(parameters)
+        return values
+
+    def last_section(self, node: str) -> str:
+        """Return the last section that applies to the node with a full name, /** if none does."""
+        applying = [section for section in self._sections if _applies(section, node)]
+        return applying[-1] if applying else '/**'
+
+    def ignored_sections(self, nodes: Sequence[str]) -> str:
+        """
+        Return which sections the nodes with these full names ignore by mistake, '' for none.
+
+        That is the case if no section applies to any of the nodes, or if sections name a node in
+        other namespaces and none of them applies to it.
+        """
+        for node in nodes:
+            base = node.rpartition('/')[2]
+            named = [section for section in self._sections if section.rpartition('/')[2] == base]
+            if named and not any(_applies(section, node) for section in named):
+                return _do_not_apply(named, [node])
+        if not any(_applies(section, node) for section in self._sections for node in nodes):
+            return _do_not_apply(list(self._sections), nodes)
+        return ''
+
+
+def _do_not_apply(sections: Sequence[str], nodes: Sequence[str]) -> str:
+    return (
+        f'sections {list(sections)} do not apply to {" and ".join(nodes)}; expected the section '
+        '/**, which applies to every node in every namespace, or the full name of a node')
+
+
+def write_parameter_file(section: str, values: Mapping[str, Any]) -> str:
+    """Write parameters into a temporary parameter file with one section; return its path."""
+    yaml = optional('yaml', 'a parameter file')
+    with NamedTemporaryFile(
+            'w', encoding='utf-8', prefix='launch_arguments_', suffix='.yaml',
+            delete=False) as file:
+        yaml.safe_dump({section: {'ros__parameters': dict(values)}}, file)
+    return file.name
+
+
+def _sections(tree: Any, prefix: str = '') -> list[tuple[str, dict[str, Any]]]:
+    """Return name and parameters of each section below a prefix, in the order of the file."""
+    if not isinstance(tree, dict):
+        return []
+    found: list[tuple[str, dict[str, Any]]] = []
+    for key, value in tree.items():
+        if key == 'ros__parameters':
+            found.append((prefix, value if isinstance(value, dict) else {}))
+        else:
+            found += _sections(value, f'{prefix}/{str(key).strip("/")}')
+    return found
+
+
+def _applies(section: str, node: str) -> bool:
+    """Return whether a section applies to the node with a full name, as rcl compares them."""
+    pattern = re.escape(section).replace(r'/\*\*', r'(/\w+)*').replace(r'\*', r'\w+')
+    return re.fullmatch(pattern, node) is not None

@@ -1,0 +1,334 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The launch files: their arguments, the files that these name, and the nodes that they start.
+
+Tests of the arguments and of the files need no launch. Where `ros2 launch` is installed, the
+launch files run as well.
+"""
+
+import ast
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+import importlib.util
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+
+import children
+from fault_table import fault
+from launch_values import BOTH, checked, write
+import pytest
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.launch_arguments import (
+    absolute_namespace,
+    ARGUMENTS,
+    check_arm_arguments,
+    DYNAMICS,
+    truth,
+    values_by_arm,
+)
+from robots import robot_path
+from ros_harness import DYNAMICS as DYNAMICS_MODULE
+from ros_harness import NodeProcess, RosClient, running
+from ros_harness import SIMULATED_ARM as SIMULATED_ARM_MODULE
+from sensor_msgs.msg import JointState
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+COMMON = {
+    'namespace', 'use_sim_time', 'autostart', 'params', 'log_level', 'robot_description',
+    'gravity'}
+HAS_LAUNCH = bool(shutil.which('ros2')) and importlib.util.find_spec('launch_ros') is not None
+with_launch = pytest.mark.skipif(
+    not HAS_LAUNCH, reason='ros2 launch comes with apt, and has no wheel')
+every_file = pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+
+
+def calls(path: Path, function: str) -> list[ast.Call]:
+    """Return the calls of a function in a Python file."""
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    return [node for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == function]
+
+
+# --- the launch files as texts -------------------------------------------------------------------
+
+@every_file
+def test_every_launch_file_declares_the_common_arguments(path: Path) -> None:
+    call, = calls(path, 'declared')
+    left_out = {keyword.arg for keyword in call.keywords
+                if isinstance(keyword.value, ast.Constant) and keyword.value.value is None}
+    several = path.name == 'several_arms.launch.py'  # where `arms` contains the namespaces
+    assert left_out == ({'namespace'} if several else set())
+    assert set(ARGUMENTS) >= COMMON
+
+
+@every_file
+def test_every_other_argument_has_a_description_and_is_used(path: Path) -> None:
+    text = path.read_text(encoding='utf-8')
+    for call in calls(path, 'DeclareLaunchArgument'):
+        name = ast.literal_eval(call.args[0])
+        keywords = {str(keyword.arg): ast.literal_eval(keyword.value) for keyword in call.keywords}
+        assert set(keywords) == {'default_value', 'description'}
+        assert keywords['description'].endswith('.')
+        uses = [f"LaunchConfiguration('{name}')", f"is_true(context, '{name}')"]
+        assert name == 'arms' or any(use in text for use in uses), name
+    assert ('values_by_arm(' in text) == (path.name == 'several_arms.launch.py')
+
+
+def test_every_common_argument_has_a_description_and_is_used() -> None:
+    class Recorded(dict[str, str]):
+        used: set[str] = set()
+
+        def __getitem__(self, name: str) -> str:
+            self.used.add(name)
+            return super().__getitem__(name)
+
+    values = Recorded({name: default for name, (default, _) in ARGUMENTS.items()})
+    check_arm_arguments(values, BOTH)
+    assert values.used == set(ARGUMENTS)
+    assert all(len(text) > 30 and text.endswith('.') for _, text in ARGUMENTS.values())
+
+
+def test_launch_files_name_executables_that_are_installed() -> None:
+    actions = ROOT / 'robot_dynamics' / 'ros' / 'launch_actions.py'
+    used = {ast.literal_eval(call.args[1]) for call in calls(actions, '_node')}
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    assert used == {'dynamics_node', 'simulated_arm'}
+    assert all(f"'{executable}': " in setup for executable in used)
+
+
+# --- arguments -----------------------------------------------------------------------------------
+
+def test_without_arguments_a_simulated_arm_gets_the_embedded_description() -> None:
+    arm = checked()
+    assert (arm.namespace, arm.file, arm.log_level) == ('/', None, 'info')
+    assert arm.description == default_arm_urdf()
+    assert arm.overrides == {'robot_description': default_arm_urdf()}
+    alone = checked((DYNAMICS,))
+    assert alone.description is None
+    assert alone.overrides == {}
+
+
+def test_arguments_become_parameters() -> None:
+    arm = checked(use_sim_time='true', autostart='False', gravity='[0, 0, 9.81]',
+                  robot=str(robot_path('ur10')), log_level='debug', namespace='cell/left')
+    assert (arm.namespace, arm.log_level) == ('/cell/left', 'debug')
+    assert arm.description is not None
+    assert '<robot' in arm.description
+    assert arm.overrides == {
+        'use_sim_time': True, 'autostart': False, 'gravity': [0.0, 0.0, 9.81],
+        'robot_description': arm.description, 'robot_description_file': ''}
+    assert checked(gravity='0 0 -1.62').overrides['gravity'] == [0.0, 0.0, -1.62]
+    assert checked(robot_description='<robot/>').description == '<robot/>'
+
+
+def test_a_parameter_file_may_give_the_description(tmp_path: Path) -> None:
+    urdf = write(tmp_path / 'arm.urdf', default_arm_urdf())
+    for section in ('/**', '/left/dynamics'):
+        params = write(tmp_path / 'arm.yaml', (
+            f'{section}: {{ros__parameters: {{robot_description_file: {urdf}}}}}'))
+        arm = checked(params=params, namespace='left')
+        assert arm.description == default_arm_urdf()
+        assert arm.overrides == {}
+    params = write(
+        tmp_path / 'arm.yaml', '/**: {ros__parameters: {robot_description: "<robot/>"}}')
+    assert checked(params=params).description == '<robot/>'
+    arm = checked(params=params, robot=urdf)
+    assert arm.description == arm.overrides['robot_description'] == default_arm_urdf()
+
+
+@pytest.mark.parametrize(('namespace', 'outer', 'expected'), [
+    ('', '', '/'), ('left', '', '/left'), ('/left/', '', '/left'), ('left', '/cell', '/cell/left'),
+    ('', '/cell', '/cell'), ('/left', '/cell', '/left'), ('a/b', '', '/a/b')])
+def test_namespaces_are_absolute(namespace: str, outer: str, expected: str) -> None:
+    assert absolute_namespace(namespace, outer) == expected
+
+
+def test_each_of_several_arms_has_its_files() -> None:
+    values = {'arms': 'left, right', 'params': 'a.yaml,b.yaml', 'robot': 'arm.urdf', 'gravity': ''}
+    left, right = values_by_arm(values)
+    assert (left['namespace'], left['params'], left['robot']) == ('left', 'a.yaml', 'arm.urdf')
+    assert (right['namespace'], right['params'], right['robot']) == ('right', 'b.yaml', 'arm.urdf')
+    assert [arm['params'] for arm in values_by_arm({**values, 'params': ''})] == ['', '']
+
+
+def several(**values: str) -> list[dict[str, str]]:
+    return values_by_arm({'arms': 'left,right', 'params': '', 'robot': '', **values})
+
+
+@pytest.mark.parametrize(('check', 'values', 'words'), [
+    pytest.param(
+        checked, {'params': 'no/such.yaml'},
+        "launch argument params is 'no/such.yaml', which is no such file "
+        f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). ',
+        marks=fault(
+            'Files and pages of others', 'a launch file gets a parameter file that does not exist',
+            'refused with the path, before any node is started')),
+    (checked, {'params': str(ROOT)},
+     f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
+     'a parameter file (YAML). '),
+    (checked, {'robot': '/no/such.urdf'},
+     "launch argument robot is '/no/such.urdf', which is no such file (/no/such.urdf); expected "
+     'a URDF or .xacro file: a path or package://PACKAGE/PATH. '),
+    (checked, {'robot': 'package://no_such_package/arm.urdf'},
+     "launch argument robot is 'package://no_such_package/arm.urdf', but there is no package "
+     "'no_such_package' in this environment"),
+    (checked, {'robot': 'http://nowhere/arm.urdf'},
+     "launch argument robot is 'http://nowhere/arm.urdf', expected a path, file:// or "
+     'package://'),
+    (checked, {'robot': 'arm.urdf', 'robot_description': '<robot/>'},
+     "launch argument robot is 'arm.urdf' and robot_description is given too, expected one of "
+     'them. '),
+    (checked, {'use_sim_time': 'maybe'},
+     "launch argument use_sim_time is 'maybe', expected true or false. "),
+    (checked, {'gravity': '[0, 0]'},
+     "launch argument gravity is '[0, 0]', expected three numbers [m/s^2] such as "
+     '"[0.0, 0.0, -9.81]". '),
+    (checked, {'gravity': 'down'},
+     "launch argument gravity is 'down', expected three numbers [m/s^2] such as "
+     '"[0.0, 0.0, -9.81]". '),
+    (checked, {'gravity': '0 0 inf'},
+     'launch argument gravity[2] is inf, expected a finite number'),
+    (checked, {'log_level': 'loud'},
+     "launch argument log_level is 'loud', expected one of debug, info, warn, error, fatal. "),
+    (checked, {'namespace': 'my arm'},
+     "launch argument namespace is 'my arm', expected names separated by slashes (Invalid "
+     "namespace: namespace must not contain characters other than alphanumerics, '_', or "
+     "'/':). "),
+    (several, {'arms': 'left,left'},
+     "launch argument arms is 'left,left', expected distinct names separated by commas. "),
+    (several, {'arms': ''},
+     "launch argument arms is '', expected distinct names separated by commas. "),
+    (several, {'arms': 'a,b,c', 'params': 'a.yaml,b.yaml'},
+     "launch argument params is 'a.yaml,b.yaml', expected one file for all arms, or 3 files "
+     'separated by commas, in the order of arms. '),
+])
+def test_an_invalid_argument_is_an_error(
+    check: Callable[..., object], values: Mapping[str, str], words: str,
+) -> None:
+    with pytest.raises(RobotDynamicsError) as error:
+        check(**values)
+    assert str(error.value) == (f'{words}No node was started.' if words.endswith(' ') else words)
+
+
+def test_only_true_and_false_are_truths() -> None:
+    assert truth('tf', 'True') is truth('tf', '1') is True
+    assert truth('tf', 'false') is truth('tf', '0') is False
+    with pytest.raises(RobotDynamicsError, match="tf is '', expected true or false"):
+        truth('tf', '')
+
+
+# --- nodes at work, and the launch files where launch is installed -------------------------------
+
+def launch(file: str, *arguments: str) -> list[str]:
+    """Return the command that launches a file of this package."""
+    return ['ros2', 'launch', str(ROOT / 'launch' / f'{file}.launch.py'), *arguments]
+
+
+@contextmanager
+def launched(file: str, *arguments: str) -> Iterator[None]:
+    """Run a launch file; at the end, SIGINT must end all its nodes with status 0."""
+    process = children.popen(
+        launch(file, *arguments), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        log, _ = process.communicate(timeout=children.TIMEOUT)
+        print(log)
+    assert log.count('process has finished cleanly') == log.count('process started') > 0
+
+
+@with_launch
+@every_file
+def test_ros2_launch_describes_all_arguments(path: Path) -> None:
+    name = path.name.partition('.')[0]
+    shown = children.run(
+        [*launch(name), '--show-args'], text=True, stdout=subprocess.PIPE, check=True).stdout
+    names = (set(ARGUMENTS) - {'namespace'}) | {'arms'} if name == 'several_arms' else ARGUMENTS
+    assert all(f"    '{argument}':\n        " in shown for argument in names)
+    assert 'no description given' not in shown
+
+
+ARM = 'joints: [joint1, joint2], state_timeout: 60.0, state_max_age: 0.0'
+
+
+@contextmanager
+def nodes_of(arms: Mapping[str, str]) -> Iterator[None]:
+    """Run both nodes of each arm with its parameter file, without a launch file."""
+    modules = (SIMULATED_ARM_MODULE, DYNAMICS_MODULE)
+    with running(*(
+            NodeProcess(module, namespace=f'/{arm}', patient=False,
+                        arguments=('--ros-args', '--params-file', params))
+            for arm, params in arms.items() for module in modules)):
+        yield
+
+
+@pytest.mark.parametrize('by', ['nodes', pytest.param('launch', marks=with_launch)])
+def test_the_loops_of_two_arms_close(by: str, client: RosClient, tmp_path: Path) -> None:
+    left = write(tmp_path / 'left.yaml', (
+        f'/**: {{ros__parameters: {{{ARM}, rate: 50.0, gravity: [0.0, 0.0, -1.62]}}}}'))
+    right = write(tmp_path / 'right.yaml', (
+        f'/**: {{ros__parameters: {{{ARM}, rate: 50.0}}}}\n'
+        '/right/dynamics: {ros__parameters: {effort_scale: 0.5}}'))
+    arms = nodes_of({'left': left, 'right': right}) if by == 'nodes' else launched(
+        'several_arms', f'params:={left},{right}', 'tf:=false')
+    with arms:
+        for arm in ('left', 'right'):
+            client.wait_for(JointState, f'/{arm}/effort_command')
+            client.wait_for(JointState, f'/{arm}/joint_states')
+        assert list(client.get_parameter('/left/simulated_arm', 'gravity')) == [0.0, 0.0, -1.62]
+        assert list(client.get_parameter('/right/dynamics', 'gravity')) == [0.0, 0.0, -9.81]
+        assert client.get_parameter('/left/dynamics', 'effort_scale') == 1.0
+        assert client.get_parameter('/right/dynamics', 'effort_scale') == 0.5
+        client.forget('/left')
+        client.forget('/right')
+
+
+@with_launch
+@pytest.mark.parametrize('sections', [('/**', '/cell/dynamics'), ('/cell/dynamics', '/**')])
+def test_arguments_of_ros2_launch_take_precedence_over_the_file(
+    sections: tuple[str, str], client: RosClient, tmp_path: Path,
+) -> None:
+    file = write(tmp_path / 'arm.yaml', '\n'.join(
+        f'{section}: {{ros__parameters: {{{ARM}, gravity: [0.0, 0.0, -1.0], autostart: true, '
+        'robot_description_file: /no/such.urdf}}' for section in sections))
+    urdf = write(tmp_path / 'arm.urdf', default_arm_urdf())
+    with launched('closed_loop', f'params:={file}', 'namespace:=cell', f'robot:={urdf}',
+                  'gravity:=[0, 0, -3]', 'autostart:=false', 'use_sim_time:=false', 'tf:=false'):
+        got = {name: client.get_parameter('/cell/dynamics', name) for name in (
+            'autostart', 'use_sim_time', 'robot_description_file', 'robot_description')}
+        assert got == {'autostart': False, 'use_sim_time': False, 'robot_description_file': '',
+                       'robot_description': default_arm_urdf()}
+        for name in BOTH:
+            assert list(client.get_parameter(f'/cell/{name}', 'gravity')) == [0.0, 0.0, -3.0]
+        client.forget('/cell')
+
+
+@with_launch
+@pytest.mark.parametrize(('file', 'argument'), [
+    ('beside_robot', 'params:=no/such.yaml'), ('closed_loop', 'robot:=/no/such.urdf'),
+    ('closed_loop', 'tf:=maybe'), ('rviz', 'params:=no/such.yaml'),
+    ('several_arms', 'params:=no/such.yaml')])
+def test_ros2_launch_starts_no_node_for_an_invalid_argument(file: str, argument: str) -> None:
+    done = children.run(
+        launch(file, argument), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert done.returncode == 1, done.stdout
+    assert f'launch argument {argument.partition(":=")[0]} is' in done.stdout
+    assert 'process started' not in done.stdout
