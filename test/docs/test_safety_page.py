@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/safety.md says what is so: every fault that is tried, every default, every figure."""
+"""Defaults and figures in docs/safety.md, and the fault tests listed in docs/fault_tests.md."""
 
 from collections.abc import Iterator
 import json
@@ -37,7 +37,8 @@ from robot_dynamics.urdf import document
 from robot_dynamics.urdf import parser as urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
-TEXT = fault_table.PAGE.read_text(encoding='utf-8')
+TEXT = (Path(__file__).parents[2] / 'docs' / 'safety.md').read_text(encoding='utf-8')
+FAULT_TESTS = fault_table.PAGE.read_text(encoding='utf-8')
 COLLECTION_TIMEOUT = 300.0
 """[s] to import all the tests."""
 
@@ -88,15 +89,15 @@ def test_every_row_says_what_was_seen_and_none_that_it_failed() -> None:
 def test_what_is_written_to_the_page_is_read_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    page = tmp_path / 'safety.md'
-    page.write_text(TEXT, encoding='utf-8')
+    page = tmp_path / 'fault_tests.md'
+    page.write_text(FAULT_TESTS, encoding='utf-8')
     monkeypatch.setattr(fault_table, 'PAGE', page)
     rows = [Row('One', 'a', 'b', 'as expected'), Row('Two', 'a, b', '`c`', 'not run: no network'),
             Row('One', 'c', 'd', '**failed**')]
     for _ in range(2):  # over whatever stands there
         fault_table.write_page(rows)
         assert fault_table.rows_of_page() == [rows[0], rows[2], rows[1]]
-    before = TEXT.split(fault_table.BEGIN)[0]
+    before = FAULT_TESTS.split(fault_table.BEGIN)[0]
     assert page.read_text(encoding='utf-8').startswith(before)
 
 

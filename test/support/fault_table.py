@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-The table of faults in docs/safety.md: each test that injects one names it, and what must follow.
+The table of faults in docs/fault_tests.md.
 
-`scripts/test -m fault --write-fault-table` runs the suite and writes the page from its results.
+Each test that injects a fault has a mark with the fault and the expected reaction.
+`scripts/test -m fault --write-fault-table` runs these tests and writes the page from the results.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
+PAGE = Path(__file__).parents[2] / 'docs' / 'fault_tests.md'
 BEGIN, END = '<!-- faults: begin -->\n', '<!-- faults: end -->\n'
 HEAD = '| injected | expected | seen |\n| --- | --- | --- |\n'
 
