@@ -202,8 +202,8 @@ def test_files_of_launch_arguments(tmp_path: Path) -> None:
         f"launch argument params is 'no/such.yaml', which is no such file "
         f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). '
         'No node was started.', marks=fault(
-            'Files and pages of others', 'a launch file gets a parameter file that does not exist',
-            'refused with the path, before any node is started')),
+            'External files and web pages', 'a launch argument names a missing parameter file',
+            'rejected with the path, before any node is started')),
     (parameter_files, str(ROOT),
      f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
      'a parameter file (YAML). No node was started.'),

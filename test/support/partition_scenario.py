@@ -108,7 +108,7 @@ def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]
     bench.wait_running()
     back = time.monotonic()
     bench.check_alive()
-    return {'told': reported - broken, 'broken': healed - broken, 'back': back - healed}
+    return {'reported': reported - broken, 'broken': healed - broken, 'back': back - healed}
 
 
 def main() -> None:
