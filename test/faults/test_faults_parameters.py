@@ -32,7 +32,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter
-from request_bench import ControlGoesOn
+from request_bench import ControlContinues
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from ros_harness import RosClient
@@ -47,10 +47,10 @@ CHOICES = [spec for spec in CHANGEABLE if spec.choices]
 
 
 @pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlGoesOn]:
+def control(client: RosClient) -> Iterator[ControlContinues]:
     """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_parameters') as bench:
-        yield ControlGoesOn(bench)
+        yield ControlContinues(bench)
 
 
 def number(spec: ParameterSpec, value: float) -> Parameter:
@@ -86,18 +86,18 @@ BAD_VALUES = {
 }
 
 
-def values_of(control: ControlGoesOn, names: Sequence[str]) -> Any:
+def values_of(control: ControlContinues, names: Sequence[str]) -> Any:
     """Return the values of parameters."""
     return control.ask('get_parameters', GetParameters, names=names).values
 
 
-def check_unchanged(control: ControlGoesOn, before: Any) -> None:
+def check_unchanged(control: ControlContinues, before: Any) -> None:
     """Check that no parameter has changed."""
     assert values_of(control, [spec.name for spec in SPECS]) == before
 
 
 @pytest.fixture
-def before(control: ControlGoesOn) -> Any:
+def before(control: ControlContinues) -> Any:
     """Return the values of all parameters before the test."""
     return values_of(control, [spec.name for spec in SPECS])
 
@@ -105,7 +105,7 @@ def before(control: ControlGoesOn) -> Any:
 @pytest.mark.parametrize('parameters', [
     pytest.param(parameters, id=words, marks=fault(GROUP, words, REFUSED))
     for words, parameters in BAD_VALUES.items()])
-def test_bad_values(control: ControlGoesOn, parameters: list[Parameter], before: Any) -> None:
+def test_bad_values(control: ControlContinues, parameters: list[Parameter], before: Any) -> None:
     assert parameters
     with control.checked():
         results = control.ask('set_parameters', SetParameters, parameters=[
@@ -119,7 +119,7 @@ def test_bad_values(control: ControlGoesOn, parameters: list[Parameter], before:
 
 @fault(GROUP, 'unknown parameter names, one empty, one of a million characters',
        'rejected with the name, which is shortened if it is long; control continues')
-def test_unknown_names(control: ControlGoesOn, before: Any) -> None:
+def test_unknown_names(control: ControlContinues, before: Any) -> None:
     names = ['efort_scale', '', 'gains', 'gains.', 'x' * 1_000_000]
     with control.checked():
         results = control.ask('set_parameters', SetParameters, parameters=[
@@ -139,7 +139,7 @@ def test_unknown_names(control: ControlGoesOn, before: Any) -> None:
         'rejected with name, type and the valid types; no value of the request is set; '
         'control continues'))
     for service in ('set_parameters', 'set_parameters_atomically')])
-def test_an_unknown_type(control: ControlGoesOn, service: str, before: Any) -> None:
+def test_an_unknown_type(control: ControlContinues, service: str, before: Any) -> None:
     good = Parameter('effort_scale', Type.DOUBLE, 0.5).to_parameter_msg()
     bad = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
     kind = SetParameters if service == 'set_parameters' else SetParametersAtomically
@@ -155,7 +155,7 @@ def test_an_unknown_type(control: ControlGoesOn, service: str, before: Any) -> N
 
 @fault(GROUP, 'a valid and an invalid value in `~/set_parameters_atomically`',
        'rejected with the reason of the invalid one; neither is set; control continues')
-def test_all_or_none(control: ControlGoesOn, before: Any) -> None:
+def test_all_or_none(control: ControlContinues, before: Any) -> None:
     with control.checked():
         result = control.ask(
             'set_parameters_atomically', SetParametersAtomically, parameters=[
@@ -168,7 +168,7 @@ def test_all_or_none(control: ControlGoesOn, before: Any) -> None:
 
 @fault(GROUP, 'requests for unknown parameters',
        'empty answers, as from any rclpy node; control continues')
-def test_requests_for_unknown_parameters(control: ControlGoesOn) -> None:
+def test_requests_for_unknown_parameters(control: ControlContinues) -> None:
     names = ['efort_scale', '', 'x' * 1_000_000]
     with control.checked():
         for name in names:
@@ -183,7 +183,7 @@ def test_requests_for_unknown_parameters(control: ControlGoesOn) -> None:
 
 @fault(GROUP, '`use_sim_time` set to true and back, while /clock has no publisher',
        'accepted; control continues, because no watchdog uses /clock')
-def test_use_sim_time(control: ControlGoesOn) -> None:
+def test_use_sim_time(control: ControlContinues) -> None:
     node = control.bench.name('').rstrip('/')
     for value in (True, False):
         with control.checked():
@@ -193,7 +193,7 @@ def test_use_sim_time(control: ControlGoesOn) -> None:
 
 
 @fault(GROUP, '`use_sim_time` with a wrong type, or unset', REFUSED)
-def test_use_sim_time_of_another_type(control: ControlGoesOn) -> None:
+def test_use_sim_time_of_another_type(control: ControlContinues) -> None:
     node = control.bench.name('').rstrip('/')
     with control.checked():
         for value in (

@@ -30,7 +30,7 @@ from raw_requests import LENGTH, RawRequests
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from request_bench import ControlGoesOn
+from request_bench import ControlContinues
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -50,21 +50,21 @@ MOST_MEMORY = 1.5 * 2**30
 
 
 @pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlGoesOn]:
+def control(client: RosClient) -> Iterator[ControlContinues]:
     """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_services') as bench:
-        yield ControlGoesOn(bench)
+        yield ControlContinues(bench)
 
 
 @pytest.fixture(scope='module')
-def large(control: ControlGoesOn) -> Iterator[LargeRequests]:
+def large(control: ControlContinues) -> Iterator[LargeRequests]:
     """Return a process that sends large requests."""
     with LargeRequests(control.bench.namespace) as process:
         yield process
 
 
 @pytest.fixture(scope='module')
-def raw(control: ControlGoesOn) -> Iterator[RawRequests]:
+def raw(control: ControlContinues) -> Iterator[RawRequests]:
     """Return a process that sends arbitrary bytes as requests."""
     with RawRequests(control.bench.namespace) as process:
         yield process
@@ -88,7 +88,7 @@ def memory_of(bench: FaultBench) -> int:
         ('forward_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links'),
         ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
         ('set_payload', 'an unknown link, a negative or infinite time'))])
-def test_malformed_requests(control: ControlGoesOn, service: str) -> None:
+def test_malformed_requests(control: ControlContinues, service: str) -> None:
     cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
     assert cases
     with control.checked():
@@ -99,7 +99,7 @@ def test_malformed_requests(control: ControlGoesOn, service: str) -> None:
 
 
 @fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)
-def test_a_payload_beyond_numbers(control: ControlGoesOn) -> None:
+def test_a_payload_beyond_numbers(control: ControlContinues) -> None:
     request = SetPayload.Request()
     request.payload.header.frame_id, request.payload.inertia.m = 'tool0', 1.7e308
     with control.checked():
@@ -111,7 +111,7 @@ def test_a_payload_beyond_numbers(control: ControlGoesOn) -> None:
 
 @fault(GROUP, '`~/reset_fault` without a fault',
        '`success` false, reported in the message; control continues')
-def test_a_reset_without_a_fault(control: ControlGoesOn) -> None:
+def test_a_reset_without_a_fault(control: ControlContinues) -> None:
     with control.checked():
         response = control.ask('reset_fault', Trigger)
         assert (response.success, response.message) == (False, 'there is no fault')
@@ -136,7 +136,7 @@ def test_a_reset_without_a_fault(control: ControlGoesOn) -> None:
          'rejected with a short message; control continues'),
     )])
 def test_large_requests(
-    control: ControlGoesOn, large: LargeRequests, case: str, message: str, seen: Any,
+    control: ControlContinues, large: LargeRequests, case: str, message: str, seen: Any,
 ) -> None:
     with control.checked():
         answer = large.call(case)
@@ -151,7 +151,7 @@ def test_large_requests(
 
 @fault(GROUP, '20 clients with 5 requests each at the same time',
        'each client gets the answers to its own requests; control continues')
-def test_many_clients_at_the_same_time(control: ControlGoesOn, seen: Any) -> None:
+def test_many_clients_at_the_same_time(control: ControlContinues, seen: Any) -> None:
     node, name = control.bench.client.node, control.bench.name('inverse_dynamics')
     dynamics = ArmDynamics(load_arm(default_arm_urdf()))
     positions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 5, 2))
@@ -179,7 +179,7 @@ def test_many_clients_at_the_same_time(control: ControlGoesOn, seen: Any) -> Non
 
 @fault(GROUP, 'a client that is killed during its request',
        'the next client gets its answer; control continues')
-def test_a_client_that_dies_mid_call(control: ControlGoesOn) -> None:
+def test_a_client_that_dies_mid_call(control: ControlContinues) -> None:
     doomed = LargeRequests(control.bench.namespace, NO_SHARED_MEMORY)
     with control.checked():
         doomed.send('points')
@@ -190,7 +190,7 @@ def test_a_client_that_dies_mid_call(control: ControlGoesOn) -> None:
 
 @fault(GROUP, 'a client of another service type with the name of a service',
        'no answer; control continues')
-def test_a_client_of_another_type(control: ControlGoesOn) -> None:
+def test_a_client_of_another_type(control: ControlContinues) -> None:
     name = control.bench.name('inverse_dynamics_batch')
     with RosClient('stranger') as stranger, control.checked():
         service = stranger.node.create_client(SetBool, name)
@@ -209,7 +209,7 @@ def begins(count: int) -> bytes:
 
 @fault(GROUP, 'random bytes as requests, to every service', IGNORED)
 def test_random_bytes_as_requests(
-    control: ControlGoesOn, raw: RawRequests, seen: Any,
+    control: ControlContinues, raw: RawRequests, seen: Any,
 ) -> None:
     source = random.Random(1)
     requests = [
@@ -225,7 +225,7 @@ def test_random_bytes_as_requests(
 
 
 @fault(GROUP, 'truncated requests', IGNORED)
-def test_truncated_requests(control: ControlGoesOn, raw: RawRequests) -> None:
+def test_truncated_requests(control: ControlContinues, raw: RawRequests) -> None:
     whole = serialize_message(InverseDynamics.Request(joint_names=NAMES, position=Q))[4:]
     requests = [
         (name, SERVICES[name], whole[start:start + LENGTH])
@@ -240,7 +240,7 @@ def test_truncated_requests(control: ControlGoesOn, raw: RawRequests) -> None:
 @fault(GROUP, 'requests with a wrong element count, 4 billion or 500 million',
        f'{IGNORED}; the node uses at most 1 GiB of memory')
 def test_counts_that_no_memory_holds(
-    control: ControlGoesOn, raw: RawRequests, seen: Any,
+    control: ControlContinues, raw: RawRequests, seen: Any,
 ) -> None:
     requests = [
         (name, kind, begins(count)) for name, kind in RAW_TYPES.items()
@@ -254,7 +254,7 @@ def test_counts_that_no_memory_holds(
 @fault(GROUP, 'a request with an element count of 8 million names, without names',
        'ignored; control may pause while the middleware allocates memory; commands resume')
 def test_a_count_that_delays_control(
-    control: ControlGoesOn, raw: RawRequests, seen: Any,
+    control: ControlContinues, raw: RawRequests, seen: Any,
 ) -> None:
     with control.checked(with_faults=True):
         raw.send([('inverse_dynamics', InverseDynamics, begins(2**23))])

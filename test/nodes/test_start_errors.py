@@ -206,7 +206,7 @@ def test_it_says_in_one_line_why_it_cannot_start(
     assert re.search(CASES[name].words, lines[0]), lines[0]
 
 
-@pytest.mark.parametrize('name', ['a floating joint', 'initial position'])
+@pytest.mark.parametrize('name', ['a floating joint', 'wrong number of initial positions'])
 def test_its_process_ends_with_status_1(name: str) -> None:
     case = CASES[name]
     node = NodeProcess(case.module, case.parameters).launch()
