@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/safety.md says what is so: every fault that is tried, every default, every figure."""
+"""Figures in docs/safety.md and docs/joint_states.md, and the tests in docs/fault_tests.md."""
 
 from collections.abc import Iterator
 import json
@@ -37,7 +37,12 @@ from robot_dynamics.urdf import document
 from robot_dynamics.urdf import parser as urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
-TEXT = fault_table.PAGE.read_text(encoding='utf-8')
+DOCS = Path(__file__).parents[2] / 'docs'
+TEXT = ''.join(
+    (DOCS / name).read_text(encoding='utf-8') for name in ('safety.md', 'joint_states.md'))
+PROSE = ' '.join(TEXT.split())
+"""The text with single spaces, whatever its line breaks."""
+FAULT_TESTS = fault_table.PAGE.read_text(encoding='utf-8')
 COLLECTION_TIMEOUT = 300.0
 """[s] to import all the tests."""
 
@@ -51,7 +56,7 @@ def tables() -> Iterator[list[dict[str, str]]]:
 
 
 def quoted_defaults() -> list[tuple[str, str]]:
-    """Return parameters and what the page says is their default; words for an empty array."""
+    """Return parameters and their defaults on the page; `[]` for a default without a literal."""
     return [
         (row['parameter'].strip('`'), [*re.findall('`([^`]*)`', row['default']), '[]'][0])
         for table in tables() for row in table if row.get('parameter') and 'default' in row]
@@ -61,7 +66,7 @@ def quoted_defaults() -> list[tuple[str, str]]:
 
 @pytest.fixture(scope='module')
 def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
-    """Return group, injected and expected of each fault that the suite has."""
+    """Return group, injected and expected of each fault test of the suite."""
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
     result = children.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
@@ -79,7 +84,7 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(
     assert sorted(listed) == sorted(collected)
 
 
-def test_every_row_says_what_was_seen_and_none_that_it_failed() -> None:
+def test_every_row_has_a_result_and_none_failed() -> None:
     rows = rows_of_page()
     assert rows
     assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
@@ -88,15 +93,15 @@ def test_every_row_says_what_was_seen_and_none_that_it_failed() -> None:
 def test_what_is_written_to_the_page_is_read_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    page = tmp_path / 'safety.md'
-    page.write_text(TEXT, encoding='utf-8')
+    page = tmp_path / 'fault_tests.md'
+    page.write_text(FAULT_TESTS, encoding='utf-8')
     monkeypatch.setattr(fault_table, 'PAGE', page)
     rows = [Row('One', 'a', 'b', 'as expected'), Row('Two', 'a, b', '`c`', 'not run: no network'),
             Row('One', 'c', 'd', '**failed**')]
-    for _ in range(2):  # over whatever stands there
+    for _ in range(2):  # also over an existing table
         fault_table.write_page(rows)
         assert fault_table.rows_of_page() == [rows[0], rows[2], rows[1]]
-    before = TEXT.split(fault_table.BEGIN)[0]
+    before = FAULT_TESTS.split(fault_table.BEGIN)[0]
     assert page.read_text(encoding='utf-8').startswith(before)
 
 
@@ -116,7 +121,8 @@ def test_every_default_that_is_quoted_is_that_of_the_node() -> None:
     quoted = quoted_defaults()
     assert len(quoted) >= 6
     for name, default in quoted:
-        assert default == str(defaults[name]), name
+        value = defaults[name]
+        assert default == (str(value).lower() if isinstance(value, bool) else str(value)), name
 
 
 def test_every_parameter_of_safety_is_explained() -> None:
@@ -132,11 +138,12 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('after {} valid states without a contradiction', state_watch.CONTRADICTION),
     ('{} such states in a row', {5: 'five'}[state_watch.CONFIRMATIONS]),
     ('({:g} s without it) from one state to the next', state_watch.JUMP),
-    ('After {:.0f} s\n  without a believable state', state_watch.LONGEST_GAP),
+    ('After {:.0f} s without a plausible state', state_watch.LONGEST_GAP),
     ('further than {:g} rad (m)', state_watch.PLAY),
-    ('{:g} times the way at its velocity limit', state_watch.SPEED_FACTOR),
-    ('{} or more that came within it', {5: 'five'}[set_point_stream.STREAM_LENGTH]),
-    ('Within {} of the clock of this computer', {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
+    ('{:g} times the distance at its velocity limit', state_watch.SPEED_FACTOR),
+    ('{} or more set-points form a stream', {5: 'Five'}[set_point_stream.STREAM_LENGTH]),
+    ('Stamps within {} of the clock of this computer',
+     {3600.0: 'an hour'}[state_watch.SAME_CLOCK]),
     ('Stamps before {} are simulated time', {1e9: 2001}[state_watch.SIMULATED_BEFORE]),
     ('the positions over {:g} ms', 1e3 * velocity_estimate.SPAN),
     ('topic | {:,} bytes', message_bytes.LARGEST_MESSAGE),
@@ -147,7 +154,7 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('{:.0f} GiB', memory.MEMORY_LIMIT / 2**30),
 ])
 def test_figures_that_are_no_parameters(words: str, value: object) -> None:
-    assert words.format(value) in TEXT
+    assert words.format(value) in PROSE
 
 
 def test_every_fault_action_and_mode_is_there() -> None:

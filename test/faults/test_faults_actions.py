@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a fault does to the command: each fault action, and how the command comes back."""
+"""Each fault action: the commands during a fault, and the first commands after it."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -27,23 +27,23 @@ from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 GROUP = 'Fault actions'
-SILENCE = 'joint states fall silent'
+SILENCE = 'joint states time out'
 HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
 SLACK = 0.01
-"""[s] by which the clock of stamps may be off that of timeouts."""
+"""Largest offset [s] between the clock of stamps and the clock of timeouts."""
 Timed = tuple[float, JointState]
 Seen = Callable[[str], Any]
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_actions', {**NO_STREAM, **DIRECT}) as one:
         yield one
 
 
 def wait_ended(bench: FaultBench) -> None:
-    """Wait until the node has published no effort between two of its reports."""
+    """Wait until the node publishes no command between two of its diagnostic reports."""
     before = -1
     while (published := bench.figure('command', 'published')) != before:
         before = published
@@ -51,9 +51,9 @@ def wait_ended(bench: FaultBench) -> None:
 
 def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
     """
-    Let the driver fall silent until the command has ended.
+    Stop the driver's joint states until the fault action has ended.
 
-    Return the effort that answered the last state, and those of the fault action.
+    Return the command that answered the last state, and the commands of the fault action.
     """
     bench.efforts.clear()
     bench.efforts.wait_for()
@@ -67,7 +67,7 @@ def go_silent(bench: FaultBench) -> tuple[Timed, list[Timed]]:
 
 
 def fractions(efforts: list[Timed]) -> list[float]:
-    """Return each effort as a share of g(q); fail where one is no such share."""
+    """Return each command as a fraction of g(q); fail if one is not a multiple of g(q)."""
     found = []
     for _, message in efforts:
         fraction = message.effort[0] / G[0]
@@ -78,11 +78,11 @@ def fractions(efforts: list[Timed]) -> list[float]:
 
 def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
     """
-    Check that shares of g(q) fall to zero, none before its time.
+    Check that the commands decrease from g(q) to zero, and not faster than specified.
 
-    An effort may be published late, and then falls short of what it could have been; how many
-    there are, and how late each is, depends on the load of the machine. The course at given times
-    is that of test_supervisor_actions.py.
+    A command that is published late is smaller than a punctual one. The number of commands and
+    their delays depend on the load of the machine. test_supervisor_actions.py checks the exact
+    values at given times.
     """
     found = fractions(action)
     assert found == sorted(found, reverse=True)
@@ -95,7 +95,7 @@ def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
 
 
 def check_return(bench: FaultBench) -> None:
-    """Check that the command comes back by itself, and first with what holds the arm."""
+    """Check that the node resumes automatically, and that its first command is g(q)."""
     bench.efforts.clear()
     bench.driver.go_on()
     assert bench.efforts.wait_for().effort == pytest.approx(G, abs=1e-6)
@@ -103,26 +103,26 @@ def check_return(bench: FaultBench) -> None:
 
 
 @fault(GROUP, f'{SILENCE}; `hold_gravity_then_ramp`',
-       'g(q) for `hold_time`, then in a straight line to zero in `ramp_time`, then nothing; '
-       'the first effort afterwards is g(q)')
+       'g(q) for `hold_time`, then a linear ramp to zero over `ramp_time`, then no command; '
+       'the first command after recovery is g(q)')
 def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
     bench.check_alive()
     answer, action = go_silent(bench)
     check_course(answer, action, HOLD)
     answered, times = answer[0], [t for t, _ in action]
     held = next(i for i, fraction in enumerate(fractions(action)) if fraction < 1.0 - 1e-6)
-    seen(f'{times[0] - answered:.3f} s of silence, {times[held] - times[0]:.3f} s of g(q), '
-         f'{times[-1] - times[held]:.3f} s of ramp, with 0.3 s, 0.3 s and 0.1 s set')
+    seen(f'{times[0] - answered:.3f} s without a command, {times[held] - times[0]:.3f} s of g(q), '
+         f'{times[-1] - times[held]:.3f} s of ramp; configured: 0.3 s, 0.3 s and 0.1 s')
     check_return(bench)
 
 
-@fault(GROUP, f'{SILENCE} while an effort of 150 N m stands; `hold_gravity_then_ramp`',
-       'the effort goes to g(q) no faster than the rate limit, and on as above')
+@fault(GROUP, f'{SILENCE} while the command is 150 N m; `hold_gravity_then_ramp`',
+       'the command changes to g(q) within the rate limit; then g(q), ramp and no command')
 def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
     bench.check_alive()
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
     bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
-    bench.set_parameters(hold_time=60.0)  # however long the way to g(q) takes
+    bench.set_parameters(hold_time=60.0)  # longer than the change to g(q) takes
     bench.efforts.clear()
     bench.driver.be_quiet()
     bench.wait_state_timeout()
@@ -136,8 +136,8 @@ def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
 
 
 @fault(GROUP, f'{SILENCE}; `ramp_to_zero`',
-       'in a straight line to zero in `ramp_time` at once, then nothing; the first effort '
-       'afterwards is g(q)')
+       'an immediate linear ramp to zero over `ramp_time`, then no command; the first command '
+       'after recovery is g(q)')
 def test_ramp_to_zero(bench: FaultBench) -> None:
     bench.set_parameters(fault_action='ramp_to_zero')
     bench.check_alive()
@@ -147,7 +147,7 @@ def test_ramp_to_zero(bench: FaultBench) -> None:
 
 
 @fault(GROUP, f'{SILENCE}; `stop_publishing`',
-       'not one effort more; the first afterwards is g(q)')
+       'no further command; the first command after recovery is g(q)')
 def test_stop_publishing(bench: FaultBench) -> None:
     bench.set_parameters(fault_action='stop_publishing')
     bench.check_alive()
@@ -158,9 +158,9 @@ def test_stop_publishing(bench: FaultBench) -> None:
     bench.set_parameters(fault_action='hold_gravity_then_ramp')
 
 
-@fault(GROUP, 'a set-point 2 rad away that comes during the silence',
-       'rejected with the reason; the first effort afterwards is g(q), and the arm is held')
-def test_a_reference_during_the_silence(bench: FaultBench) -> None:
+@fault(GROUP, 'a set-point 2 rad away, sent while joint states are missing',
+       'rejected with the reason; the first command after recovery is g(q), and the arm is held')
+def test_a_reference_during_a_timeout(bench: FaultBench) -> None:
     bench.check_alive()
     go_silent(bench)
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
@@ -172,11 +172,11 @@ def test_a_reference_during_the_silence(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-# --- a robot that compensates gravity itself -----------------------------------------------------
+# --- a robot that compensates gravity ------------------------------------------------------------
 
 @pytest.fixture(scope='module')
 def compensating(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node for a robot that adds g(q) by itself."""
+    """Return a node for a robot that compensates gravity."""
     with fault_bench(
             client, '/faults_compensating', {'robot_compensates': ['gravity'], **DIRECT},
             stream=False) as one:
@@ -184,8 +184,8 @@ def compensating(client: RosClient) -> Iterator[FaultBench]:
         yield one
 
 
-@fault(GROUP, '`robot_compensates: [gravity]`: the first state, a set-point, then silence',
-       'the first effort is zero, and zero is what holds the arm in the fault action')
+@fault(GROUP, '`robot_compensates: [gravity]`: the first state, a set-point, then a timeout',
+       'the first command is zero, and the fault action holds the arm with zero')
 def test_a_robot_that_compensates_gravity(compensating: FaultBench) -> None:
     bench = compensating
     bench.driver.go_on()

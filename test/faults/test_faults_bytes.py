@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bytes that are no message, or another one than was meant, on every topic that is listened to."""
+"""Bytes that are not a valid message, on every topic that the nodes subscribe to."""
 
 from collections.abc import Callable, Iterable, Iterator
 import re
@@ -36,7 +36,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-GROUP = 'Bytes that are no message'
+GROUP = 'Damaged messages'
 STATE = JointState(name=NAMES, position=Q, velocity=V)
 GOAL = [Q[0] + 0.01, Q[1]]
 REFERENCE = JointTrajectory(
@@ -48,26 +48,27 @@ WRENCH.header.frame_id = 'tool0'
 Damage = Callable[[bytes, type], Iterable[bytes]]
 Seen = Callable[[str], Any]
 DAMAGES: dict[str, Damage] = {
-    'cut short at every length': cut_short,
-    'counts that are lies, up to 4 billion': lambda data, _: with_lies(data),
-    'random bytes in a message': lambda data, _: with_noise(data, 150),
-    'random bytes alone': lambda data, _: noise(150),
+    'truncated to every length': cut_short,
+    'wrong element counts, up to 4 billion': lambda data, _: with_lies(data),
+    'random bytes within a message': lambda data, _: with_noise(data, 150),
+    'only random bytes': lambda data, _: noise(150),
 }
 
 
 @pytest.fixture(scope='module')
 def raw() -> Iterator[RawPublisher]:
-    """Return a process that publishes whatever bytes."""
+    """Return a process that publishes arbitrary bytes."""
     with RawPublisher() as publisher:
         yield publisher
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_bytes') as one:
         descriptions = client.publisher(String, '/faults_bytes/robot_description', LATCHED)
-        descriptions.publish(String(data=default_arm_urdf()))  # or any other joint is refused
+        # Without a description the node rejects joint states with other joints.
+        descriptions.publish(String(data=default_arm_urdf()))
         wait_until(lambda: one.node.log.count("Model 'planar_arm'") == 2, 'the model')
         client.node.destroy_publisher(descriptions)
         yield one
@@ -81,13 +82,13 @@ def arm() -> Iterator[NodeProcess]:
 
 
 def memory(bench: FaultBench) -> int:
-    """Return the most memory that the node has had so far [MB]."""
+    """Return the peak memory of the node so far [MB]."""
     with open(f'/proc/{bench.node.pid}/status', encoding='ascii') as file:
         return next(int(line.split()[1]) // 1024 for line in file if line.startswith('VmHWM'))
 
 
 def now_stamped(data: bytes) -> bytes:
-    """Return a message with a header of now."""
+    """Return a message whose stamp is the current time."""
     return data[:4] + struct.pack('<iI', *divmod(time.time_ns(), NANOSECONDS)) + data[12:]
 
 
@@ -96,9 +97,9 @@ def send_until(
     noticed: Callable[[], bool],
 ) -> int:
     """
-    Publish all of the damaged messages, again until a node has noticed one; return how many.
+    Publish the damaged messages repeatedly until a node reports one; return the number sent.
 
-    A node that gets no processor meanwhile reads the newest of them only.
+    A node that gets no processor time meanwhile reads only the newest message.
     """
     sent = 0
 
@@ -109,18 +110,19 @@ def send_until(
             sent += 1
         return noticed()
 
-    wait_until(is_noticed, f'a damaged message of {topic} that is noticed')
+    wait_until(is_noticed, f'a report of a damaged message on {topic}')
     return sent
 
 
 def damages(topic: str, expected: str) -> Any:
-    """Parametrize over the kinds of damage, a fault each."""
+    """Parametrize over the kinds of damage; each is one fault."""
     return pytest.mark.parametrize('damage', [
         pytest.param(damage, id=words, marks=fault(GROUP, f'`{topic}`: {words}', expected))
         for words, damage in DAMAGES.items()])
 
 
-@damages('joint_states', 'dropped and told, or answered with a finite effort; back by itself')
+@damages('joint_states',
+         'dropped and reported, or answered with a finite command; commands resume')
 def test_joint_states(
     bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
 ) -> None:
@@ -136,12 +138,12 @@ def test_joint_states(
     bench.check_efforts()
     bench.check_alive()
     unreadable = bench.known('joint states', 'dropped: unreadable') - before
-    seen(f'{unreadable} of {sent} could not be read')
+    seen(f'{unreadable} of {sent} messages unreadable')
     assert memory(bench) < memory_before + 100
 
 
-@fault(GROUP, '`joint_states`: messages cut short, among good ones',
-       'dropped and told; the good ones are answered as ever, without a fault')
+@fault(GROUP, '`joint_states`: truncated messages between valid ones',
+       'dropped and reported; the valid ones are answered without a fault')
 def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublisher) -> None:
     bench.check_alive()
     faults = bench.known('command', 'faults: state_timeout')
@@ -157,9 +159,9 @@ def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublish
     bench.check_alive()
 
 
-@fault(GROUP, '`joint_states`: a joint name that is no UTF-8',
-       'reported as incomplete, with the joint; back by itself')
-def test_a_name_that_is_no_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
+@fault(GROUP, '`joint_states`: a joint name that is not valid UTF-8',
+       'reported as incomplete, with the name of the missing joint; commands resume')
+def test_a_name_that_is_not_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
     bench.check_alive()
     bench.driver.be_quiet()
     data = bytes_of(STATE).replace(b'joint1', b'\xff\xfe\xc0\x80t1')
@@ -170,7 +172,7 @@ def test_a_name_that_is_no_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
     bench.check_alive()
 
 
-@damages('~/joint_trajectory', 'refused and told, or followed within all limits')
+@damages('~/joint_trajectory', 'rejected and reported, or followed within all limits')
 def test_references(
     bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
 ) -> None:
@@ -181,14 +183,14 @@ def test_references(
         lambda: damage(bytes_of(REFERENCE), JointTrajectory),
         lambda: bench.figure('reference', 'refused') > before)
     refused = bench.figure('reference', 'refused') - before
-    seen(f'{refused} of {sent} refused')
+    seen(f'{refused} of {sent} rejected')
     check_rate(bench.efforts)
     bench.check_efforts()
     bench.set_point(Q)
     bench.check_alive()
 
 
-@damages('robot_description', 'refused and told; the model in use is kept')
+@damages('robot_description', 'rejected and reported; the active model stays')
 def test_descriptions(bench: FaultBench, raw: RawPublisher, damage: Damage) -> None:
     bench.check_alive()
     before = bench.node.log.count('Kept the model in use')
@@ -201,7 +203,7 @@ def test_descriptions(bench: FaultBench, raw: RawPublisher, damage: Damage) -> N
 
 
 def check_arm(client: RosClient, arm: NodeProcess) -> None:
-    """Check that the simulated arm runs on from its initial pose, with finite numbers."""
+    """Check that the simulated arm continues from its initial pose, with finite values."""
     with client.collect(JointState, '/faults_bytes_arm/joint_states') as states:
         states.wait_matched()
         states.wait_for()
@@ -216,8 +218,8 @@ def check_arm(client: RosClient, arm: NodeProcess) -> None:
 
 @pytest.mark.parametrize('damage', [
     pytest.param(damage, id=words, marks=fault(
-        GROUP, f'`simulated_arm`, its two topics: {words}',
-        'refused and told, or taken as it is; the arm goes on with finite states'))
+        GROUP, f'both topics of `simulated_arm`: {words}',
+        'rejected and reported, or applied; the arm continues with finite states'))
     for words, damage in DAMAGES.items()])
 def test_topics_of_the_simulated_arm(
     client: RosClient, arm: NodeProcess, raw: RawPublisher, damage: Damage,
@@ -231,6 +233,6 @@ def test_topics_of_the_simulated_arm(
                 raw.publish(f'/faults_bytes_arm/{topic}', type(message), data)
             return re.search(words, arm.log) is not None
 
-        # What is published before the arm, too, knows of the publisher is lost.
+        # Messages that are published before the arm discovers the publisher are lost.
         wait_until(is_refused, refusal)
     check_arm(client, arm)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults inside callbacks: what nobody foresaw is answered and told, and the node goes on."""
+"""Unexpected exceptions in callbacks: they are answered and logged; the node continues."""
 
 from collections.abc import Iterator
 import os
@@ -32,14 +32,14 @@ from ros_harness import NodeProcess, RosClient, wait_until
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-GROUP = 'Exceptions inside callbacks'
-REPORTED = 'the log has one line in 5 s; control goes on'
+GROUP = 'Exceptions in callbacks'
+REPORTED = 'at most one log line per 5 s; control continues'
 CALLS = 10
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with callbacks that fail, which commands, as tests leave it."""
+    """Return a commanding node with failing callbacks; tests restore its state."""
     support = Path(__file__).parents[1] / 'support'
     path = os.pathsep.join([str(support), os.environ.get('PYTHONPATH', '')])
     with NodeProcess(
@@ -53,7 +53,7 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
 
 
 def check_reported(bench: FaultBench, of: str, words: str, since: float) -> None:
-    """Check that the log told of a callback, and not too often since a moment."""
+    """Check that the log reports a callback, at the limited rate since a time."""
     line = bench.node.wait_for_log(f'The callback of {of} failed: internal error: {words}')
     assert '[ERROR]' in line
     lines = re.findall(f'The callback of {of} failed', bench.node.log)
@@ -65,12 +65,13 @@ def check_reported(bench: FaultBench, of: str, words: str, since: float) -> None
 
 @pytest.mark.parametrize(('service', 'kind', 'words'), [
     pytest.param(service, kind, words, marks=fault(GROUP, injected, (
-        f'`success` false and what failed; {REPORTED}'))) for service, kind, words, injected in (
-            ('raises', Trigger, rf"ZeroDivisionError\('{WORDS}'\)", 'a service that raises'),
+        f'`success` false and the exception; {REPORTED}'))) for service, kind, words, injected in (
+            ('raises', Trigger, rf"ZeroDivisionError\('{WORDS}'\)",
+             'a service that raises an exception'),
             ('answers_nothing', SetBool, r"TypeError\('the service .* answered None'\)",
-             'a service that answers `None`'),
+             'a service that returns `None`'),
             ('answers_another_type', Trigger, r'TypeError\(.the service .* answered .*SetBool',
-             'a service that answers with another type'))])
+             'a service that returns another type'))])
 def test_a_service_that_fails(
     bench: FaultBench, service: str, kind: Any, words: str,
 ) -> None:
@@ -82,7 +83,7 @@ def test_a_service_that_fails(
     check_reported(bench, f'~/{service}', words, begun)
 
 
-@fault(GROUP, 'a subscription that raises', REPORTED)
+@fault(GROUP, 'a subscription that raises an exception', REPORTED)
 def test_a_subscription_that_fails(bench: FaultBench) -> None:
     begun = time.monotonic()
     publisher = bench.client.publisher(String, bench.name('raises'))
@@ -92,8 +93,8 @@ def test_a_subscription_that_fails(bench: FaultBench) -> None:
     bench.client.node.destroy_publisher(publisher)
 
 
-@fault(GROUP, 'a parameter callback that raises',
-       f'refused with what failed, old value kept; {REPORTED}')
+@fault(GROUP, 'a parameter callback that raises an exception',
+       f'rejected with the exception; the value stays; {REPORTED}')
 def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
     node = bench.name('').rstrip('/')
     before, begun = bench.client.get_parameter(node, 'hold_time'), time.monotonic()
@@ -105,8 +106,9 @@ def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
     check_reported(bench, 'dynamics/set_parameters', 'ZeroDivisionError', begun)
 
 
-@fault(GROUP, 'a lifecycle transition that raises',
-       '`success` false; efforts have ramped out, the node is unconfigured and can be configured')
+@fault(GROUP, 'a lifecycle transition that raises an exception',
+       '`success` false; the command has ramped to zero; the node is unconfigured and can be '
+       'configured')
 def test_a_transition_that_fails(bench: FaultBench) -> None:
     def change(transition: int) -> bool:
         return bool(bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(

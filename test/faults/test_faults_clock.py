@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-Faults of /clock, which a simulator or a recording publishes: it stops, and jumps.
+Faults of /clock, which a simulator or a recording publishes: it stops or jumps.
 
-Nothing that protects the arm goes by it. Stamps of joint states may, and are judged as stamps.
+No protection of the arm uses /clock. Stamps of joint states may follow /clock; the node checks
+them as stamps.
 """
 
 from collections.abc import Iterator
@@ -37,19 +38,19 @@ from sensor_msgs.msg import JointState
 
 GROUP = 'Clocks'
 RATE = 200.0
+"""`effort_rate_limit` of these nodes [N·m/s]: a step of the command would far exceed it."""
 SIMULATED = {'use_sim_time': True, 'soften_gains': False}
-"""At this rate limit soft gains would leave too little feedback to see."""
-"""`effort_rate_limit` of the nodes here [N·m/s]: a jump of the command would be far beyond it."""
+"""At this rate limit, gain scaling would reduce the feedback below what the tests detect."""
 JUMP = 50.0
-"""[s] that /clock jumps, ahead or back."""
-ALL_GOES_ON = 'efforts, reference and diagnostics go on as if there were no /clock'
+"""Jump of /clock, forwards or backwards [s]."""
+UNAFFECTED = 'commands, reference and diagnostics are not affected'
 
 
 class SimulatedClock:
-    """Publishes a time on /clock, a hundred times a second and as fast as the real one."""
+    """Publishes simulated time on /clock at 100 Hz; it runs as fast as real time."""
 
     def __init__(self, client: RosClient, origin: float) -> None:
-        """`origin` [s] is the time at the start."""
+        """Start at the time `origin` [s]."""
         self._node = client.node
         self._publisher = client.publisher(Clock, '/clock', subscribers=0)
         self._ahead = origin - time.monotonic()
@@ -60,24 +61,24 @@ class SimulatedClock:
 
     @property
     def now(self) -> float:
-        """Return the time [s]."""
+        """Return the simulated time [s]."""
         return time.monotonic() + self._ahead if self._stopped is None else self._stopped
 
     def jump(self, seconds: float) -> None:
-        """Go on so much later, or earlier."""
+        """Shift the time forwards or backwards."""
         self._ahead += seconds
 
     def stop(self) -> None:
-        """Stand still; nothing is published any more."""
+        """Stop the time and the messages."""
         self._stopped = self.now
 
     def go_on(self) -> None:
-        """Go on from where it stands, where it does."""
+        """Continue from the time at which the clock stopped, if it is stopped."""
         if self._stopped is not None:
             self._ahead, self._stopped = self._stopped - time.monotonic(), None
 
     def close(self) -> None:
-        """End the thread and the topic."""
+        """Stop the thread and destroy the publisher."""
         self._ends.set()
         self._thread.join(TIMEOUT)
         self._node.destroy_publisher(self._publisher)
@@ -89,14 +90,14 @@ class SimulatedClock:
 
 
 class ClockDriver(Driver):
-    """A driver whose stamps are of /clock."""
+    """A driver that stamps joint states with the time of /clock."""
 
     def __init__(self, *args: Any, clock: SimulatedClock, **more: Any) -> None:
         self._clock = clock
         super().__init__(*args, **more)
 
     def message(self) -> JointState:
-        """Return the state as it is now, by /clock."""
+        """Return the current state, stamped with the time of /clock."""
         message = super().message()
         message.header.stamp = stamp_of(round(1e9 * self._clock.now))
         return message
@@ -104,7 +105,7 @@ class ClockDriver(Driver):
 
 Bench = tuple[FaultBench, SimulatedClock]
 ORIGINS = {'wall': 1000.0, 'own epoch': 1000.0, 'epoch of today': None}
-"""Time of /clock at the start [s], the time of today for None, by what stamps are of."""
+"""Initial time of /clock [s] for each source of stamps; None: the current time."""
 STAMPS_OF_THE_WALL = pytest.mark.parametrize('bench', ['wall'], indirect=True)
 STAMPS_OF_THE_CLOCK = pytest.mark.parametrize(
     'bench', ['own epoch', 'epoch of today'], indirect=True)
@@ -112,7 +113,7 @@ STAMPS_OF_THE_CLOCK = pytest.mark.parametrize(
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Bench]:
-    """Return a node in simulated time, and /clock, which stamps follow unless of the wall."""
+    """Return a node with `use_sim_time` and /clock, the source of stamps unless `wall`."""
     clock = SimulatedClock(client, ORIGINS[request.param] or time.time())
     driver = Driver if request.param == 'wall' else partial(ClockDriver, clock=clock)
     parameters = {**SIMULATED, 'effort_rate_limit': RATE}
@@ -124,7 +125,7 @@ def bench(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Bench]:
 
 
 def follow(bench: FaultBench) -> np.ndarray:
-    """Let the node follow a pose not far away; return the steady effort for that."""
+    """Let the node follow a near pose; return the steady command for that pose."""
     bench.check_alive()
     bench.set_point([bench.driver.q[0] + 0.01, bench.driver.q[1]])
     bench.efforts.wait_for(lambda m: abs(m.effort[0] - G[0]) > 10.0)
@@ -132,7 +133,7 @@ def follow(bench: FaultBench) -> np.ndarray:
 
 
 def steady_effort(bench: FaultBench) -> np.ndarray:
-    """Return the effort when it has become the same for many states."""
+    """Return the command after it has been constant for many states."""
     bench.efforts.clear()
     last: list[Any] = []
 
@@ -144,33 +145,33 @@ def steady_effort(bench: FaultBench) -> np.ndarray:
 
 
 def check_no_jump(bench: FaultBench) -> None:
-    """Check that the command has changed no faster than it may since it was asked for."""
+    """Check that all recorded commands respect the rate limit."""
     assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-9
 
 
 def report(bench: FaultBench) -> None:
-    """Wait for the next regular report: the diagnostics go on."""
+    """Wait for the next periodic diagnostic report."""
     bench.figure('command', 'published')
 
 
 def reported(bench: FaultBench, check: str, key: str) -> int:
-    """Return a figure of the last report; 0 where it is not named."""
+    """Return a figure of the last report; 0 if the report does not contain it."""
     status = bench.status(check)
     assert status is not None
     return next((int(value.value) for value in status.values if value.key == key), 0)
 
 
 def disturb(clock: SimulatedClock, event: str) -> None:
-    """Stop the clock, or let it jump."""
+    """Stop the clock or make it jump."""
     if event == 'stops':
         clock.stop()
     else:
-        clock.jump(JUMP if 'ahead' in event else -JUMP)
+        clock.jump(JUMP if 'forwards' in event else -JUMP)
 
 
 # --- stamps of the clock of this computer --------------------------------------------------------
 
-@fault(GROUP, '`use_sim_time: true`, and nobody publishes /clock', ALL_GOES_ON)
+@fault(GROUP, '`use_sim_time: true`, and /clock has no publisher', UNAFFECTED)
 def test_without_a_clock(client: RosClient) -> None:
     with fault_bench(client, '/faults_no_clock', {
             **SIMULATED, 'effort_rate_limit': RATE}) as bench:
@@ -182,8 +183,8 @@ def test_without_a_clock(client: RosClient) -> None:
 @STAMPS_OF_THE_WALL
 @pytest.mark.parametrize('event', [
     pytest.param(event, marks=fault(
-        GROUP, f'/clock {event}, joint states go on with stamps of the real time', ALL_GOES_ON))
-    for event in ('stops', 'jumps 50 s ahead', 'jumps 50 s back')])
+        GROUP, f'/clock {event}; joint states keep stamps of the real time', UNAFFECTED))
+    for event in ('stops', 'jumps forwards by 50 s', 'jumps back by 50 s')])
 def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
     one, clock = bench
     effort = follow(one)
@@ -201,8 +202,8 @@ def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
 
 
 @STAMPS_OF_THE_WALL
-@fault(GROUP, '/clock stands still while the driver falls silent',
-       'fault action, ramp, diagnostics and recovery take the time that they always take')
+@fault(GROUP, '/clock stops, and the driver stops publishing',
+       'fault action, ramp, diagnostics and recovery take their usual times')
 def test_silence_while_the_clock_stands(bench: Bench) -> None:
     one, clock = bench
     follow(one)
@@ -220,7 +221,7 @@ def test_silence_while_the_clock_stands(bench: Bench) -> None:
 
 
 @STAMPS_OF_THE_WALL
-@fault(GROUP, '/clock stands still at deactivation', 'efforts ramp to zero as ever')
+@fault(GROUP, '/clock stops before deactivation', 'the command ramps to zero as usual')
 def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
     one, clock = bench
     one.check_alive()
@@ -242,11 +243,11 @@ def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
 @STAMPS_OF_THE_CLOCK
 @pytest.mark.parametrize(('event', 'reason'), [
     pytest.param(event, reason, marks=fault(
-        GROUP, f'/clock {event}, and the stamps of joint states with it',
-        'the reference ends, reported; the arm is held where it is measured, and the command goes '
-        'there within `effort_rate_limit`'))
-    for event, reason in (('jumps 50 s ahead', 'stamp jumped ahead'),
-                          ('jumps 50 s back', 'stamp went back'))])
+        GROUP, f'/clock {event}, and so do the stamps of joint states',
+        'the reference ends, with a report; the arm is held at its measured position; the '
+        'command changes within `effort_rate_limit`'))
+    for event, reason in (('jumps forwards by 50 s', 'stamp jumped ahead'),
+                          ('jumps back by 50 s', 'stamp went back'))])
 def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
     one, clock = bench
     follow(one)
@@ -267,9 +268,9 @@ def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
 
 
 @STAMPS_OF_THE_CLOCK
-@fault(GROUP, '/clock stops, and the stamps of joint states with it',
-       'the effort stays until `state_timeout`, then the fault action; back by itself when the '
-       'stamps go on')
+@fault(GROUP, '/clock stops, and so do the stamps of joint states',
+       'the command is constant until `state_timeout`, then the fault action; commands resume '
+       'when the stamps advance')
 def test_stamps_that_freeze(bench: Bench) -> None:
     one, clock = bench
     follow(one)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that is told to end, at any moment: its last effort is safe, and it leaves in order."""
+"""SIGINT and SIGTERM at any time: the last command is safe, and the node exits cleanly."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -43,19 +43,19 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 
-GROUP = 'A node that is told to end'
+GROUP = 'Shutdown by SIGINT and SIGTERM'
 RAMP, RATE = 0.3, 200.0
-"""[s] and [N·m/s] of the nodes here; g(q) over the ramp is 165 N·m/s."""
+"""`ramp_time` [s] and `effort_rate_limit` [N·m/s]; g(q) over the ramp is 165 N·m/s."""
 IN_ORDER = 'exit status 0, no traceback'
-RAMPED = f'efforts ramp to zero over `ramp_time`, the last is exactly zero; {IN_ORDER}'
+RAMPED = f'the command ramps to zero over `ramp_time` and ends at exactly 0; {IN_ORDER}'
 CALLS = 20
-"""Service calls that take seconds together."""
+"""Number of service calls, which take seconds in total."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
 def commanding(client: RosClient, **parameters: Any) -> Iterator[FaultBench]:
-    """Run a node that commands, for it to be told to end."""
+    """Run a commanding node, to which the test sends a signal."""
     limits = {'ramp_time': RAMP, 'effort_rate_limit': RATE, **parameters}
     with fault_bench(client, '/faults_ends', limits) as bench:
         bench.check_alive()
@@ -63,7 +63,7 @@ def commanding(client: RosClient, **parameters: Any) -> Iterator[FaultBench]:
 
 
 def check_ended(bench: FaultBench, sent_at: float) -> str:
-    """Check that the node, told to end at a time [s], did so in order; return when, in words."""
+    """Check that the node exited cleanly after a signal at `sent_at` [s]; return the figures."""
     assert bench.node.wait() == 0, bench.node.log
     assert 'Traceback' not in bench.node.log, bench.node.log
     bench.wait_silent()
@@ -75,25 +75,25 @@ def check_ended(bench: FaultBench, sent_at: float) -> str:
     assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-9
     assert times[-1] - sent_at >= RAMP
     ramp = times[np.abs(efforts[:, 0]) < abs(G[0]) - 1e-6]
-    return f'{len(ramp)} efforts on the way to zero, over {1e3 * (ramp[-1] - ramp[0]):.0f} ms'
+    return f'{len(ramp)} commands in the ramp to zero, over {1e3 * (ramp[-1] - ramp[0]):.0f} ms'
 
 
 def signal_node(node: NodeProcess, end_signal: signal.Signals) -> float:
-    """Send a signal; return when [s] that was, by the clock of this computer."""
+    """Send a signal; return the time [s] of the computer clock."""
     sent_at = time.time()
     os.kill(node.pid, end_signal)
     return sent_at
 
 
 @pytest.mark.parametrize('end_signal', [
-    pytest.param(one, marks=fault(GROUP, f'{one.name} while it commands', RAMPED))
+    pytest.param(one, marks=fault(GROUP, f'{one.name} while the node commands', RAMPED))
     for one in SIGNALS])
 def test_while_it_commands(client: RosClient, end_signal: signal.Signals, seen: Any) -> None:
     with commanding(client) as bench:
         seen(check_ended(bench, signal_node(bench.node, end_signal)))
 
 
-@fault(GROUP, 'SIGINT, and again while efforts ramp to zero', RAMPED)
+@fault(GROUP, 'a second SIGINT while the command ramps to zero', RAMPED)
 def test_twice(client: RosClient) -> None:
     with commanding(client) as bench:
         sent_at = signal_node(bench.node, signal.SIGINT)
@@ -102,7 +102,7 @@ def test_twice(client: RosClient) -> None:
         check_ended(bench, sent_at)
 
 
-@fault(GROUP, 'SIGINT while it holds the arm after a fault', RAMPED)
+@fault(GROUP, 'SIGINT while the node holds the arm in a fault', RAMPED)
 def test_in_a_fault(client: RosClient) -> None:
     with commanding(client, hold_time=60.0) as bench:
         bench.driver.be_quiet()
@@ -110,7 +110,7 @@ def test_in_a_fault(client: RosClient) -> None:
         check_ended(bench, signal_node(bench.node, signal.SIGINT))
 
 
-@fault(GROUP, 'SIGINT while it commands and is busy with service calls',
+@fault(GROUP, 'SIGINT while the node commands and computes service requests',
        f'the ramp does not wait for the service; {RAMPED}')
 def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
     service = client.node.create_client(
@@ -120,23 +120,23 @@ def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
             assert service.wait_for_service(TIMEOUT)
             request = InverseDynamicsBatch.Request(position=np.zeros(200_000))
             answered: list[float] = []
-            for _ in range(CALLS):  # seconds of work, of which the test sees the first answers
+            for _ in range(CALLS):  # seconds of work; the test waits for the first answer
                 service.call_async(request).add_done_callback(
                     lambda _: answered.append(time.time()))
             wait_until(lambda: bool(answered), 'the answer of the first call')
             sent_at = signal_node(bench.node, signal.SIGINT)
             check_ended(bench, sent_at)
             ramp = next(t for t, m in bench.efforts.published() if m.effort[0] > G[0] + 1e-6)
-            assert len(answered) < CALLS  # else it was no longer busy
-            seen(f'first effort of the ramp {1e3 * (ramp - sent_at):.0f} ms after the signal')
+            assert len(answered) < CALLS  # the node was still computing
+            seen(f'first command of the ramp {1e3 * (ramp - sent_at):.0f} ms after the signal')
     finally:
         client.node.destroy_client(service)
 
 
 # --- nothing to ramp -----------------------------------------------------------------------------
 
-@fault(GROUP, 'SIGINT and SIGTERM before the first joint state, or while it waits for a URDF',
-       f'no effort at all; {IN_ORDER}')
+@fault(GROUP, 'SIGINT and SIGTERM before the first joint state, or before a URDF arrives',
+       f'no command; {IN_ORDER}')
 def test_before_it_commands(client: RosClient) -> None:
     nodes = [NodeProcess(DYNAMICS, parameters, namespace='/idle')
              for parameters in ({}, {}, {'joints': ['elbow']}, {'joints': ['elbow']})]
@@ -152,7 +152,7 @@ def test_before_it_commands(client: RosClient) -> None:
 
 # --- the simulated arm --------------------------------------------------------------------------
 
-@fault(GROUP, 'SIGINT and SIGTERM of `simulated_arm`, in wall time, and in lock-step without a '
+@fault(GROUP, 'SIGINT and SIGTERM to `simulated_arm`, in wall time, and in lock-step without a '
        'controller', IN_ORDER)
 def test_the_simulated_arm(client: RosClient) -> None:
     nodes = [NodeProcess(SIMULATED_ARM, parameters, namespace='/arms')
@@ -170,7 +170,7 @@ def test_the_simulated_arm(client: RosClient) -> None:
 # --- while it starts -----------------------------------------------------------------------------
 
 class Executable:
-    """An installed executable of this package that has been started."""
+    """A running process of an installed executable of this package."""
 
     def __init__(self, name: str) -> None:
         try:
@@ -183,7 +183,7 @@ class Executable:
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
     def wait_for_own_code(self) -> None:
-        """Wait until it listens to SIGTERM, which Python by itself does not."""
+        """Wait until the process has a handler for SIGTERM, which Python does not install."""
         def catches() -> bool:
             status = Path(f'/proc/{self._process.pid}/status').read_text(encoding='utf-8')
             caught = int(status.split('SigCgt:')[1].split()[0], 16)
@@ -192,12 +192,12 @@ class Executable:
         wait_until(catches, 'a handler of SIGTERM')
 
     def wait_until_up(self) -> None:
-        """Wait until it says which model it serves."""
+        """Wait until the process logs its model."""
         assert self._process.stdout is not None
         assert any('Model' in line for line in self._process.stdout)
 
     def end(self, end_signal: signal.Signals) -> tuple[int, str]:
-        """Send a signal; return the exit status and what was printed."""
+        """Send a signal; return the exit status and the output."""
         self._process.send_signal(end_signal)
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT)
@@ -209,8 +209,8 @@ class Executable:
 
 @pytest.mark.parametrize('name', [
     pytest.param(name, marks=fault(
-        GROUP, f'SIGINT at moments of the start of `ros2 run robot_dynamics {name}`, from the '
-        'first line of its own code on until it is up', IN_ORDER))
+        GROUP, f'SIGINT at several times during the start of `ros2 run robot_dynamics {name}`, '
+        'from the first line of its code until it is ready', IN_ORDER))
     for name in ('dynamics_node', 'simulated_arm')])
 def test_an_interrupt_while_it_starts(name: str) -> None:
     whole = Executable(name)
@@ -222,7 +222,7 @@ def test_an_interrupt_while_it_starts(name: str) -> None:
     for fraction in (0.0, 0.25, 0.5, 0.75, 0.9):
         one = Executable(name)
         one.wait_for_own_code()
-        threading.Event().wait(fraction * duration)  # the moment is what is tried
+        threading.Event().wait(fraction * duration)  # the stimulus is this time
         status, output = one.end(signal.SIGINT)
         assert status == 0, output
         assert 'Traceback' not in output, output
@@ -230,11 +230,12 @@ def test_an_interrupt_while_it_starts(name: str) -> None:
 
 @fault(GROUP, 'SIGTERM as soon as the process of `ros2 run robot_dynamics dynamics_node` exists, '
        'and within its first 0.3 s',
-       'it ends, by the signal itself before its own code runs, else with status 0; no traceback')
+       'the signal ends the process before its code runs; later it exits with status 0; no '
+       'traceback')
 def test_a_sigterm_as_soon_as_it_exists() -> None:
     for moment in (0.0, 0.02, 0.05, 0.1, 0.2, 0.3):
         one = Executable('dynamics_node')
-        threading.Event().wait(moment)  # the moment is what is tried
+        threading.Event().wait(moment)  # the stimulus is this time
         status, output = one.end(signal.SIGTERM)
         assert status in (0, -signal.SIGTERM), output
         assert 'Traceback' not in output, output

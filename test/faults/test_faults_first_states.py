@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults at the first joint state, and far too many of them; each from a node's start."""
+"""Faults of the first joint states after the start, and joint states at an excessive rate."""
 
 from collections.abc import Callable, Iterator
 import os
@@ -32,23 +32,23 @@ from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import RosClient, TIMEOUT
 from sensor_msgs.msg import JointState
 
-GROUP = 'The first joint states'
+GROUP = 'First joint states'
 FLOOD = Path(__file__).parents[1] / 'support' / 'state_flood.py'
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that has not had a joint state, until the last test of this module."""
+    """Return a node that receives no valid joint state until the last tests of this module."""
     with fault_bench(client, '/faults_first', NO_STREAM, stream=False) as one:
         yield one
 
 
 @pytest.mark.parametrize(('change', 'reported'), [
     pytest.param(change, reported, marks=fault(
-        GROUP, f'before any other: {words}', 'dropped and told; not one effort goes out'))
+        GROUP, f'first joint state: {words}', 'dropped and reported; no command'))
     for words, change, reported in (
         ('an empty message', lambda _: JointState(), ''),
-        ('a joint missing', altered(name=NAMES[:1], position=Q[:1], velocity=[]),
+        ('a missing joint', altered(name=NAMES[:1], position=Q[:1], velocity=[]),
          "no samples of ['joint2']"),
         ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
         ('a stamp 10 s in the past', shifted(-10.0), 's old'),
@@ -70,7 +70,7 @@ def test_nothing_before_the_first_valid_state(
 
 
 @fault(GROUP, 'a set-point 2 rad away, sent before the first valid state',
-       'rejected with the reason; the first effort is g(q), and the arm is held')
+       'rejected with the reason; the first command is g(q), and the arm is held')
 def test_the_first_effort(bench: FaultBench) -> None:
     bench.set_point([Q[0] + 2.0, Q[1]])
     bench.node.wait_for_log('no joint state with velocities has been received')
@@ -80,8 +80,9 @@ def test_the_first_effort(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@fault('Too many joint states', '20,000 a second, for 1 s',
-       'the newest is answered, older ones are passed over; services answer; afterwards as ever')
+@fault('Joint states at an excessive rate', '20,000 joint states per second for 1 s',
+       'the newest is answered, older ones are skipped; services answer; normal operation '
+       'afterwards')
 def test_a_flood(bench: FaultBench, seen: Callable[[str], Any]) -> None:
     bench.check_alive()
     bench.driver.be_quiet()

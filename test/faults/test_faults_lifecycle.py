@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults around the lifecycle: efforts go out while the node is active, and at no other time."""
+"""Lifecycle faults: the node publishes commands only while it is active."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,25 +44,25 @@ from std_srvs.srv import Trigger
 GROUP = 'Lifecycle'
 RAMP_TIME = 0.3
 PARAMETERS = {'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6, 'soften_gains': False}
-"""Without soft gains the velocity is the measured one, however implausible, as `latch` needs."""
-NOT_CHANGED = '`success` false at once; nothing changes, efforts go on'
+"""Without `soften_gains` even an implausible measured velocity is used, as `latch` needs."""
+NOT_CHANGED = '`success` false immediately; no change, commands continue'
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[LifecycleBench]:
-    """Return a node that is active and commands, as tests leave it."""
+    """Return an active, commanding node; tests restore its state."""
     with lifecycle_bench(client, '/faults_lifecycle', PARAMETERS) as one:
         yield one
 
 
 def check_answers(bench: LifecycleBench) -> None:
-    """Check that services answer by the model."""
+    """Check that services answer with the model."""
     response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
     assert response.effort == pytest.approx(bench.hold, abs=1e-6), response.message
 
 
 def check_no_model(bench: LifecycleBench) -> None:
-    """Check that the node has no model, says so, and answers no state."""
+    """Check that the node has no model, reports that, and answers no state."""
     before = bench.figure('joint states', 'dropped: no model yet')
     assert bench.state() == 'unconfigured'
     response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
@@ -79,7 +79,7 @@ def check_no_model(bench: LifecycleBench) -> None:
 
 
 @fault(GROUP, '`autostart: false`: states and a set-point before configuration',
-       'nothing is published; services and `~/joint_trajectory` say that there is no model')
+       'no command; services and `~/joint_trajectory` report that there is no model')
 def test_unconfigured_until_asked(client: RosClient) -> None:
     with lifecycle_bench(
             client, '/faults_unconfigured', {**PARAMETERS, 'autostart': False}) as one:
@@ -94,13 +94,13 @@ def test_unconfigured_until_asked(client: RosClient) -> None:
 
 
 @fault(GROUP, 'a set-point while the node is inactive, then activation while states stream',
-       'the set-point is rejected with the reason; the first effort is exactly g(q), in answer to '
-       'the next state')
-def test_the_first_effort_holds_the_arm(bench: LifecycleBench) -> None:
+       'the set-point is rejected with the reason; the first command is exactly g(q), in answer '
+       'to the next state')
+def test_the_first_command_holds_the_arm(bench: LifecycleBench) -> None:
     bench.check_alive()
     assert bench.change(DEACTIVATE)
     bench.check_silent()
-    bench.set_point([Q[0] + 0.5, Q[1]])  # to which it must not move
+    bench.set_point([Q[0] + 0.5, Q[1]])  # the arm must not move there
     bench.node.wait_for_log('nothing can be followed now: the node is not active')
     gravity = bench.gravity.wait_for()
     assert bench.change(ACTIVATE)
@@ -112,8 +112,8 @@ def test_the_first_effort_holds_the_arm(bench: LifecycleBench) -> None:
     bench.check_alive()
 
 
-@fault(GROUP, 'deactivation while efforts go out',
-       'efforts fall to exactly 0 over `ramp_time`, then silence; services answer as ever')
+@fault(GROUP, 'deactivation while the node commands',
+       'the command ramps to exactly 0 over `ramp_time`, then no command; services still answer')
 def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
     bench.check_alive()
     begun = time.time()
@@ -128,7 +128,7 @@ def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
     check_answers(bench)
     assert bench.change(ACTIVATE)
     bench.check_alive()
-    seen(f'{len(ramp)} efforts in {ramp[-1][0] - ramp[0][0]:.2f} s of ramp')
+    seen(f'{len(ramp)} commands in a ramp of {ramp[-1][0] - ramp[0][0]:.2f} s')
 
 
 @pytest.mark.parametrize('request_of', [
@@ -137,9 +137,9 @@ def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
         ('activation of an active node', {'transition': ACTIVATE}),
         ('configuration of an active node', {'transition': CONFIGURE}),
         ('cleanup of an active node', {'transition': CLEANUP}),
-        ('a transition that there is not, by number', {'transition': 200}),
-        ('a transition that there is not, by name', {'label': 'fly'}),
-        ('a transition that is not for users', {'transition': 10}))])
+        ('an unknown transition number', {'transition': 200}),
+        ('an unknown transition name', {'label': 'fly'}),
+        ('an internal transition', {'transition': 10}))])
 def test_wrong_transitions(bench: LifecycleBench, request_of: dict[str, Any]) -> None:
     bench.check_alive()
     assert not bench.change(**request_of)
@@ -159,8 +159,8 @@ def test_the_transitions_are_those_of_every_lifecycle_node(bench: LifecycleBench
     bench.check_alive()
 
 
-@fault(GROUP, 'a description on its topic while the node is unconfigured',
-       'not loaded; taken at the next configuration')
+@fault(GROUP, 'a `robot_description` message while the node is unconfigured',
+       'not loaded until the next configuration')
 def test_no_model_while_unconfigured(client: RosClient, bench: LifecycleBench) -> None:
     bench.check_alive()
     assert bench.change(DEACTIVATE)
@@ -175,14 +175,14 @@ def test_no_model_while_unconfigured(client: RosClient, bench: LifecycleBench) -
     bench.node.wait_for_log("Model 'heavy'")
     client.node.destroy_publisher(descriptions)
     assert bench.change(CLEANUP)
-    assert bench.change(CONFIGURE)  # and without, the embedded arm again
+    assert bench.change(CONFIGURE)  # without a description: the embedded arm
     check_answers(bench)
     assert bench.change(ACTIVATE)
     bench.check_alive()
 
 
 @fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration',
-       'it persists, and no effort goes out after activation, until `~/reset_fault`')
+       'the fault persists, and no command is published after activation, until `~/reset_fault`')
 def test_a_latched_fault_survives_transitions(bench: LifecycleBench) -> None:
     latch(bench)
     for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
@@ -199,7 +199,7 @@ def test_a_latched_fault_survives_transitions(bench: LifecycleBench) -> None:
 @pytest.mark.parametrize('transitions', [
     pytest.param(transitions, marks=fault(
         GROUP, f'`~/reset_fault` after a latched fault while the node is {state}',
-        '`success` true; efforts go out again at the next activation, not before'))
+        '`success` true; commands resume at the next activation, not earlier'))
     for state, transitions in (
         ('inactive', [DEACTIVATE]), ('unconfigured', [DEACTIVATE, CLEANUP]))])
 def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int]) -> None:
@@ -209,7 +209,7 @@ def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int])
     response = bench.ask('reset_fault', Trigger)
     assert response.success
     assert response.message.startswith('reset non_finite')
-    assert not bench.ask('reset_fault', Trigger).success  # once is enough
+    assert not bench.ask('reset_fault', Trigger).success  # the fault is already reset
     if CLEANUP in transitions:
         assert bench.change(CONFIGURE)
     bench.check_silent()
@@ -218,7 +218,7 @@ def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int])
 
 
 def latch(bench: LifecycleBench) -> None:
-    """Bring about a fault that is latched: a state for which the reference has no torque."""
+    """Cause a latched fault: a state for which the computed torque is not finite."""
     bench.check_alive()
     bench.set_point(Q)
     bench.wait_status('reference', lambda status: status.message == 'following')
@@ -230,19 +230,19 @@ def latch(bench: LifecycleBench) -> None:
     bench.driver.change = spin
     bench.wait_fault('non_finite')
     bench.driver.go_on()
-    bench.efforts.clear()  # valid states are answered by what holds the arm
+    bench.efforts.clear()  # the answer to valid states is g(q)
     bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))
 
 
 # --- configuration that fails --------------------------------------------------------------------
 
-@fault(GROUP, 'configuration with a bad file, which is then mended',
-       '`success` false, the reason in the log, unconfigured; then configured')
-def test_a_bad_file_that_is_mended(client: RosClient, tmp_path: Path) -> None:
+@fault(GROUP, 'configuration with an invalid file, which is then corrected',
+       '`success` false, the reason in the log, unconfigured; configured after the correction')
+def test_an_invalid_file_that_is_corrected(client: RosClient, tmp_path: Path) -> None:
     file = tmp_path / 'arm.urdf'
     bad = BAD_DESCRIPTIONS['a negative mass']
     file.write_text(bad.xml, encoding='utf-8')
-    with lifecycle_bench(client, '/faults_mended', {
+    with lifecycle_bench(client, '/faults_corrected', {
             **PARAMETERS, 'autostart': False, 'robot_description_file': str(file)}) as one:
         for _ in range(2):
             assert not one.change(CONFIGURE)
@@ -259,9 +259,9 @@ def test_a_bad_file_that_is_mended(client: RosClient, tmp_path: Path) -> None:
         one.check_alive()
 
 
-@fault(GROUP, 'configuration with gains that do not fit the arm, which are then mended',
-       '`success` false, the reason in the log, unconfigured; then configured')
-def test_bad_gains_that_are_mended(client: RosClient) -> None:
+@fault(GROUP, 'configuration with a wrong number of gains, which is then corrected',
+       '`success` false, the reason in the log, unconfigured; configured after the correction')
+def test_wrong_gains_that_are_corrected(client: RosClient) -> None:
     node = '/faults_gains/dynamics'
     with lifecycle_bench(client, '/faults_gains', {
             **PARAMETERS, 'autostart': False, 'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
@@ -275,8 +275,9 @@ def test_bad_gains_that_are_mended(client: RosClient) -> None:
         one.check_alive()
 
 
-@fault(GROUP, 'shutdown while efforts go out',
-       'efforts fall to exactly 0 over `ramp_time`, then silence; no transition leads back')
+@fault(GROUP, 'shutdown while the node commands',
+       'the command ramps to exactly 0 over `ramp_time`, then no command; no transition leaves '
+       'this state')
 def test_shutdown_ramps_to_zero(client: RosClient) -> None:
     with lifecycle_bench(client, '/faults_shutdown', PARAMETERS) as one:
         one.check_alive()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Limits of position, velocity and effort: what the command may not do, and what it still may."""
+"""Limits of position, velocity and effort: commands that they change, and that they do not."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -35,9 +35,9 @@ SPEED = 10.0
 EFFORT = 150.0, 60.0
 """Effort limits [N m]."""
 AWAY = 0.5
-"""[rad] of error that asks for more effort than there is, with stiff gains."""
+"""Position error [rad] for which stiff gains request more than the effort limit."""
 STIFF = {'gains.kp': [1e4], 'gains.kd': [20.0]}
-"""Gains with which 0.2 rad ask for more effort than there is, whatever the velocity."""
+"""Gains that request more than the effort limit at 0.2 rad of error, at any velocity."""
 DEFAULT_GAINS = {'gains.kp': [100.0], 'gains.kd': [20.0]}
 URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
     '<limit ', f'<limit lower="{LOWER}" upper="{UPPER}" ')
@@ -47,7 +47,7 @@ MARGIN = 0.0087
 
 @pytest.fixture(scope='module')
 def limited_arm(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands an arm with limits, as tests leave it."""
+    """Return a node that commands an arm with limits; tests restore its state."""
     parameters = {**NO_STREAM, **DIRECT, 'robot_description': URDF}
     with fault_bench(client, '/faults_limits', parameters) as one:
         yield one
@@ -55,7 +55,7 @@ def limited_arm(client: RosClient) -> Iterator[FaultBench]:
 
 @pytest.fixture
 def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
-    """Return it with the arm at rest at `Q`, and check afterwards that it holds it there again."""
+    """Return the node with the arm at rest at `Q`; check afterwards that it holds `Q` again."""
     limited_arm.check_alive()
     yield limited_arm
     limited_arm.set_parameters(effort_scale=1.0, effort_rate_limit=0.0, **DEFAULT_GAINS)
@@ -66,12 +66,12 @@ def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
 
 
 def gravity(q: Any) -> Any:
-    """Return what holds the arm at q."""
+    """Return g(q)."""
     return ArmDynamics(load_arm(URDF)).rigid_body.gravity(np.array(q))
 
 
 def be_at(bench: FaultBench, q: Any) -> None:
-    """Let the arm be at q, and the reference within the limits, and wait until it is followed."""
+    """Move the arm to q and the reference to q within the limits; wait until it is followed."""
     bench.driver.q = list(q)
     reference = np.clip(q, LOWER, UPPER)
     bench.set_point(reference.tolist())
@@ -84,13 +84,13 @@ def be_at(bench: FaultBench, q: Any) -> None:
 
 
 def wait_first(bench: FaultBench, joint: int, value: float) -> None:
-    """Wait until the effort of a joint is this, from now on."""
+    """Wait for a new command with this value for a joint."""
     bench.efforts.clear()
     bench.efforts.wait_for(lambda message: abs(message.effort[joint] - value) < 1e-6)
 
 
 def wait_effort(bench: FaultBench, effort: Any) -> None:
-    """Wait until there has been this effort."""
+    """Wait until this command has been published."""
     bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
 
 
@@ -98,8 +98,9 @@ def wait_effort(bench: FaultBench, effort: Any) -> None:
 
 @pytest.mark.parametrize(('joint', 'limit', 'sign'), [
     pytest.param(joint, limit, sign, id=words, marks=fault(
-        GROUP, f'a joint 0.005 rad {words}, with feedback that pushes on',
-        'no effort of that joint beyond g(q) that way, counted; away from the limit it is free'))
+        GROUP, f'a joint 0.005 rad {words}; feedback pushes toward the limit',
+        'the effort of that joint does not exceed g(q) toward the limit, counted; away from it '
+        'the effort is not limited'))
     for words, joint, limit, sign in (
         ('before its upper limit', 0, UPPER - 0.005, 1.0),
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
@@ -114,8 +115,8 @@ def test_a_position_limit_ahead(
     before = bench.known('command', 'held back by position limit')
     g, other = bench.hold[joint], 1 - joint
     goal = np.clip(q, LOWER, UPPER).tolist()
-    goal[other] -= 0.1  # that joint is free to move, so that the reference is seen to be followed
-    bench.driver.v[joint] = -sign  # damping pushes on
+    goal[other] -= 0.1  # shows that the reference is followed
+    bench.driver.v[joint] = -sign  # damping pushes toward the limit
     bench.efforts.clear()
     bench.set_point(goal)
     bench.efforts.wait_for(lambda message: abs(message.effort[other] - bench.hold[other]) > 5.0)
@@ -135,7 +136,7 @@ def test_a_position_limit_ahead(
 @pytest.mark.parametrize(('joint', 'position', 'reported'), [
     pytest.param(joint, position, reported, id=words, marks=fault(
         GROUP, f'a joint {words}', 'fault `position_limit` that names joint and distance: the arm '
-        'is held as long as joint states are valid; ends automatically after five good states'))
+        'is held while joint states are valid; ends automatically after five valid states'))
     for words, joint, position, reported in (
         ('0.009 rad past its upper limit', 0, UPPER + 0.009,
          "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
@@ -152,13 +153,13 @@ def test_a_position_past_its_limit(
     for message in bench.efforts.wait_count(200):  # for longer than hold_time and ramp_time
         assert message.effort == pytest.approx(gravity(bench.driver.q), abs=1e-6)
     assert 'position_limit' in bench.status('command').message
-    bench.driver.v[joint] = speed = -1.0 if position > 0.0 else 1.0  # back toward the limit
-    bench.efforts.wait_for(lambda message: (  # is damped
+    bench.driver.v[joint] = speed = -1.0 if position > 0.0 else 1.0  # toward the permitted range
+    bench.efforts.wait_for(lambda message: (  # damping
         speed * (message.effort[joint] - gravity(bench.driver.q)[joint]) < -1.0))
     assert bench.known('command', 'faults: position_limit') == before + 1
 
 
-@fault(GROUP, f'a joint {MARGIN} rad past its limit', 'no fault: that much is allowed')
+@fault(GROUP, f'a joint {MARGIN} rad past its limit', 'no fault: within the tolerance')
 def test_a_position_within_the_margin(bench: FaultBench) -> None:
     before = bench.known('command', 'faults: position_limit')
     be_at(bench, [UPPER + 0.0086, Q[1]])
@@ -171,8 +172,8 @@ def test_a_position_within_the_margin(bench: FaultBench) -> None:
 
 @pytest.mark.parametrize('sign', [
     pytest.param(sign, id=words, marks=fault(
-        GROUP, f'joint1 at 12 rad/s {words}, faster than its limit of 10 rad/s',
-        'no effort beyond g(q) that way, counted; braking is free'))
+        GROUP, f'joint1 at 12 rad/s {words}; its limit is 10 rad/s',
+        'the effort does not exceed g(q) along the motion, counted; braking is not limited'))
     for words, sign in (('forwards', 1.0), ('backwards', -1.0))])
 def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
@@ -181,7 +182,7 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     bench.wait_status('reference', lambda status: status.message == 'following')
     bench.driver.v = [sign * 1.2 * SPEED, 0.0]
     bench.efforts.clear()
-    bench.efforts.wait_for(lambda message: sign * (message.effort[0] - G[0]) < -1.0)  # it brakes
+    bench.efforts.wait_for(lambda message: sign * (message.effort[0] - G[0]) < -1.0)  # braking
     bench.set_point([Q[0] + sign * 0.2, Q[1] - 0.1])
     wait_first(bench, 0, G[0])
     bench.wait_status('command', lambda status: (
@@ -196,8 +197,8 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
 
 @pytest.mark.parametrize('scale', [
     pytest.param(scale, marks=fault(
-        GROUP, f'a reference that asks for more effort than there is, effort_scale {scale}',
-        'clamped to the URDF limit × `effort_scale`, counted; no faster than the rate limit'))
+        GROUP, f'a reference that needs more than the effort limit, `effort_scale` {scale}',
+        'clamped to the URDF limit × `effort_scale`, counted; changes within the rate limit'))
     for scale in (1.0, 0.5)])
 def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
     bench.set_parameters(effort_scale=scale, **STIFF)
@@ -213,8 +214,8 @@ def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
     check_rate(bench.efforts)
 
 
-@fault(GROUP, 'effort_scale falls while the effort is at its limit',
-       'the effort goes to the new limit no faster than its rate limit')
+@fault(GROUP, '`effort_scale` is lowered while the command is at its limit',
+       'the command changes to the new limit within the rate limit')
 def test_a_limit_that_falls(bench: FaultBench) -> None:
     bench.set_parameters(**STIFF)
     bench.set_point([Q[0] + 0.2, Q[1] + 0.2])
@@ -224,11 +225,11 @@ def test_a_limit_that_falls(bench: FaultBench) -> None:
     check_rate(bench.efforts)
 
 
-@fault(GROUP, 'an effort_rate_limit of 100 N m/s, and a set-point 0.2 rad away',
-       'no effort changes faster')
+@fault(GROUP, '`effort_rate_limit` of 100 N m/s, and a set-point 0.2 rad away',
+       'the command changes within that limit')
 def test_a_slower_rate(bench: FaultBench, seen: Callable[[str], Any]) -> None:
     bench.set_parameters(effort_rate_limit=100.0, **STIFF)
     bench.set_point([Q[0] + 0.2, Q[1]])
     bench.efforts.wait_for(lambda message: message.effort[0] > 0.0)
     check_rate(bench.efforts, 100.0)
-    seen(f'{len(bench.efforts.messages)} efforts looked at')
+    seen(f'{len(bench.efforts.messages)} commands checked')

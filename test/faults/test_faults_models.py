@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in descriptions that arrive while the node commands, and changes of the model."""
+"""Invalid robot descriptions while the node commands, and changes of the model."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -36,13 +36,13 @@ from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import LATCHED, RosClient
 from std_msgs.msg import String
 
-GROUP = 'Robot descriptions on their topic'
-KEPT = 'refused with what is wrong; the model in use stays; control goes on'
+GROUP = 'Robot descriptions on the topic `robot_description`'
+KEPT = 'rejected with the reason; the active model stays; control continues'
 PARAMETERS = {'hold_time': 0.1, 'ramp_time': 0.1, 'effort_rate_limit': 1e6}
 
 
 class Descriptions:
-    """What publishes descriptions of arms with joint1 and joint2 that differ in their mass."""
+    """Publisher of descriptions of arms with joint1 and joint2 and different masses."""
 
     def __init__(self, client: RosClient, namespace: str) -> None:
         self._node = client.node
@@ -54,18 +54,18 @@ class Descriptions:
         self._publisher.publish(String(data=xml))
 
     def close(self) -> None:
-        """Forget the topic."""
+        """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
 
 def arm_of(mass: float) -> str:
-    """Return an arm named for the mass [kg] of its second link."""
+    """Return an arm named after the mass [kg] of its second link."""
     return planar_arm_urdf(
         [5.0, mass], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name=f'arm_{mass:g}')
 
 
 def hold_of(xml: str) -> list[float]:
-    """Return the efforts [N m] that hold an arm where the driver says that it is."""
+    """Return g(q) [N m] of an arm at the position that the driver publishes."""
     return [float(effort) for effort in ArmDynamics(load_arm(xml)).rigid_body.gravity(np.array(Q))]
 
 
@@ -81,7 +81,7 @@ def descriptions(client: RosClient) -> Iterator[Descriptions]:
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient, descriptions: Descriptions) -> Iterator[LifecycleBench]:
-    """Return a node that commands by the light arm, of its topic, as tests leave it."""
+    """Return a node that uses the light arm, from the topic; tests restore its state."""
     descriptions.send(LIGHT)
     with lifecycle_bench(
             client, '/faults_models', PARAMETERS, hold_of(LIGHT)) as one:
@@ -90,7 +90,7 @@ def bench(client: RosClient, descriptions: Descriptions) -> Iterator[LifecycleBe
 
 
 def check_model(bench: LifecycleBench, xml: str) -> None:
-    """Check that services and commands are those of an arm, and no fault came of it."""
+    """Check that services and commands use this arm, without a fault."""
     bench.hold = hold_of(xml)
     response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
     assert response.effort == pytest.approx(bench.hold, abs=1e-6)
@@ -98,7 +98,7 @@ def check_model(bench: LifecycleBench, xml: str) -> None:
 
 
 def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) -> None:
-    """Wait until the diagnostics tell of this model."""
+    """Wait until the diagnostics report this model."""
     bench.wait_status('model', lambda status: status.message == name and any(
         value.key == 'a new one waits' and value.value == str(new_one_waits)
         for value in status.values))
@@ -117,10 +117,10 @@ def test_a_bad_description(
     assert bench.known('command', 'faults: state_timeout') == 0
 
 
-@fault(GROUP, 'another arm while efforts go out, then no joint states for a while',
-       'told that it waits, efforts by the old arm; taken when efforts have ended, and then the '
-       'first effort is exactly its g(q)')
-def test_a_new_model_waits_until_efforts_have_ended(
+@fault(GROUP, 'another arm while the node commands, then a timeout of the joint states',
+       'the log reports that the new arm waits; commands use the old arm; the new one is loaded '
+       'when commands have ended; the next command is exactly its g(q)')
+def test_a_new_model_waits_until_commands_have_ended(
     bench: LifecycleBench, descriptions: Descriptions,
 ) -> None:
     bench.check_alive()
@@ -139,9 +139,9 @@ def test_a_new_model_waits_until_efforts_have_ended(
     check_model(bench, HEAVY)
 
 
-@fault(GROUP, 'another arm while efforts go out, then deactivation and activation',
-       'taken in between; the first effort is exactly its g(q)')
-def test_a_new_model_is_taken_while_inactive(
+@fault(GROUP, 'another arm while the node commands, then deactivation and activation',
+       'loaded while inactive; the first command is exactly its g(q)')
+def test_a_new_model_is_loaded_while_inactive(
     bench: LifecycleBench, descriptions: Descriptions,
 ) -> None:
     settle(bench, descriptions, LIGHT, 'arm_2')
@@ -158,11 +158,11 @@ def test_a_new_model_is_taken_while_inactive(
 @pytest.mark.parametrize(('last', 'words'), [
     pytest.param(last, words, marks=fault(GROUP, injected, expected))
     for last, words, injected, expected in (
-        (LIGHT, '', 'another arm while efforts go out, then that in use again',
-         'none waits any more; the model in use stays; control goes on'),
+        (LIGHT, '', 'another arm while the node commands, then the active arm again',
+         'no model waits; the active model stays; control continues'),
         (BAD_DESCRIPTIONS['a loop'].xml, BAD_DESCRIPTIONS['a loop'].words,
-         'another arm while efforts go out, then a bad one',
-         'refused; none waits any more, as the newest counts; the model in use stays'))])
+         'another arm while the node commands, then an invalid one',
+         'rejected; no model waits, as only the newest counts; the active model stays'))])
 def test_the_newest_description_counts(
     bench: LifecycleBench, descriptions: Descriptions, last: str, words: str,
 ) -> None:
@@ -182,7 +182,7 @@ def test_the_newest_description_counts(
 def settle(
     bench: LifecycleBench, descriptions: Descriptions, xml: str, name: str,
 ) -> None:
-    """Let the node command by this arm."""
+    """Make this arm the active model."""
     if bench.change(DEACTIVATE):
         descriptions.send(xml)
         wait_model(bench, name)
@@ -190,8 +190,8 @@ def settle(
     check_model(bench, xml)
 
 
-@fault(GROUP, 'an arm while efforts go out by the embedded one, which stands in for it',
-       'taken at once; efforts go over to its g(q) no faster than `effort_rate_limit`')
+@fault(GROUP, 'a description while the node commands with the embedded arm',
+       'loaded immediately; the command changes to its g(q) within `effort_rate_limit`')
 def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> None:
     rate = 50.0
     publisher = Descriptions(client, '/faults_embedded')

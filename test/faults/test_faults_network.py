@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults of the network: qualities of service that do not fit, and a link that breaks."""
+"""Network faults: incompatible quality of service, and a link failure."""
 
 from collections.abc import Iterator
 import json
@@ -31,10 +31,10 @@ from ros_harness import LATCHED, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-GROUP = 'Networks and qualities of service'
+GROUP = 'Network and quality of service'
 SECOND = Duration(seconds=1)
-VISIBLE = ('the log says which policy does not fit, /diagnostics warns and counts; others get '
-           'efforts as ever')
+VISIBLE = ('the log names the incompatible policy, /diagnostics warns and counts; other '
+           'subscribers still get commands')
 PROMISING = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE,
     deadline=SECOND, liveliness=LivelinessPolicy.AUTOMATIC,
@@ -48,15 +48,15 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
         yield one
 
 
-# --- subscribers that ask for more than is offered ----------------------------------------------
+# --- subscribers that request more than is offered ----------------------------------------------
 
 @pytest.mark.parametrize(('policy', 'qos'), [
-    pytest.param(policy, qos, marks=fault(GROUP, f'a subscriber of {words}', VISIBLE))
+    pytest.param(policy, qos, marks=fault(GROUP, f'a subscriber {words}', VISIBLE))
     for policy, qos, words in (
-        ('DURABILITY', LATCHED, '`effort_command` that asks for transient local'),
+        ('DURABILITY', LATCHED, 'to `effort_command` that requests transient local'),
         ('DEADLINE', QoSProfile(depth=1, deadline=SECOND),
-         '`effort_command` that asks for a deadline'))])
-def test_a_subscriber_that_asks_for_too_much(
+         'to `effort_command` that requests a deadline'))])
+def test_a_subscriber_that_requests_too_much(
     bench: FaultBench, policy: str, qos: QoSProfile,
 ) -> None:
     bench.check_alive()
@@ -79,8 +79,8 @@ def test_a_subscriber_that_asks_for_too_much(
 
 # --- publishers ----------------------------------------------------------------------------------
 
-@fault(GROUP, 'a publisher of `robot_description` that is volatile',
-       'the log says which policy does not fit; the model in use stays')
+@fault(GROUP, 'a volatile publisher of `robot_description`',
+       'the log names the incompatible policy; the active model stays')
 def test_a_volatile_description(bench: FaultBench) -> None:
     bench.check_alive()
     publisher = bench.client.node.create_publisher(
@@ -96,14 +96,14 @@ def test_a_volatile_description(bench: FaultBench) -> None:
 
 @pytest.mark.parametrize('qos', [
     pytest.param(qos, marks=fault(
-        GROUP, f'a publisher of `joint_states` that is {words}', 'its states are answered'))
+        GROUP, f'a publisher of `joint_states`: {words}', 'its states are answered'))
     for qos, words in (
         (QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT), 'best effort'),
         (QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE), 'reliable'),
         (LATCHED, 'reliable and transient local'),
         (PROMISING, 'best effort, with a deadline and a lease'))])
 def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
-    """The node requests nothing that a publisher might not offer, so that none is unheard."""
+    """The node requests no policy that a publisher might not offer, so it receives all."""
     bench.check_alive()
     topic = f'{bench.namespace}/joint_states'
     requested = bench.client.node.get_subscriptions_info_by_topic(topic)[0].qos_profile
@@ -123,9 +123,9 @@ def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
 
 # --- partition -----------------------------------------------------------------------------------
 
-@fault(GROUP, 'a network partition and its healing, between driver and node in two network '
-       'namespaces: until efforts have ended, and until each has forgotten the other',
-       'the fault action begins after `state_timeout`, and is told; back by itself')
+@fault(GROUP, 'link failure between driver and node in two network namespaces: until commands '
+       'have ended, and until each participant has removed the other',
+       'the fault action starts after `state_timeout` and is reported; commands resume')
 def test_a_partition(seen: Any) -> None:
     command, reason = partition_scenario.own_network()
     if reason:
@@ -135,5 +135,5 @@ def test_a_partition(seen: Any) -> None:
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300.0)
     assert done.returncode == 0, done.stdout
     for times in json.loads(done.stdout.splitlines()[-1]):
-        seen(f'told {times["told"]:.2f} s after the link broke; back {times["back"]:.2f} s after '
-             f'it healed, {times["broken"]:.1f} s later')
+        seen(f'fault reported {times["reported"]:.2f} s after the link failed; link restored '
+             f'after {times["broken"]:.1f} s; commands resumed {times["back"]:.2f} s later')

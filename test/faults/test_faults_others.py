@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults of other nodes: publishers of the same topics, nodes of the same name, other arms."""
+"""Other nodes: publishers of the same topics, nodes of the same name, other arms."""
 
 from collections.abc import Iterator
 
@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 GROUP = 'Other nodes'
-WARNED = 'a warning in the log and in the status `other nodes`, until it has ended'
+WARNED = 'a warning in the log, and in the status `other nodes` until it has ended'
 
 
 @pytest.fixture(scope='module')
@@ -93,7 +93,7 @@ def test_a_second_publisher_of_joint_states(client: RosClient) -> None:
 
 
 @fault(GROUP, 'two arms in two namespaces',
-       'each status carries the full name of its node, so that none overwrites another')
+       'each status contains the full name of its node; the statuses of the two arms differ')
 def test_two_arms_report_under_different_names(client: RosClient) -> None:
     left, right = '/faults_left', '/faults_right'
     reports = []

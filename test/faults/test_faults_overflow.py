@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Efforts beyond all numbers: never published, and a fault until it is reset."""
+"""Commands that are not finite: never published; a fault until the reset."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -24,25 +24,25 @@ import pytest
 from ros_harness import RosClient
 from std_srvs.srv import Trigger
 
-GROUP = 'Efforts that are not finite'
+GROUP = 'Non-finite commands'
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands the default arm, by the velocity that is measured."""
+    """Return a node that commands the default arm with the measured velocity."""
     with fault_bench(
             client, '/faults_overflow', {**NO_STREAM, 'soften_gains': False}) as one:
         yield one
 
 
 def reset(bench: FaultBench) -> Any:
-    """Ask to reset the fault; return the answer."""
+    """Call `~/reset_fault`; return the response."""
     return bench.client.call(Trigger, bench.name('reset_fault'))
 
 
 @fault(GROUP, 'a reference, and a velocity of 10²⁰⁰ rad/s, at which the computed torque overflows',
-       'not published; fault `non_finite`, which valid states do not end; `~/reset_fault` does, '
-       'once states are valid')
+       'not published; latched fault `non_finite`, which `~/reset_fault` resets once states are '
+       'valid')
 def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.check_alive()
     bench.set_point(bench.driver.q)
@@ -67,7 +67,7 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@fault(GROUP, '`~/reset_fault` where there is no fault', 'success = false, and it says so')
+@fault(GROUP, '`~/reset_fault` without a fault', '`success` false; the message reports it')
 def test_nothing_to_reset(bench: FaultBench) -> None:
     bench.check_alive()
     answer = reset(bench)

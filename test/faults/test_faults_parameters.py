@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in what parameters are set to while the node commands: refused, and nothing changes."""
+"""Invalid parameter values while the node commands: rejected, without any change."""
 
 from collections.abc import Iterator, Sequence
 import math
@@ -32,13 +32,13 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter
-from request_bench import ControlGoesOn
+from request_bench import ControlContinues
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from ros_harness import RosClient
 
 GROUP = 'Parameters at run time'
-REFUSED = 'refused with name, value and what was expected; the old value stays; control goes on'
+REFUSED = 'rejected with name, value and expectation; the old value stays; control continues'
 NAN, INF = float('nan'), float('inf')
 CHANGEABLE = [spec for spec in SPECS if not spec.read_only]
 NUMBERS = [spec for spec in CHANGEABLE if spec.kind in (Type.DOUBLE, Type.DOUBLE_ARRAY)]
@@ -47,57 +47,57 @@ CHOICES = [spec for spec in CHANGEABLE if spec.choices]
 
 
 @pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlGoesOn]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+def control(client: RosClient) -> Iterator[ControlContinues]:
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_parameters') as bench:
-        yield ControlGoesOn(bench)
+        yield ControlContinues(bench)
 
 
 def number(spec: ParameterSpec, value: float) -> Parameter:
-    """Return a number for a parameter, in an array where it is one."""
+    """Return a number for a parameter, as an array if the parameter is one."""
     return Parameter(spec.name, spec.kind, [value] if spec.kind is Type.DOUBLE_ARRAY else value)
 
 
 def of_another_type(spec: ParameterSpec) -> Parameter:
-    """Return a value for a parameter of a type that it cannot have."""
+    """Return a value of a wrong type for a parameter."""
     if spec.kind is Type.STRING:
         return Parameter(spec.name, Type.DOUBLE, 1.0)
     return Parameter(spec.name, Type.STRING, 'text')
 
 
 BAD_VALUES = {
-    'NaN, for every number and in every array': [number(spec, NAN) for spec in NUMBERS],
-    'infinity, likewise': [number(spec, INF) for spec in NUMBERS],
-    'below the range, likewise': [
+    'NaN, for every number and array parameter': [number(spec, NAN) for spec in NUMBERS],
+    'infinity, for every number and array parameter': [number(spec, INF) for spec in NUMBERS],
+    'a value below the range, for every number and array parameter': [
         number(spec, math.nextafter(float(spec.minimum or 0.0), -INF)) for spec in NUMBERS],
-    'above the range, likewise': [
+    'a value above the range, for every number and array parameter': [
         number(spec, math.nextafter(float(spec.maximum or 0.0), INF)) for spec in NUMBERS],
-    'another type, for every parameter': [of_another_type(spec) for spec in CHANGEABLE],
-    'a whole number where a number with a decimal point is expected': [
+    'a wrong type, for every parameter': [of_another_type(spec) for spec in CHANGEABLE],
+    'an integer, for every floating-point parameter': [
         Parameter(spec.name, Type.INTEGER, 1) for spec in NUMBERS if spec.kind is Type.DOUBLE],
     'three values for two joints': [
         Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0, 1.0]) for spec in ARRAYS],
-    'two values, where the order of the joints is not given': [
+    'two values without an order of the joints': [
         Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0]) for spec in ARRAYS],
-    'a choice that there is not': [Parameter(spec.name, Type.STRING, 'fly') for spec in CHOICES],
-    'unset': [Parameter(spec.name, Type.NOT_SET) for spec in CHANGEABLE],
-    'read-only ones': [
+    'an unknown choice': [Parameter(spec.name, Type.STRING, 'fly') for spec in CHOICES],
+    'unsetting a parameter': [Parameter(spec.name, Type.NOT_SET) for spec in CHANGEABLE],
+    'setting a read-only parameter': [
         Parameter(spec.name, spec.kind, spec.default) for spec in SPECS if spec.read_only],
 }
 
 
-def values_of(control: ControlGoesOn, names: Sequence[str]) -> Any:
+def values_of(control: ControlContinues, names: Sequence[str]) -> Any:
     """Return the values of parameters."""
     return control.ask('get_parameters', GetParameters, names=names).values
 
 
-def check_unchanged(control: ControlGoesOn, before: Any) -> None:
-    """Check that all parameters are what they were."""
+def check_unchanged(control: ControlContinues, before: Any) -> None:
+    """Check that no parameter has changed."""
     assert values_of(control, [spec.name for spec in SPECS]) == before
 
 
 @pytest.fixture
-def before(control: ControlGoesOn) -> Any:
+def before(control: ControlContinues) -> Any:
     """Return the values of all parameters before the test."""
     return values_of(control, [spec.name for spec in SPECS])
 
@@ -105,7 +105,7 @@ def before(control: ControlGoesOn) -> Any:
 @pytest.mark.parametrize('parameters', [
     pytest.param(parameters, id=words, marks=fault(GROUP, words, REFUSED))
     for words, parameters in BAD_VALUES.items()])
-def test_bad_values(control: ControlGoesOn, parameters: list[Parameter], before: Any) -> None:
+def test_bad_values(control: ControlContinues, parameters: list[Parameter], before: Any) -> None:
     assert parameters
     with control.checked():
         results = control.ask('set_parameters', SetParameters, parameters=[
@@ -117,9 +117,9 @@ def test_bad_values(control: ControlGoesOn, parameters: list[Parameter], before:
     check_unchanged(control, before)
 
 
-@fault(GROUP, 'names that no parameter has, one empty, one of a million characters',
-       'refused by name, shortened where it is long; control goes on')
-def test_unknown_names(control: ControlGoesOn, before: Any) -> None:
+@fault(GROUP, 'unknown parameter names, one empty, one of a million characters',
+       'rejected with the name, which is shortened if it is long; control continues')
+def test_unknown_names(control: ControlContinues, before: Any) -> None:
     names = ['efort_scale', '', 'gains', 'gains.', 'x' * 1_000_000]
     with control.checked():
         results = control.ask('set_parameters', SetParameters, parameters=[
@@ -135,11 +135,11 @@ def test_unknown_names(control: ControlGoesOn, before: Any) -> None:
 
 @pytest.mark.parametrize('service', [
     pytest.param(service, marks=fault(
-        GROUP, f'`~/{service}` with the type 77 among good values',
-        'refused with name, type and the types that there are; nothing of the request is set; '
-        'control goes on'))
+        GROUP, f'`~/{service}` with the type 77 among valid values',
+        'rejected with name, type and the valid types; no value of the request is set; '
+        'control continues'))
     for service in ('set_parameters', 'set_parameters_atomically')])
-def test_a_type_that_there_is_not(control: ControlGoesOn, service: str, before: Any) -> None:
+def test_an_unknown_type(control: ControlContinues, service: str, before: Any) -> None:
     good = Parameter('effort_scale', Type.DOUBLE, 0.5).to_parameter_msg()
     bad = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
     kind = SetParameters if service == 'set_parameters' else SetParametersAtomically
@@ -153,9 +153,9 @@ def test_a_type_that_there_is_not(control: ControlGoesOn, service: str, before: 
     check_unchanged(control, before)
 
 
-@fault(GROUP, 'a good and a bad value, to be set together or not at all',
-       'refused with the reason of the bad one; neither is set; control goes on')
-def test_all_or_none(control: ControlGoesOn, before: Any) -> None:
+@fault(GROUP, 'a valid and an invalid value in `~/set_parameters_atomically`',
+       'rejected with the reason of the invalid one; neither is set; control continues')
+def test_all_or_none(control: ControlContinues, before: Any) -> None:
     with control.checked():
         result = control.ask(
             'set_parameters_atomically', SetParametersAtomically, parameters=[
@@ -166,9 +166,9 @@ def test_all_or_none(control: ControlGoesOn, before: Any) -> None:
     check_unchanged(control, before)
 
 
-@fault(GROUP, 'questions about parameters that there are not',
-       'answered with nothing, as rclpy does; control goes on')
-def test_questions_about_unknown_parameters(control: ControlGoesOn) -> None:
+@fault(GROUP, 'requests for unknown parameters',
+       'empty answers, as from any rclpy node; control continues')
+def test_requests_for_unknown_parameters(control: ControlContinues) -> None:
     names = ['efort_scale', '', 'x' * 1_000_000]
     with control.checked():
         for name in names:
@@ -181,9 +181,9 @@ def test_questions_about_unknown_parameters(control: ControlGoesOn) -> None:
             assert listed.result.names == []
 
 
-@fault(GROUP, '`use_sim_time` set to true and back, while nobody publishes /clock',
-       'taken; control goes on, as no watchdog goes by that time')
-def test_use_sim_time(control: ControlGoesOn) -> None:
+@fault(GROUP, '`use_sim_time` set to true and back, while /clock has no publisher',
+       'accepted; control continues, because no watchdog uses /clock')
+def test_use_sim_time(control: ControlContinues) -> None:
     node = control.bench.name('').rstrip('/')
     for value in (True, False):
         with control.checked():
@@ -192,8 +192,8 @@ def test_use_sim_time(control: ControlGoesOn) -> None:
     assert control.bench.client.get_parameter(node, 'use_sim_time') is False
 
 
-@fault(GROUP, '`use_sim_time` of another type, or unset', REFUSED)
-def test_use_sim_time_of_another_type(control: ControlGoesOn) -> None:
+@fault(GROUP, '`use_sim_time` with a wrong type, or unset', REFUSED)
+def test_use_sim_time_of_another_type(control: ControlContinues) -> None:
     node = control.bench.name('').rstrip('/')
     with control.checked():
         for value in (

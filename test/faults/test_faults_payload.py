@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Payloads that come, go, or cannot be, while efforts go out."""
+"""Payloads that are set, removed or rejected while the node commands."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -43,9 +43,9 @@ NAN, INF = float('nan'), float('inf')
 MASS = 5.0
 """[kg]"""
 SHOULDER = 1.0 * np.sin(Q[0]), 0.8 * np.sin(Q[0] + Q[1])
-"""How far the elbow is to the side of the shoulder, and the tip of the elbow [m]."""
+"""Horizontal distance of the elbow from the shoulder, and of the tip from the elbow [m]."""
 LOADED = np.array(G) - 9.81 * MASS * np.array([sum(SHOULDER), SHOULDER[1]])
-"""g(q) with that mass at the tip [N m]: masses that are upright fall to the side."""
+"""g(q) with this mass at the tip [N m]; q = 0 is upright."""
 
 
 @pytest.fixture(scope='module')
@@ -59,7 +59,7 @@ def set_payload(
     bench: FaultBench, mass: float, seconds: float = 0.0, link: str = 'tool0',
     com: Vector3 | None = None, **inertia: float,
 ) -> Any:
-    """Ask for a payload; return the answer."""
+    """Call `~/set_payload`; return the response."""
     return bench.client.call(SetPayload, bench.name('set_payload'), SetPayload.Request(
         payload=InertiaStamped(
             header=Header(frame_id=link),
@@ -68,25 +68,26 @@ def set_payload(
 
 
 def is_loaded(message: Any) -> bool:
-    """Tell whether an effort holds the arm and the payload."""
+    """Return whether a command is g(q) with the payload."""
     return bool(np.allclose(message.effort, LOADED, atol=1e-5))
 
 
-@fault(GROUP, '5 kg at the tip from one state to the next, and off again',
-       'the effort goes to the new g(q) no faster than its rate limit')
+@fault(GROUP, '5 kg at the tip without a transition time, then removed',
+       'the command changes to the new g(q) within the rate limit')
 def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> None:
     bench.check_alive()
     assert set_payload(bench, MASS).success
     bench.efforts.wait_for(is_loaded)
     assert set_payload(bench, 0.0).success
     wait_until(
-        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'no load again')
+        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
     check_rate(bench.efforts)
     seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N m')
     bench.check_alive()
 
 
-@fault(GROUP, '5 kg at the tip with a transition of 0.5 s', 'the effort goes there in that time')
+@fault(GROUP, '5 kg at the tip with a transition time of 0.5 s',
+       'the command changes to the new g(q) over that time')
 def test_a_payload_that_fades_in(bench: FaultBench) -> None:
     bench.check_alive()
     assert set_payload(bench, MASS, 0.5).success
@@ -98,7 +99,7 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
 
 @pytest.mark.parametrize(('request_', 'reported'), [
     pytest.param(request, reported, id=words, marks=fault(
-        GROUP, words, 'refused with a message that names it; the effort stays as it is'))
+        GROUP, words, 'rejected with a message that names the field; the command does not change'))
     for words, request, reported in (
         ('a negative mass', {'mass': -1.0}, 'payload.inertia.m is -1'),
         ('a mass that is NaN', {'mass': NAN}, 'payload.inertia.m is nan'),
@@ -107,7 +108,7 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
          "payload.header.frame_id is 'wheel'"),
         ('a centre of mass that is NaN', {'mass': 1.0, 'com': Vector3(y=NAN)},
          'payload.inertia.com[1] (y) is nan'),
-        ('a moment of inertia that no body has', {'mass': 1.0, 'ixx': 1.0},
+        ('an impossible moment of inertia', {'mass': 1.0, 'ixx': 1.0},
          'payload.inertia has the principal moments'),
         ('a moment of inertia without a mass', {'mass': 0.0, 'ixx': 1.0, 'iyy': 1.0, 'izz': 1.0},
          'payload.inertia.m is 0 with a moment of inertia'),
@@ -117,11 +118,11 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
          "payload.inertia.m is 1e+06 kg on 'tool0', expected at most 72.2 kg"),
         ('1 kg at a distance of 1 km', {'mass': 1.0, 'com': Vector3(z=1000.0)},
          "payload.inertia.com is 1000 m from the origin of 'tool0', expected at most 3.6 m"),
-        ('a negative transition', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
-        ('a transition that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
-        ('a transition without end', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf'),
+        ('a negative transition time', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
+        ('a transition time that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
+        ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf'),
     )])
-def test_a_payload_that_cannot_be(
+def test_an_invalid_payload(
     bench: FaultBench, request_: dict[str, Any], reported: str,
 ) -> None:
     bench.check_alive()
@@ -148,7 +149,7 @@ def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
 
 
 @fault(GROUP, '100 kg at the tip with `allow_implausible_payload: true`',
-       'accepted; the effort goes to its limits, no faster than its rate limit')
+       'accepted; the command changes to the effort limits within the rate limit')
 def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
     bench.check_alive()
     with permitted(bench):
@@ -159,8 +160,8 @@ def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@fault(GROUP, '5 kg at the tip, then 2 kg on another link; the first one removed, then all',
-       'both are held and listed by link; removing one leaves the other active')
+@fault(GROUP, '5 kg at the tip, then 2 kg on another link; the first is removed, then all',
+       'both are compensated and listed by link; after removing one the other stays active')
 def test_payloads_on_two_links(bench: FaultBench) -> None:
     bench.check_alive()
     elbow = np.array([-2.0 * 9.81 * SHOULDER[0], 0.0])  # g(q) of 2 kg at the elbow
@@ -191,13 +192,13 @@ def restart(bench: LifecycleBench) -> bool:
 
 @pytest.fixture
 def managed(client: RosClient) -> Iterator[LifecycleBench]:
-    """Return an active node whose description comes over the topic, if one does."""
+    """Return an active node without a description; tests may publish one on the topic."""
     with lifecycle_bench(client, '/faults_kept_payload', {'ramp_time': 0.1}) as one:
         yield one
 
 
 @fault(GROUP, 'a payload of 5 kg, then `cleanup`, `configure` and activation',
-       'the payload is active again before the first effort')
+       'the payload is active before the first command')
 def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
     managed.check_alive()
     assert set_payload(managed, MASS).success
@@ -210,7 +211,7 @@ def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
     wait_payloads(managed, "5 kg on 'tool0'")
 
 
-@fault(GROUP, 'a payload that the arm cannot carry when it is configured again',
+@fault(GROUP, '`configure` with a payload that the arm cannot carry',
        'configuration fails with an error that names the payload, until it is removed')
 def test_a_payload_that_does_not_suit_the_next_model(client: RosClient) -> None:
     with lifecycle_bench(client, '/faults_heavy_payload', {
@@ -229,8 +230,9 @@ def test_a_payload_that_does_not_suit_the_next_model(client: RosClient) -> None:
         bench.check_alive()
 
 
-@fault(GROUP, 'a payload that the embedded arm cannot carry when it is configured again',
-       'no model is used and no effort is published, with one error, until the payload is removed')
+@fault(GROUP, '`configure` with a payload that the embedded arm cannot carry',
+       'no model is used and no command is published, with one error, until the payload is '
+       'removed')
 def test_a_payload_that_does_not_suit_the_embedded_arm(managed: LifecycleBench) -> None:
     managed.check_alive()
     with permitted(managed):
@@ -246,7 +248,7 @@ def test_a_payload_that_does_not_suit_the_embedded_arm(managed: LifecycleBench) 
 
 
 @fault(GROUP, 'a `robot_description` without the link that carries a payload',
-       'the model in use stays, with an error; the new one is loaded when the payload is removed')
+       'the active model stays, with an error; the new one is loaded when the payload is removed')
 def test_a_description_without_the_link_of_a_payload(
     client: RosClient, managed: LifecycleBench,
 ) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults of processes that stream or command: they fall silent, stall, and are killed."""
+"""Faults of the driver and of the node as processes: timeouts, stalls and SIGKILL."""
 
 from collections.abc import Iterator
 import os
@@ -37,12 +37,12 @@ import pytest
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient, wait_until
 
-GROUP = 'Processes that fall silent, stall and are killed'
-SOON = 'the fault action begins after `state_timeout`, and is told'
-BACK = 'it is over by itself with the next state'
+GROUP = 'Timeouts, stalls and kills of processes'
+SOON = 'the fault action starts after `state_timeout` and is reported'
+BACK = 'commands resume with the next state'
 HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
 STALL, SHORT_TIMEOUT = 0.2, 0.1
-"""[s] of a stall, which is the stimulus here, and of the timeout that it exceeds."""
+"""Duration of a stall, the stimulus of these tests, and the timeout that it exceeds [s]."""
 
 
 @pytest.fixture(scope='module')
@@ -53,20 +53,21 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
 
 
 def pause() -> None:
-    """Let the time of a stall pass."""
+    """Wait for the duration of a stall."""
     threading.Event().wait(STALL)
 
 
-# --- silence -------------------------------------------------------------------------------------
+# --- timeout -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('action', [
     pytest.param(action, marks=fault(
-        GROUP, f'the driver falls silent, `fault_action: {action}`', f'{SOON}: {words}; {BACK}'))
+        GROUP, f'the driver stops publishing, `fault_action: {action}`',
+        f'{SOON}: {words}; {BACK}'))
     for action, words in (
-        ('hold_gravity_then_ramp', 'g(q) for `hold_time`, then to zero over `ramp_time`'),
-        ('ramp_to_zero', 'to zero over `ramp_time`'),
-        ('stop_publishing', 'no effort any more'))])
-def test_the_driver_falls_silent(bench: FaultBench, seen: Any, action: str) -> None:
+        ('hold_gravity_then_ramp', 'g(q) for `hold_time`, then a ramp to zero over `ramp_time`'),
+        ('ramp_to_zero', 'a ramp to zero over `ramp_time`'),
+        ('stop_publishing', 'no further command'))])
+def test_the_driver_stops_publishing(bench: FaultBench, seen: Any, action: str) -> None:
     bench.set_parameters(fault_action=action)
     try:
         bench.check_alive()
@@ -85,14 +86,14 @@ def test_the_driver_falls_silent(bench: FaultBench, seen: Any, action: str) -> N
 
 
 def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
-    """Check the efforts of a fault action that is over; return how soon it began, in words."""
-    stamp = efforts[-1][1].header.stamp  # that of the last state
-    _, *efforts = [(t, m) for t, m in efforts if m.header.stamp == stamp]  # its answer, and then
+    """Check the commands of a completed fault action; return its delay as text."""
+    stamp = efforts[-1][1].header.stamp  # of the last state
+    _, *efforts = [(t, m) for t, m in efforts if m.header.stamp == stamp]  # without the answer
     if action == 'stop_publishing':
         assert not efforts
         return ''
     times = np.array([t for t, _ in efforts]) - 1e-9 * nanoseconds_of(stamp)
-    fractions = np.array([m.effort for _, m in efforts]) / G  # 1 holds the arm
+    fractions = np.array([m.effort for _, m in efforts]) / G  # 1: g(q)
     assert np.ptp(fractions, axis=1) == pytest.approx(0.0, abs=1e-6)
     assert (np.diff(fractions[:, 0]) <= 0.0).all()
     assert not any(efforts[-1][1].effort)
@@ -102,13 +103,13 @@ def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
     assert times[0] >= STATE_TIMEOUT
     assert times[~held][0] >= STATE_TIMEOUT + hold
     assert times[-1] >= STATE_TIMEOUT + hold + RAMP
-    return (f'first effort of it {1e3 * (times[0] - STATE_TIMEOUT):.1f} ms after `state_timeout`, '
-            'counted from the stamp of the last state')
+    return (f'first command {1e3 * (times[0] - STATE_TIMEOUT):.1f} ms after `state_timeout`, '
+            'measured from the stamp of the last state')
 
 
 # --- the driver ----------------------------------------------------------------------------------
 
-@fault(GROUP, 'SIGKILL of the driver', f'{SOON}; {BACK}, of another driver')
+@fault(GROUP, 'SIGKILL of the driver', f'{SOON}; {BACK}, which another driver publishes')
 def test_the_driver_is_killed(bench: FaultBench) -> None:
     bench.check_alive()
     bench.driver.kill()
@@ -117,7 +118,7 @@ def test_the_driver_is_killed(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@fault(GROUP, 'SIGSTOP of the driver, SIGCONT when efforts have ended', f'{SOON}; {BACK}')
+@fault(GROUP, 'SIGSTOP of the driver, SIGCONT when commands have ended', f'{SOON}; {BACK}')
 def test_the_driver_is_stopped_and_continued(bench: FaultBench) -> None:
     bench.check_alive()
     bench.driver.be_quiet()
@@ -138,7 +139,7 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
 
     bench.set_parameters(state_timeout=SHORT_TIMEOUT)
     try:
-        # A node that gets no processor during a stall sees none, so that there may be several.
+        # A node without processor time during the stall does not notice it: several may be needed.
         wait_until(stall_is_reported, 'the fault')
     finally:
         bench.set_parameters(**STEADY)
@@ -147,9 +148,9 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
 
 # --- the node ------------------------------------------------------------------------------------
 
-@fault(GROUP, 'the node stalls for 200 ms, `state_timeout` 0.1 s, while its effort changes at '
+@fault(GROUP, 'the node stalls for 200 ms, `state_timeout` 0.1 s, while the command changes at '
        '`effort_rate_limit`',
-       'it answers the next state, or tells of the time without any; the effort goes on from the '
+       'the node answers the next state or reports the timeout; the command continues from the '
        f'last one, within `effort_rate_limit` times {LONGEST_STEP:g} s')
 def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
     rate = 100.0
@@ -157,7 +158,7 @@ def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
     try:
         bench.check_alive()
         before = bench.figure('command', 'faults: state_timeout')
-        bench.set_point([1.3, 0.0])  # far away: so is its effort
+        bench.set_point([1.3, 0.0])  # far away, so that the command changes for long
         bench.efforts.wait_for(lambda m: abs(m.effort[0] - G[0]) > 1.0)
         bench.set_parameters(state_timeout=SHORT_TIMEOUT)
         os.kill(bench.node.pid, signal.SIGSTOP)
@@ -174,8 +175,8 @@ def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
         step = np.abs(np.subtract(efforts[after].effort, efforts[after - 1].effort)).max()
         faults = bench.figure('command', 'faults: state_timeout') - before
         seen(f'{1e3 * (times[after] - continued):.1f} ms later '
-             f'{"the fault is told" if faults else "a state is answered"}; '
-             f'the effort is {step:.1f} N·m away')
+             f'{"the fault is reported" if faults else "a state is answered"}; '
+             f'the command changes by {step:.1f} N·m')
         bench.check_alive()
     finally:
         bench.set_parameters(**STEADY, effort_rate_limit=0.0)

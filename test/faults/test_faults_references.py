@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in references: each is refused with one error, or followed within all limits."""
+"""Invalid references: each is rejected with one error, or followed within all limits."""
 
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -34,7 +34,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'References'
-REFUSED = 'refused with one error that names it; the reference in force is followed on'
+REFUSED = 'rejected with one error that names the reason; the active reference continues'
 NAN, INF = float('nan'), float('inf')
 GOAL = [Q[0] + 0.01, Q[1] - 0.02]
 M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
@@ -48,8 +48,8 @@ TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, as tests leave it."""
-    # the exact torque, whatever rate of the states a busy machine leaves
+    """Return a node that commands gravity compensation; tests restore its state."""
+    # Without `soften_gains` the torque does not depend on the rate of states, and so on the load.
     with fault_bench(
             client, '/faults_references',
             {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}) as one:
@@ -57,7 +57,7 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
 
 
 def point(q: Any = Q, seconds: float = 0.0, **more: Any) -> JointTrajectoryPoint:
-    """Return a point of a trajectory at a time."""
+    """Return a trajectory point at a time [s]."""
     sec, nanosec = divmod(round(1e9 * seconds), 1_000_000_000)
     return JointTrajectoryPoint(
         positions=q, time_from_start=Duration(sec=sec, nanosec=nanosec), **more)
@@ -73,7 +73,7 @@ def trajectory(
 
 
 def is_torque(message: Any) -> bool:
-    """Tell whether an effort follows `GOAL`."""
+    """Return whether a command is the computed torque for `GOAL`."""
     return bool(np.allclose(message.effort, TORQUE, atol=1e-5))
 
 
@@ -83,8 +83,8 @@ def is_torque(message: Any) -> bool:
         ('no joint names', trajectory(point(), names=[]), 'joint_names is empty'),
         ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
          "joint_names has 'wheel'"),
-        ('a joint missing', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
-        ('a joint twice', trajectory(point([*Q, 0.0]), names=[*NAMES, 'joint1']),
+        ('a missing joint', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
+        ('a duplicate joint', trajectory(point([*Q, 0.0]), names=[*NAMES, 'joint1']),
          "joint_names has 'joint1' twice"),
         ('no points', trajectory(), 'points is empty'),
         ('NaN in a position', trajectory(point([NAN, 0.0])),
@@ -103,38 +103,38 @@ def is_torque(message: Any) -> bool:
          'points[0].accelerations has 3 values, expected 2'),
         ('no positions', trajectory(point([], velocities=[0.0, 0.0])),
          'points[0].positions is empty'),
-        ('a point without positions among others',
+        ('one point without positions',
          trajectory(point(), point([], 1.0), point(Q, 2.0)), 'points[1].positions is empty'),
         ('accelerations without velocities', trajectory(
             point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
          'points[0].velocities is empty beside accelerations'),
         ('a goal 50 rad beyond the position limits', trajectory(point([50.0, 0.0])),
          'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
-        ('a path that leads beyond a position limit',
+        ('a path that exceeds a position limit',
          trajectory(point(seconds=1.0), point([0.0, -2.1], 2.0), point(seconds=3.0)),
          'points[1].positions (joint2) is -2.1, expected a value within its limits [-2, 2.5]'),
         ('a set-point with a velocity of 1e9 rad/s', trajectory(point(velocities=[0.0, 1e9])),
          'points[0].velocities (joint2) is 1e+09, expected a value within its limits [-10, 10]'),
-        ('a velocity beyond its limit at a point of several', trajectory(
+        ('a velocity beyond its limit at one of several points', trajectory(
             point(seconds=1.0, velocities=[0.0, 0.0]), point(seconds=2.0, velocities=[-11.0, 0.0]),
             point(seconds=3.0, velocities=[0.0, 0.0])),
          'points[1].velocities (joint1) is -11, expected a value within its limits [-10, 10]'),
-        ('times that stand still', trajectory(point(Q, 1.0), point(Q, 1.0)),
+        ('equal times', trajectory(point(Q, 1.0), point(Q, 1.0)),
          'points[1].time_from_start is 1.0 s, expected more than'),
-        ('times that go back', trajectory(point(Q, 1.0), point(Q, 0.5)),
+        ('decreasing times', trajectory(point(Q, 1.0), point(Q, 0.5)),
          'points[1].time_from_start is 0.5 s, expected more than'),
-        ('a time before the start', trajectory(point(Q, -1.0)),
+        ('a negative time', trajectory(point(Q, -1.0)),
          'points[0].time_from_start is -1, expected'),
-        ('a speed at the last point', trajectory(
+        ('a non-zero velocity at the last point', trajectory(
             point(Q, 1.0), point(Q, 2.0, velocities=[1.0, 0.0])),
          'points[1].velocities[0] (joint1) is 1, expected 0 at the last point'),
-        ('a start 100 s ago, which ended since', trajectory(
+        ('a start time 100 s ago, and an end in the past', trajectory(
             point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
          'expected an end in the future'),
-        ('a set-point of 100 s ago', trajectory(
+        ('a set-point with a stamp 100 s ago', trajectory(
             point(), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
          'expected an end in the future'),
-        ('a start in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
+        ('a start time in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
          'expected an end in the future'),
     )])
 def test_a_malformed_reference(bench: FaultBench, message: JointTrajectory, reported: str) -> None:
@@ -159,7 +159,7 @@ def many_joints(count: int) -> JointTrajectory:
 def test_a_reference_that_is_too_large(
     bench: FaultBench, make: Callable[[], JointTrajectory], reported: str,
 ) -> None:
-    data = bytes_of(make())  # which may hold up the driver of this process
+    data = bytes_of(make())  # this may delay the driver, a thread of this process
     bench.check_alive()
     faults = bench.known('command', 'faults: state_timeout')
     check_refused(bench, data, reported)
@@ -167,12 +167,12 @@ def test_a_reference_that_is_too_large(
 
 
 def refusals(bench: FaultBench) -> list[str]:
-    """Return what has been said of references that were refused."""
+    """Return the log lines about rejected references."""
     return [line for line in bench.node.log.splitlines() if 'Refused a joint traj' in line]
 
 
 def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported: str) -> None:
-    """Check that this is refused in one line that says so, and another one followed on."""
+    """Check that the message is rejected in one log line, and the active reference continues."""
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
     before = len(refusals(bench))
@@ -187,7 +187,7 @@ def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported:
     bench.check_alive()
 
 
-def test_diagnostics_tell_of_refusals(bench: FaultBench) -> None:
+def test_diagnostics_report_rejections(bench: FaultBench) -> None:
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
     bench.trajectories.publish(trajectory())
@@ -204,11 +204,11 @@ def test_diagnostics_tell_of_refusals(bench: FaultBench) -> None:
 @pytest.mark.parametrize('message', [
     pytest.param(message, id=words, marks=fault(GROUP, words, expected))
     for words, expected, message in (
-        ('a last point after 68 years', 'followed, at its pace', trajectory(
+        ('a last point after 68 years', 'followed at this speed', trajectory(
             point(GOAL, 2.0**31 - 1.0))),
-        ('a start 1000 s ahead', 'the way there takes until then', trajectory(
+        ('a start time 1000 s ahead', 'approached until that time', trajectory(
             point(GOAL), stamp=stamp_of(time.time_ns() + 1000 * 10**9))),
-        ('a start in 2038', 'the way there takes until then', trajectory(
+        ('a start time in 2038', 'approached until that time', trajectory(
             point(GOAL), stamp=Time(sec=2**31 - 1))))])
 def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory) -> None:
     bench.check_alive()
@@ -221,8 +221,9 @@ def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory
     bench.check_alive()
 
 
-@fault(GROUP, 'a stream of set-points at 50 Hz that leads beyond a position limit',
-       'those beyond are refused, with one error in 5 s, and the previous one is held')
+@fault(GROUP, 'a stream of set-points at 50 Hz that exceeds a position limit',
+       'set-points beyond the limit are rejected, with one error per 5 s; the last valid one is '
+       'held')
 def test_a_stream_with_set_points_beyond_a_limit(bench: FaultBench) -> None:
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
@@ -255,7 +256,7 @@ def test_a_goal_that_is_clipped(client: RosClient, bench: FaultBench) -> None:
 
 
 @fault(GROUP, '`~/inverse_dynamics_trajectory` with positions and velocities beyond the limits',
-       '`feasible` false; the message names joint, value, limit and time')
+       '`feasible` false; the message names joint, value, limits and time')
 def test_a_trajectory_beyond_limits_is_not_feasible(bench: FaultBench) -> None:
     def ask(*points: JointTrajectoryPoint) -> Any:
         return bench.client.call(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in operation with ros2_control and with replayed recordings, on the real nodes."""
+"""Faults of operation with ros2_control and with replayed recordings, on the real nodes."""
 
 from contextlib import ExitStack
 import time
@@ -77,14 +77,13 @@ def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
         client.node.destroy_publisher(publisher)
 
 
-# ------------------------------------------------------------------ lock-step without an answer
+# ------------------------------------------------------------------ lock-step without commands
 
 
-@fault(GROUP, '`lock_step` without a subscriber of `joint_states`; then without a publisher of '
-       '`effort_command`; with one that sends nothing; with efforts under other stamps, as behind '
-       'ros2_control',
-       'within a second a warning names which of them it is, and `lock_step:=false` for the last '
-       'two; the first effort under the stamp of the state moves time on')
+@fault(GROUP, '`lock_step` without a subscriber to `joint_states`; without a publisher of '
+       '`effort_command`; with one that sends nothing; with other stamps, as from ros2_control',
+       'within 1 s a warning names the reason, and `lock_step:=false` for the last two; simulated '
+       'time advances with the first command that has the stamp of the state')
 def test_lock_step_names_the_reason_why_it_gets_no_answer(client: RosClient) -> None:
     assert UNANSWERED_AFTER + RESEND_PERIOD < 1.0
     with NodeProcess(
@@ -123,13 +122,14 @@ def has_replay_hint(status: DiagnosticStatus) -> bool:
 
 
 @pytest.mark.parametrize('age', [
-    pytest.param(age, marks=fault(GROUP, f'joint states as from a bag that is {words} old', seen))
+    pytest.param(age, marks=fault(
+        GROUP, f'joint states with stamps that are {words} old, as from a replayed bag', seen))
     for age, words, seen in (
         (1800.0, 'half an hour',
          'dropped as too old; one hint in log and diagnostics: `ros2 bag play --clock` and '
-         '`use_sim_time:=true`; live states end the hint and are answered'),
+         '`use_sim_time:=true`; live states are answered and clear the hint'),
         (7200.0, 'two hours',
-         'answered, as by another clock, with the same hint; live states end the hint'))])
+         'answered, as stamps of another clock; the same hint; live states clear the hint'))])
 def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> None:
     namespace = f'/replayed{age:.0f}'
     with fault_bench(client, namespace, stream=False) as bench:
@@ -157,10 +157,9 @@ def commanding(namespace: str, **more: Any) -> NodeProcess:
         environment=NO_SHARED_MEMORY)
 
 
-@fault(GROUP, 'the effort controller lists its joints in another order than `joints`',
-       'latched fault `controller_order`, which names both orders; not one message on '
-       '`~/commands`; with a controller of the right order and `~/reset_fault` commands are '
-       'published')
+@fault(GROUP, 'the effort controller has another joint order than `joints`',
+       'latched fault `controller_order`, which names both orders; no message on `~/commands`; '
+       'with a controller in the right order and `~/reset_fault` commands are published')
 def test_another_order_of_the_controller_stops_the_command(client: RosClient) -> None:
     space = '/order'
     with client.collect(
@@ -192,9 +191,9 @@ def test_another_order_of_the_controller_stops_the_command(client: RosClient) ->
 
 @pytest.mark.parametrize(('has_service', 'reason'), [
     pytest.param(has_service, f'it has no {what}', marks=fault(
-        GROUP, f'a subscriber of `~/commands` that has no {what}',
-        'one warning that the order was not checked, with the order that it must have; '
-        'commands are published'))
+        GROUP, f'a subscriber to `~/commands` without a {what}',
+        'one warning that the order was not checked, with the required order; commands are '
+        'published'))
     for has_service, what in ((False, 'parameter service'), (True, 'parameter `joints`'))])
 def test_an_order_that_cannot_be_checked_is_named(
     client: RosClient, has_service: bool, reason: str,

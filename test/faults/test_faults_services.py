@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in what is asked of services: each is answered or passed over, and control goes on."""
+"""Invalid service requests: each is answered or ignored, and control continues."""
 
 from collections.abc import Iterator
 import random
@@ -30,7 +30,7 @@ from raw_requests import LENGTH, RawRequests
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
-from request_bench import ControlGoesOn
+from request_bench import ControlContinues
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -39,39 +39,39 @@ from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
 from service_requests import REFUSALS, SERVICES
 from std_srvs.srv import SetBool, Trigger
 
-GROUP = 'Requests to services'
-REFUSED = '`success` false with field, value and what was expected; control goes on'
-PASSED_OVER = 'passed over, as nobody can answer it; control goes on'
+GROUP = 'Service requests'
+REFUSED = '`success` false with field, value and expectation; control continues'
+IGNORED = 'ignored, because no answer is possible; control continues'
 RAW_TYPES = {
     **SERVICES, 'set_parameters': SetParameters, 'get_parameters': GetParameters,
     'set_parameters_atomically': SetParametersAtomically, 'change_state': ChangeState}
 MOST_MEMORY = 1.5 * 2**30
-"""[bytes]: the limit of a node, what it starts with, and some air."""
+"""Memory limit of a node, its memory at the start, and a margin [bytes]."""
 
 
 @pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlGoesOn]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+def control(client: RosClient) -> Iterator[ControlContinues]:
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_services') as bench:
-        yield ControlGoesOn(bench)
+        yield ControlContinues(bench)
 
 
 @pytest.fixture(scope='module')
-def large(control: ControlGoesOn) -> Iterator[LargeRequests]:
-    """Return a process that makes large requests."""
+def large(control: ControlContinues) -> Iterator[LargeRequests]:
+    """Return a process that sends large requests."""
     with LargeRequests(control.bench.namespace) as process:
         yield process
 
 
 @pytest.fixture(scope='module')
-def raw(control: ControlGoesOn) -> Iterator[RawRequests]:
-    """Return a process that makes requests of any bytes."""
+def raw(control: ControlContinues) -> Iterator[RawRequests]:
+    """Return a process that sends arbitrary bytes as requests."""
     with RawRequests(control.bench.namespace) as process:
         yield process
 
 
 def memory_of(bench: FaultBench) -> int:
-    """Return the most memory [bytes] that the node has had at a time."""
+    """Return the peak memory of the node [bytes]."""
     with open(f'/proc/{bench.node.pid}/status', encoding='utf-8') as status:
         return 1024 * int(next(line for line in status if line.startswith('VmHWM')).split()[1])
 
@@ -83,12 +83,12 @@ def memory_of(bench: FaultBench) -> int:
         GROUP, f'malformed requests to `~/{service}`: {words}', REFUSED))
     for service, words in (
         ('inverse_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links, overflow'),
-        ('inverse_dynamics_batch', 'no whole samples, other counts, NaN, overflow'),
-        ('inverse_dynamics_trajectory', 'empty, two points at one time'),
+        ('inverse_dynamics_batch', 'incomplete samples, different counts, NaN, overflow'),
+        ('inverse_dynamics_trajectory', 'empty, two points at the same time'),
         ('forward_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links'),
         ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
         ('set_payload', 'an unknown link, a negative or infinite time'))])
-def test_malformed_requests(control: ControlGoesOn, service: str) -> None:
+def test_malformed_requests(control: ControlContinues, service: str) -> None:
     cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
     assert cases
     with control.checked():
@@ -99,7 +99,7 @@ def test_malformed_requests(control: ControlGoesOn, service: str) -> None:
 
 
 @fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)
-def test_a_payload_beyond_numbers(control: ControlGoesOn) -> None:
+def test_a_payload_beyond_numbers(control: ControlContinues) -> None:
     request = SetPayload.Request()
     request.payload.header.frame_id, request.payload.inertia.m = 'tool0', 1.7e308
     with control.checked():
@@ -109,8 +109,9 @@ def test_a_payload_beyond_numbers(control: ControlGoesOn) -> None:
             'payload.inertia.m is 1.7e+308, expected a number in [0, 1e+09]')
 
 
-@fault(GROUP, '`~/reset_fault` without a fault', '`success` false, says so; control goes on')
-def test_a_reset_without_a_fault(control: ControlGoesOn) -> None:
+@fault(GROUP, '`~/reset_fault` without a fault',
+       '`success` false, reported in the message; control continues')
+def test_a_reset_without_a_fault(control: ControlContinues) -> None:
     with control.checked():
         response = control.ask('reset_fault', Trigger)
         assert (response.success, response.message) == (False, 'there is no fault')
@@ -121,38 +122,40 @@ def test_a_reset_without_a_fault(control: ControlGoesOn) -> None:
 @pytest.mark.parametrize(('case', 'message'), [
     pytest.param(case, message, marks=fault(GROUP, words, expected))
     for case, message, words, expected in (
-        ('batch', '', f'a batch of {SAMPLES:,} samples', 'answered right; control goes on'),
+        ('batch', '', f'a batch of {SAMPLES:,} samples', 'correct answer; control continues'),
         ('points', "effort of 'joint1' is .* times its limit",
-         f'a trajectory of {POINTS:,} points', 'answered right; control goes on'),
-        ('wrenches', '', f'{WRENCHES:,} external wrenches', 'answered right; control goes on'),
+         f'a trajectory of {POINTS:,} points', 'correct answer; control continues'),
+        ('wrenches', '', f'{WRENCHES:,} external wrenches', 'correct answer; control continues'),
         ('names', r"^joint_names has 'joint3', expected \['joint1', 'joint2'\]$",
          '200,000 joint names', REFUSED),
         ('one_name', r"^joint_names has 'xxx.* … .*x', expected \['joint1', 'joint2'\]$",
-         'a joint name of 10 million characters', 'refused with a short message; control goes on'),
+         'a joint name of 10 million characters',
+         'rejected with a short message; control continues'),
         ('link_name', r"^payload\.header\.frame_id is 'xxx.* … .*x', expected one of the links",
-         'a link name of 10 million characters', 'refused with a short message; control goes on'),
+         'a link name of 10 million characters',
+         'rejected with a short message; control continues'),
     )])
 def test_large_requests(
-    control: ControlGoesOn, large: LargeRequests, case: str, message: str, seen: Any,
+    control: ControlContinues, large: LargeRequests, case: str, message: str, seen: Any,
 ) -> None:
     with control.checked():
         answer = large.call(case)
     assert answer.is_right
     assert re.search(message, answer.message), answer.message[:200]
     assert len(answer.message) < 5000
-    seen(f'in {answer.seconds:.2g} s; longest pause of the efforts '
+    seen(f'answered in {answer.seconds:.2g} s; longest gap between commands '
          f'{1e3 * control.longest_pause:.0f} ms')
 
 
-# --- many, and dying -----------------------------------------------------------------------------
+# --- many clients, and clients that are killed ---------------------------------------------------
 
 @fault(GROUP, '20 clients with 5 requests each at the same time',
-       'each gets the answer to its own question; control goes on')
-def test_many_clients_at_the_same_time(control: ControlGoesOn, seen: Any) -> None:
+       'each client gets the answers to its own requests; control continues')
+def test_many_clients_at_the_same_time(control: ControlContinues, seen: Any) -> None:
     node, name = control.bench.client.node, control.bench.name('inverse_dynamics')
     dynamics = ArmDynamics(load_arm(default_arm_urdf()))
     positions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 5, 2))
-    # Each hears the answers to all, and keeps 10 of them where it is not told otherwise.
+    # Each client receives the answers to all clients; by default it keeps 10 of them.
     deep = QoSProfile(depth=positions[..., 0].size)
     clients = [node.create_client(InverseDynamics, name, qos_profile=deep) for _ in positions]
     with control.checked():
@@ -171,12 +174,12 @@ def test_many_clients_at_the_same_time(control: ControlGoesOn, seen: Any) -> Non
             assert future.result().effort == pytest.approx(dynamics.rigid_body.gravity(q))
     for service in clients:
         node.destroy_client(service)
-    seen(f'longest pause of the efforts {1e3 * control.longest_pause:.0f} ms')
+    seen(f'longest gap between commands {1e3 * control.longest_pause:.0f} ms')
 
 
-@fault(GROUP, 'a client killed while its request is answered',
-       'the next client gets its answer; control goes on')
-def test_a_client_that_dies_mid_call(control: ControlGoesOn) -> None:
+@fault(GROUP, 'a client that is killed during its request',
+       'the next client gets its answer; control continues')
+def test_a_client_that_dies_mid_call(control: ControlContinues) -> None:
     doomed = LargeRequests(control.bench.namespace, NO_SHARED_MEMORY)
     with control.checked():
         doomed.send('points')
@@ -185,9 +188,9 @@ def test_a_client_that_dies_mid_call(control: ControlGoesOn) -> None:
         assert response.effort == pytest.approx(G, abs=5e-9)
 
 
-@fault(GROUP, 'a client of another service type under the name of a service',
-       'never served; control goes on')
-def test_a_client_of_another_type(control: ControlGoesOn) -> None:
+@fault(GROUP, 'a client of another service type with the name of a service',
+       'no answer; control continues')
+def test_a_client_of_another_type(control: ControlContinues) -> None:
     name = control.bench.name('inverse_dynamics_batch')
     with RosClient('stranger') as stranger, control.checked():
         service = stranger.node.create_client(SetBool, name)
@@ -200,13 +203,13 @@ def test_a_client_of_another_type(control: ControlGoesOn) -> None:
 # --- raw bytes -----------------------------------------------------------------------------------
 
 def begins(count: int) -> bytes:
-    """Return a raw request that begins with a count."""
+    """Return a raw request that starts with an element count."""
     return count.to_bytes(4, 'little').ljust(LENGTH, b'\1')
 
 
-@fault(GROUP, 'random bytes as requests, to every service', PASSED_OVER)
+@fault(GROUP, 'random bytes as requests, to every service', IGNORED)
 def test_random_bytes_as_requests(
-    control: ControlGoesOn, raw: RawRequests, seen: Any,
+    control: ControlContinues, raw: RawRequests, seen: Any,
 ) -> None:
     source = random.Random(1)
     requests = [
@@ -214,15 +217,15 @@ def test_random_bytes_as_requests(
         for _ in range(8)]
     with control.checked():
         raw.send(requests)
-        for name in SERVICES:  # and no service is lost
+        for name in SERVICES:  # all services still answer
             assert not control.ask(name, SERVICES[name]).message.startswith('internal')
     assert memory_of(control.bench) < MOST_MEMORY
-    seen(f'{len(requests)} requests; longest pause of the efforts '
+    seen(f'{len(requests)} requests; longest gap between commands '
          f'{1e3 * control.longest_pause:.0f} ms')
 
 
-@fault(GROUP, 'requests that break off in the middle', PASSED_OVER)
-def test_truncated_requests(control: ControlGoesOn, raw: RawRequests) -> None:
+@fault(GROUP, 'truncated requests', IGNORED)
+def test_truncated_requests(control: ControlContinues, raw: RawRequests) -> None:
     whole = serialize_message(InverseDynamics.Request(joint_names=NAMES, position=Q))[4:]
     requests = [
         (name, SERVICES[name], whole[start:start + LENGTH])
@@ -234,10 +237,10 @@ def test_truncated_requests(control: ControlGoesOn, raw: RawRequests) -> None:
         assert response.effort == pytest.approx(G, abs=5e-9)
 
 
-@fault(GROUP, 'requests that claim to hold 4 billion, or 500 million, entries',
-       f'{PASSED_OVER}; the node takes at most 1 GiB of memory')
+@fault(GROUP, 'requests with a wrong element count, 4 billion or 500 million',
+       f'{IGNORED}; the node uses at most 1 GiB of memory')
 def test_counts_that_no_memory_holds(
-    control: ControlGoesOn, raw: RawRequests, seen: Any,
+    control: ControlContinues, raw: RawRequests, seen: Any,
 ) -> None:
     requests = [
         (name, kind, begins(count)) for name, kind in RAW_TYPES.items()
@@ -248,13 +251,12 @@ def test_counts_that_no_memory_holds(
     seen(f'at most {memory_of(control.bench) / 2**20:.0f} MiB')
 
 
-@fault(GROUP, 'a request that claims to hold 8 million names, and holds none',
-       'passed over; control may pause while the middleware makes room for them, and comes back '
-       'by itself')
-def test_a_count_that_takes_its_time(
-    control: ControlGoesOn, raw: RawRequests, seen: Any,
+@fault(GROUP, 'a request with an element count of 8 million names, without names',
+       'ignored; control may pause while the middleware allocates memory; commands resume')
+def test_a_count_that_delays_control(
+    control: ControlContinues, raw: RawRequests, seen: Any,
 ) -> None:
     with control.checked(with_faults=True):
         raw.send([('inverse_dynamics', InverseDynamics, begins(2**23))])
     assert memory_of(control.bench) < MOST_MEMORY
-    seen(f'longest pause of the efforts {1e3 * control.longest_pause:.0f} ms')
+    seen(f'longest gap between commands {1e3 * control.longest_pause:.0f} ms')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults while references are followed: silence, jumps, and states without velocities."""
+"""Faults during references: stream timeouts, steps, and states without velocities."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,9 +34,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'References'
 TIMEOUT = 0.5
-"""[s] of `reference_timeout` when a stream has ended."""
+"""`reference_timeout` [s] after the end of a stream."""
 NEVER = {'reference_timeout': 60.0}
-"""During a stream: no pause of it on a loaded machine ends it."""
+"""`reference_timeout` during a stream, longer than any pause on a loaded machine."""
 GOAL = [Q[0] + 0.01, Q[1]]
 LIMITS = 150.0, 60.0
 """Effort limits of the default arm [N m]."""
@@ -44,21 +44,21 @@ LIMITS = 150.0, 60.0
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_set_points', NEVER) as one:
         yield one
 
 
 @pytest.fixture(scope='module')
 def direct(client: RosClient) -> Iterator[FaultBench]:
-    """Return another one, whose set-points reach the control law as they are, while they come."""
+    """Return a node that passes set-points to the control law without conditioning."""
     with fault_bench(client, '/faults_direct', {
             **NEVER, **DIRECT, 'reference_loss': 'gravity_compensation'}) as one:
         yield one
 
 
 def rest(bench: FaultBench) -> None:
-    """Let the node hold the arm, by a trajectory, which ends any stream."""
+    """Make the node hold the arm with a trajectory, which ends any stream."""
     bench.trajectories.publish(JointTrajectory(joint_names=NAMES, points=[
         JointTrajectoryPoint(positions=Q, time_from_start=Duration(nanosec=nanosec))
         for nanosec in (0, 1000)]))
@@ -67,7 +67,7 @@ def rest(bench: FaultBench) -> None:
 
 @contextmanager
 def short_timeout(bench: FaultBench) -> Iterator[None]:
-    """Let a stream that has ended be over after `TIMEOUT`."""
+    """Set `reference_timeout` to `TIMEOUT`, so that a stream without new set-points times out."""
     bench.set_parameters(reference_timeout=TIMEOUT)
     try:
         yield
@@ -76,25 +76,25 @@ def short_timeout(bench: FaultBench) -> Iterator[None]:
 
 
 def is_gravity(message: Any) -> bool:
-    """Tell whether an effort holds the arm and nothing else."""
+    """Return whether a command is g(q)."""
     return bool(np.allclose(message.effort, G, atol=1e-6))
 
 
 def wait_now(bench: FaultBench, predicate: Callable[[Any], bool]) -> float:
-    """Wait for an effort from now on; return when it came."""
+    """Wait for a new command; return its time of arrival [s]."""
     bench.efforts.clear()
     bench.efforts.wait_for(predicate)
     return next(t for t, message in bench.efforts.since(0.0) if predicate(message))
 
 
 def has_paused(status: DiagnosticStatus, more_than: int) -> bool:
-    """Return whether more streams than so many have paused."""
+    """Return whether more than this number of streams have timed out."""
     return figure_of(status, 'streams that paused') > more_than
 
 
-@fault(GROUP, 'set-points at 50 Hz that pause, `reference_loss: hold`',
+@fault(GROUP, 'set-points at 50 Hz that time out, `reference_loss: hold`',
        'followed for `reference_timeout` (0.5 s in this test), then a planned stop, and the '
-       'position is held; reported and counted; followed again from the next set-point on')
+       'position is held; reported and counted; the next set-point is followed again')
 def test_a_stream_that_pauses(bench: FaultBench) -> None:
     bench.check_alive()
     for _ in range(2):
@@ -108,15 +108,15 @@ def test_a_stream_that_pauses(bench: FaultBench) -> None:
         assert status.level == DiagnosticStatus.WARN
         assert status.message == (
             'ended early: the stream of set-points paused for more than reference_timeout')
-        bench.efforts.clear()  # the arm of this test is still away from its reference
+        bench.efforts.clear()  # the simulated arm has not moved to its reference
         assert not any(map(is_gravity, bench.efforts.wait_count(100)))
     assert 'The stream of set-points paused' in bench.node.log
     rest(bench)
 
 
-@fault(GROUP, 'set-points at 50 Hz that pause, `reference_loss: gravity_compensation`',
-       'followed for `reference_timeout` (0.5 s in this test), then gravity compensation, told '
-       'and counted; followed again from the next set-point on')
+@fault(GROUP, 'set-points at 50 Hz that time out, `reference_loss: gravity_compensation`',
+       'followed for `reference_timeout` (0.5 s in this test), then gravity compensation; '
+       'reported and counted; the next set-point is followed again')
 def test_a_stream_that_pauses_for_hand_guiding(
     bench: FaultBench, seen: Callable[[str], Any],
 ) -> None:
@@ -142,7 +142,7 @@ def test_a_stream_that_pauses_for_hand_guiding(
     rest(bench)
 
 
-@fault(GROUP, 'one set-point, and silence', 'it is held: one alone is no stream')
+@fault(GROUP, 'a single set-point', 'held, because one set-point is not a stream')
 def test_one_set_point_is_held(bench: FaultBench) -> None:
     bench.check_alive()
     bench.set_point(GOAL)
@@ -156,8 +156,8 @@ def test_one_set_point_is_held(bench: FaultBench) -> None:
 
 
 @fault(GROUP, 'joint states without velocities, with `require_measured_velocities`',
-       'gravity compensation, and the reference ends, reported; a set-point is rejected; nothing '
-       'on `~/computed_torque`; when velocities are back, the position is held')
+       'gravity compensation; the reference ends, with a report; a set-point is rejected; no '
+       'message on `~/computed_torque`; with velocities again, the position is held')
 def test_states_without_velocities(bench: FaultBench) -> None:
     rest(bench)
     with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
@@ -195,7 +195,7 @@ JUMPS = (
 @pytest.mark.parametrize('more', [
     pytest.param(more, id=words, marks=fault(
         GROUP, f'{words}, `condition_references: false`',
-        'no effort beyond the effort limits, nor faster than `effort_rate_limit`'))
+        'the command stays within the effort limits and `effort_rate_limit`'))
     for words, more in JUMPS])
 def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> None:
     bench = direct
@@ -213,9 +213,9 @@ def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> Non
     rest(bench)
 
 
-@fault(GROUP, 'set-points that jump by 4 rad, 50 times a second, `condition_references: false`',
-       'no effort beyond the effort limits, nor faster than `effort_rate_limit`')
-def test_set_points_that_jump_all_the_time(
+@fault(GROUP, 'set-points that jump by 4 rad at 50 Hz, `condition_references: false`',
+       'the command stays within the effort limits and `effort_rate_limit`')
+def test_a_stream_of_set_points_that_jump(
     direct: FaultBench, seen: Callable[[str], Any],
 ) -> None:
     bench = direct
@@ -229,14 +229,14 @@ def test_set_points_that_jump_all_the_time(
     efforts = np.array([message.effort for message in messages])
     assert (np.abs(efforts) <= LIMITS).all()
     check_rate(bench.efforts)
-    seen(f'efforts of joint1 between {efforts[:, 0].min():.0f} and {efforts[:, 0].max():.0f} N m')
+    seen(f'commands of joint1 between {efforts[:, 0].min():.0f} and {efforts[:, 0].max():.0f} N m')
     rest(bench)
 
 
 @pytest.mark.parametrize('more', [
     pytest.param(more, id=words, marks=fault(
         GROUP, f'{words}, by default', 'rejected, or approached within all limits of the arm: '
-        'the effort changes no faster than `effort_rate_limit` and stays below its limits'))
+        'the command stays within the effort limits and `effort_rate_limit`'))
     for words, more in JUMPS])
 def test_a_set_point_far_away(bench: FaultBench, more: dict[str, Any]) -> None:
     rest(bench)

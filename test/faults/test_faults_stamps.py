@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in when joint states are from, and in who sends them: stamps, jumps, two publishers."""
+"""Faults of the stamps and publishers of joint states: age, jumps, two publishers."""
 
 from collections.abc import Callable, Iterator
 import time
@@ -31,25 +31,26 @@ from ros_harness import RosClient, wait_until
 from sensor_msgs.msg import JointState
 
 GROUP = 'Stamps of joint states'
-PUBLISHERS = 'Joint states that contradict each other'
+PUBLISHERS = 'Inconsistent joint states'
 ELSEWHERE = [Q[0] + 3.0, Q[1]]
 GOAL = [Q[0] + 0.05, Q[1]]
-DROPPED = 'dropped and told; fault `state_timeout` where nothing else comes; back by itself'
+DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(client, '/faults_stamps') as one:
         yield one
 
 
 @pytest.mark.parametrize(('seconds', 'reason', 'words'), [
     pytest.param(-10.0, 'too old', 's old, expected at most 9 s (state_max_age)',
-                 marks=fault(GROUP, '10 s in the past', DROPPED)),
+                 marks=fault(GROUP, 'stamps 10 s in the past', DROPPED)),
     pytest.param(10.0, 'from the future', 's in the future, expected at most 9 s',
-                 marks=fault(GROUP, '10 s in the future', DROPPED)),
-    pytest.param(-1.7e9, 'too old', 's old', marks=fault(GROUP, '54 years in the past', DROPPED)),
+                 marks=fault(GROUP, 'stamps 10 s in the future', DROPPED)),
+    pytest.param(-1.7e9, 'too old', 's old',
+                 marks=fault(GROUP, 'stamps 54 years in the past', DROPPED)),
 ])
 def test_stamps_of_another_time(
     bench: FaultBench, seconds: float, reason: str, words: str,
@@ -63,17 +64,18 @@ def test_stamps_of_another_time(
 
 
 def moving(message: JointState) -> JointState:
-    """Return a state a little further on each time."""
+    """Return a state whose position changes a little each time."""
     message.position[0] += 0.01 * np.sin(5.0 * time.monotonic())
     return message
 
 
 @pytest.mark.parametrize('change', [
     pytest.param(change, marks=fault(
-        GROUP, words, 'no news: the last effort is said again, then fault `state_timeout`; '
-        'counted; back by itself'))
+        GROUP, words, 'not new: the last command is repeated, then fault `state_timeout`; '
+        'counted; commands resume'))
     for words, change in (
-        ('frozen', lambda message: message), ('frozen, with positions that move', moving))])
+        ('constant stamps', lambda message: message),
+        ('constant stamps with changing positions', moving))])
 def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     bench.check_alive()
     before = bench.known('joint states', 'not new (stamp repeated)')
@@ -88,7 +90,7 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     efforts = [message.effort for message in bench.efforts.messages
                if message.header.stamp == stamp_of(stamp)]
     assert len(efforts) > 1
-    for effort in efforts:  # what holds the arm where it was then, or a share of it
+    for effort in efforts:  # g(q) of the first state with this stamp, or a fraction of it
         fraction = np.divide(effort, efforts[0])
         assert fraction == pytest.approx([fraction[0]] * 2, abs=1e-6)
         assert 0.0 <= fraction[0] <= 1.0 + 1e-9
@@ -99,11 +101,11 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
 
 @pytest.mark.parametrize(('driver', 'change', 'reason'), [
     pytest.param(driver, change, reason, marks=fault(
-        PUBLISHERS, words, 'fault `several_publishers`, with joint or stamp named, until 100 '
-        'states in a row agree; as long as there are valid states they are answered by what holds '
-        'the arm; ends automatically'))
+        PUBLISHERS, words, 'fault `several_publishers` that names joint or stamp, until 100 '
+        'consecutive states are consistent; valid states are answered with g(q); ends '
+        'automatically'))
     for words, driver, change, reason in (
-        ('two publishers, of poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
+        ('two publishers with poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
         ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back'))])
 def test_two_publishers(
     bench: FaultBench, driver: dict[str, Any], change: Change, reason: str, seen: Any,
@@ -115,30 +117,30 @@ def test_two_publishers(
         status = bench.wait_fault('several_publishers')
         assert 'there are several publishers of joint_states' in status.message
         bench.wait_dropped(reason, dropped)
-        wait_states(bench, 150)  # with as many of the other: more than is needed to recover
+        wait_states(bench, 150)  # and as many of the other: more than recovery needs
         assert bench.status('command').level == DiagnosticStatus.ERROR
         assert bench.known('command', 'faults: several_publishers') == before + 1
         bench.efforts.clear()
         messages = bench.efforts.wait_count(200)  # for longer than hold_time and ramp_time
-        # of the pose that is believed, or between what holds the arm in both
+        # g(q) of the accepted pose, or a value between g(q) of both poses
         poses = np.array([G, gravity(driver.get('q', Q))])
         for message in messages:
             assert (poses.min(axis=0) - 1e-6 <= message.effort).all()
             assert (message.effort <= poses.max(axis=0) + 1e-6).all()
         assert bench.status('command').level == DiagnosticStatus.ERROR
-    seen('one fault for as long as both published')
+    seen('one continuous fault while both publish')
     bench.check_alive()
 
 
 # --- one publisher -------------------------------------------------------------------------------
 
 def gravity(q: list[float]) -> Any:
-    """Return what holds the default arm at q."""
+    """Return g(q) of the default arm."""
     return ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(q))
 
 
 def follow(bench: FaultBench) -> None:
-    """Let the node follow a reference."""
+    """Make the node follow a reference."""
     bench.check_alive()
     bench.set_point(GOAL)
     bench.wait_status('reference', lambda status: status.message == 'following')
@@ -149,9 +151,9 @@ def disturb_until_noticed(
     bench: FaultBench, reason: str, disturb: Callable[[], None], undo: Callable[[], None],
 ) -> None:
     """
-    Let one publisher contradict itself until the node restarts its estimates for this reason.
+    Publish inconsistent states of one publisher until the node restarts its estimates.
 
-    Between states that are far apart, as no process got a processor, nothing is a contradiction.
+    States far apart in time, as on a loaded machine, are not inconsistent: hence the repetition.
     """
     before = bench.figure('joint states', f'started anew: {reason}')
 
@@ -161,12 +163,12 @@ def disturb_until_noticed(
         disturb()
         return bench.figure('joint states', f'started anew: {reason}') > before
 
-    wait_until(is_noticed, f'{reason} that is noticed')
+    wait_until(is_noticed, f'a restart because of {reason}')
 
 
-@fault(PUBLISHERS, 'one publisher, whose arm is suddenly 3 rad further',
-       'believed, as a robot or simulator that was set back: the reference ends, reported; the '
-       'arm is held where it is measured, the effort goes there no faster than its rate limit')
+@fault(PUBLISHERS, 'one publisher whose position jumps by 3 rad',
+       'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
+       'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_jumps(bench: FaultBench) -> None:
     follow(bench)
     faults = bench.known('command', 'faults: several_publishers')
@@ -188,9 +190,9 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@fault(PUBLISHERS, 'one publisher, whose stamps are set back by 1 s',
-       'believed likewise: the reference ends, reported; the arm is held where it is measured, '
-       'the effort goes there no faster than its rate limit')
+@fault(PUBLISHERS, 'one publisher whose stamps go back by 1 s',
+       'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
+       'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
     follow(bench)
     def shift(seconds: float) -> None:
@@ -200,6 +202,6 @@ def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
     bench.wait_status('reference', lambda status: (
         status.message == 'ended early: joint states restarted: stamp went back'))
     wait_until(
-        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
+        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q)')
     check_rate(bench.efforts)
     bench.check_alive()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults in what joint states say: values, joints and lengths; and states that are only odd."""
+"""Joint states with invalid values, joints or lengths, and anomalous but valid states."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -28,20 +28,20 @@ from sensor_msgs.msg import JointState
 
 NAN, INF = float('nan'), float('inf')
 GROUP = 'Joint states'
-DROPPED = 'dropped and told; fault `state_timeout` where nothing else comes; back by itself'
-ANSWERED = 'answered as ever'
+DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
+ANSWERED = 'answered as usual'
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, as tests leave it."""
+    """Return a node that commands gravity compensation; tests restore its state."""
     with fault_bench(
             client, '/faults_states', {'robot_description': default_arm_urdf()}) as one:
         yield one
 
 
 def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str = '') -> None:
-    """Let the driver send nothing but this: it is counted and told of, and a fault follows."""
+    """Check that these states are counted and reported as dropped, and cause a fault."""
     key = f'dropped: {reason}'
     before = bench.known('joint states', key)
     bench.driver.change = change
@@ -54,12 +54,13 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str 
 @pytest.mark.parametrize(('fields', 'reported'), [
     pytest.param(fields, reported, marks=fault(GROUP, words, DROPPED))
     for words, fields, reported in (
-        ('NaN in a position that is used', {'position': [NAN, 0.0]}, "position of 'joint1' is"),
-        ('infinity in a position that is used', {'position': [0.0, INF]},
+        ('NaN in a position of a joint in use', {'position': [NAN, 0.0]},
+         "position of 'joint1' is"),
+        ('infinity in a position of a joint in use', {'position': [0.0, INF]},
          "position of 'joint2' is"),
-        ('infinity in a velocity that is used', {'velocity': [0.0, -INF]},
+        ('infinity in a velocity of a joint in use', {'velocity': [0.0, -INF]},
          "velocity of 'joint2' is"),
-        ('a joint twice', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
+        ('a duplicate joint', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
          "name has 'joint1' twice"),
         ('fewer positions than names', {'position': Q[:1]}, 'position has 1 values, expected 2'),
         ('more positions than names', {'position': [*Q, 0.0]},
@@ -75,8 +76,8 @@ def test_a_state_that_cannot_be_used(
     check_dropped(bench, altered(**fields), 'invalid', reported)
 
 
-@fault(GROUP, 'a joint missing', 'reported as incomplete, with the joint; fault `state_timeout`; '
-       'back by itself')
+@fault(GROUP, 'a missing joint', 'reported as incomplete, with the joint; fault `state_timeout`; '
+       'commands resume')
 def test_a_joint_that_is_missing(bench: FaultBench) -> None:
     bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[0.0])
     bench.wait_status('joint states', lambda status: (
@@ -88,9 +89,9 @@ def test_a_joint_that_is_missing(bench: FaultBench) -> None:
 
 @pytest.mark.parametrize('velocity', [
     pytest.param(velocity, marks=fault(
-        GROUP, words, 'velocities are estimated from the positions; told once'))
+        GROUP, words, 'velocities are estimated from the positions; logged once'))
     for words, velocity in (
-        ('NaN in a velocity that is used', [NAN, 0.0]),
+        ('NaN in a velocity of a joint in use', [NAN, 0.0]),
         ('no velocities', []))])
 def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -> None:
     bench.check_alive()
@@ -107,12 +108,12 @@ def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -
 
 @pytest.mark.parametrize('change', [
     pytest.param(change, marks=fault(
-        GROUP, words, 'passed over and counted; fault `state_timeout` where nothing else comes; '
-        'back by itself'))
+        GROUP, words, 'ignored and counted; fault `state_timeout` without valid states; '
+        'commands resume'))
     for words, change in (
         ('an empty message', lambda _: JointState()),
         ('positions without names', altered(name=[])),
-        ('joints of another robot alone', altered(name=['left', 'right'])),
+        ('only joints of another robot', altered(name=['left', 'right'])),
     )])
 def test_a_state_of_no_joint_of_this_arm(
     bench: FaultBench, change: Callable[[JointState], JointState],
@@ -124,17 +125,17 @@ def test_a_state_of_no_joint_of_this_arm(
     pytest.param(fields, marks=fault(GROUP, words, ANSWERED)) for words, fields in (
         ('NaN efforts', {'effort': [NAN, NAN]}),
         ('fewer efforts than names', {'effort': [1.0]}),
-        ('NaN and infinity for joints that are not used', {
+        ('NaN and infinity for joints not in use', {
             'name': [*NAMES, 'wheel'], 'position': [*Q, NAN], 'velocity': [0.0, 0.0, INF]}),
         ('another order of joints', {'name': NAMES[::-1], 'position': Q[::-1]}),
-        ('joints beside those of the arm', {
+        ('additional joints', {
             'name': ['wheel', NAMES[0], 'lid', NAMES[1]],
             'position': [9.0, Q[0], -9.0, Q[1]], 'velocity': [1.0, 0.0, 1.0, 0.0]}),
-        ('a joint that is not used twice', {
+        ('a duplicate joint that is not in use', {
             'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
         ('no stamp (0)', {'header': JointState().header}),
     )])
-def test_a_state_that_is_only_odd(bench: FaultBench, fields: dict[str, Any]) -> None:
+def test_an_anomalous_state(bench: FaultBench, fields: dict[str, Any]) -> None:
     bench.check_alive()
     before = bench.efforts.messages
     bench.driver.change = altered(**fields)
@@ -146,7 +147,7 @@ def test_a_state_that_is_only_odd(bench: FaultBench, fields: dict[str, Any]) -> 
 
 
 def many_joints(names: list[str], count: int) -> Change:
-    """Return what puts joints of an arm among so many others."""
+    """Return a change that adds other joints, up to `count` in total."""
     others = [f'other{i}' for i in range(count - len(names))]
     message = JointState(
         name=[*others, *names], position=[0.0] * len(others) + Q[:len(names)],
@@ -159,7 +160,7 @@ def many_joints(names: list[str], count: int) -> Change:
     return change
 
 
-@fault(GROUP, 'the joints of the arm among 10,000 others', ANSWERED)
+@fault(GROUP, '10,000 additional joints', ANSWERED)
 def test_many_joints(bench: FaultBench) -> None:
     bench.check_alive()
     before = bench.efforts.messages
@@ -172,10 +173,10 @@ def test_many_joints(bench: FaultBench) -> None:
 @pytest.mark.parametrize('names', [
     pytest.param(names, marks=fault(
         GROUP, f'a message of 200,000 joints, {words}',
-        'dropped unread and told in a short line: making it a message would hold up control; '
-        'fault `state_timeout` where nothing else comes; back by itself'))
+        'dropped undecoded, because decoding would delay control; reported in a short line; '
+        'fault `state_timeout` without valid states; commands resume'))
     for words, names in (
-        ('those of the arm among them', NAMES), ('none of them of the arm', []))])
+        ('including those of the arm', NAMES), ('without those of the arm', []))])
 def test_a_message_of_200_000_joints(bench: FaultBench, names: list[str]) -> None:
     check_dropped(
         bench, many_joints(names, 200_000), 'unreadable', 'bytes, expected at most 1000000')

@@ -261,10 +261,10 @@ def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> No
 
 # --- the closed loop -----------------------------------------------------------------------------
 
-@fault('Processes that fall silent, stall and are killed',
+@fault('Timeouts, stalls and kills of processes',
        'SIGKILL of `dynamics` while it moves `simulated_arm`',
-       'after `command_timeout` the arm stands on its brakes, its velocity exactly 0, and says '
-       'so; another `dynamics` holds it where it stands and moves it on')
+       'after `command_timeout` the brakes engage, the velocity is exactly 0, and the arm logs '
+       'it; another `dynamics` holds the arm there and moves it again')
 def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
     client: RosClient,
 ) -> None:

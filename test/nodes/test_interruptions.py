@@ -46,8 +46,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-GROUP = 'Interruptions of a reference'
-HELD = 'the effort stays within 5 N m of what holds the arm where it is measured'
+GROUP = 'Reference interruptions'
+HELD = 'the command stays within 5 N m of g(q) at the measured position'
 LIMIT = 2.5
 """[rad]: position limits of both joints."""
 URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
@@ -137,7 +137,7 @@ def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
 
 # --- trajectories that are sent while nothing can be followed ------------------------------------
 
-@fault(GROUP, 'a trajectory and a set-point during an outage of the joint states',
+@fault(GROUP, 'a trajectory and a set-point during a timeout of the joint states',
        f'rejected with the fault as the reason; after recovery {HELD}')
 def test_an_outage(arm: FaultBench) -> None:
     arm.driver.be_quiet()
@@ -154,7 +154,7 @@ def test_an_outage(arm: FaultBench) -> None:
     follow(arm, ELSEWHERE)  # a later one is followed
 
 
-@fault(GROUP, 'a trajectory and a set-point in a fault `position_limit`',
+@fault(GROUP, 'a trajectory and a set-point during the fault `position_limit`',
        f'rejected with the fault as the reason; during the fault and after it {HELD}')
 def test_a_position_limit(arm: FaultBench) -> None:
     arm.set_parameters(command='gravity_compensation')
@@ -200,8 +200,8 @@ def change_state(bench: FaultBench, transition: int) -> None:
     assert response.success
 
 
-@fault(GROUP, 'deactivation, the arm is moved by hand, activation',
-       f'a trajectory that is sent in between is rejected; after activation {HELD}')
+@fault(GROUP, 'deactivation; the arm is moved by hand; activation',
+       f'a trajectory sent in between is rejected; after activation {HELD}')
 def test_deactivation(arm: FaultBench) -> None:
     change_state(arm, DEACTIVATE)
     assert arm.next_status('reference').message == 'ended early: the node was deactivated'
@@ -215,8 +215,8 @@ def test_deactivation(arm: FaultBench) -> None:
 
 @pytest.mark.parametrize('command', [
     pytest.param(command, marks=fault(
-        GROUP, f'`command: {command}`, the arm is moved by hand, `command: computed_torque`',
-        f'a trajectory that is sent in between is rejected; afterwards {HELD}'))
+        GROUP, f'`command: {command}`; the arm is moved by hand; `command: computed_torque`',
+        f'a trajectory sent in between is rejected; afterwards {HELD}'))
     for command in ('gravity_compensation', 'none')])
 def test_another_command(arm: FaultBench, command: str) -> None:
     arm.set_parameters(command=command)
@@ -237,9 +237,9 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     follow(arm, ELSEWHERE)
 
 
-@fault(GROUP, 'velocities that are required (`require_measured_velocities`) are absent, the arm '
-       'is moved by hand, velocities are back',
-       f'a trajectory that is sent in between is rejected; afterwards {HELD}')
+@fault(GROUP, '`require_measured_velocities`: velocities are missing; the arm is moved by hand; '
+       'velocities return',
+       f'a trajectory sent in between is rejected; afterwards {HELD}')
 def test_velocities_that_are_absent(arm: FaultBench) -> None:
     arm.set_parameters(require_measured_velocities=True)
     arm.driver.change = altered(velocity=[])
@@ -332,7 +332,7 @@ def slow_trajectory() -> JointTrajectory:
 
 
 @fault(GROUP, '`~/stop` while a trajectory is followed',
-       'a planned stop on its path, then the position is held, reported until the next reference')
+       'a planned stop along its path; the position is held; reported until the next reference')
 def test_stop_on_a_trajectory(arm: FaultBench) -> None:
     with IdealArm(arm) as ideal:
         arm.trajectories.publish(slow_trajectory())
@@ -349,7 +349,8 @@ def test_stop_on_a_trajectory(arm: FaultBench) -> None:
         follow(arm, where)  # the next reference
 
 
-@fault(GROUP, '`~/stop` without a reference', 'a planned stop from the measured state; it is held')
+@fault(GROUP, '`~/stop` without a reference',
+       'a planned stop from the measured state; the position is held')
 def test_stop_without_a_reference(arm: FaultBench) -> None:
     arm.set_parameters(command='gravity_compensation')
     move_by_hand(arm, ELSEWHERE)
@@ -368,7 +369,7 @@ BATCHES, SAMPLES = 20, 100_000
 
 
 @fault(GROUP, '`~/stop` while 20 batches of 100,000 samples are computed',
-       'answered, and acts, before the batches are')
+       'answered, and effective, before the batches are answered')
 def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], Any]) -> None:
     node = arm.client.node
     service = node.create_client(InverseDynamicsBatch, arm.name('inverse_dynamics_batch'))
@@ -391,13 +392,13 @@ def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], 
             assert response.message.startswith('stopping along the reference')
             wait_until(lambda: len(answered) > before, 'the answer of a later batch', LONG)
             ideal.check_stopped()
-            seen(f'in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
+            seen(f'answered in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
     finally:
         node.destroy_client(service)
 
 
 @fault(GROUP, '`~/stop` while the node is unconfigured or inactive',
-       '`success` true, and the message explains that there is nothing to stop')
+       '`success` true; the message explains that there is nothing to stop')
 def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
     with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
         words = 'nothing to stop: the node is not active'
@@ -422,8 +423,8 @@ def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
         bench.set_parameters(reference_timeout=0.1)
 
 
-@fault(GROUP, 'a stream of set-points, each a little further on, that pauses',
-       'a planned stop, then the position is held, reported and counted')
+@fault(GROUP, 'a stream of moving set-points that times out',
+       'a planned stop, then the position is held; reported and counted')
 def test_a_stream_that_pauses(arm: FaultBench) -> None:
     before = arm.known('reference', 'streams that paused')
     begin, sent = time.monotonic(), [Q]
@@ -452,7 +453,7 @@ def test_a_stream_that_pauses(arm: FaultBench) -> None:
 # --- faults --------------------------------------------------------------------------------------
 
 @fault(GROUP, '`~/reset_fault` while the cause of a fault persists',
-       '`success` false, with the fault and its cause')
+       '`success` false; the message names the fault and its cause')
 def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
     def refusal() -> str:
         response = arm.client.call(Trigger, arm.name('reset_fault'))
@@ -523,8 +524,8 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
 
 
 @fault(GROUP, 'an arm that does not follow its reference',
-       'fault `following_error` that names joint and distance; the arm is held where it is '
-       'measured; the reference has ended')
+       'fault `following_error` that names joint and distance; the arm is held at its '
+       'measured position; the reference has ended')
 def test_a_following_error(arm: FaultBench) -> None:
     before = arm.known('command', 'faults: following_error')
     arm.set_parameters(following_error_limit=[0.05])
@@ -549,7 +550,7 @@ def test_a_following_error(arm: FaultBench) -> None:
 
 
 @fault(GROUP, 'velocities of ±1.7·10³⁰⁸ rad/s without a reference',
-       'fault `overspeed`; efforts are finite and within the limits')
+       'fault `overspeed`; commands are finite and within the limits')
 def test_velocities_beyond_numbers(arm: FaultBench) -> None:
     arm.set_parameters(command='gravity_compensation')
     arm.efforts.clear()

@@ -44,7 +44,7 @@ NAMES = ('joint1', 'joint2')
 Q = [0.4, -0.3]
 HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
 SHARED, OTHER = 'Joint states from several publishers', 'Joint states of another robot'
-NOTHING = 'nothing is published; one error names these joints and `robot_description_file`'
+NOTHING = 'no command; one error names these joints and `robot_description_file`'
 STATES = 200
 PERIOD = 10_000_000
 """[ns]"""
@@ -112,8 +112,8 @@ def wait_first_answers(publishers: Sequence[Any], nodes: Sequence[Arm]) -> None:
         SHARED, f'a gripper at the same rate as {("one arm", "two arms")[count - 1]}, {words}',
         'at least 99 % of the states of each arm are answered'))
     for count in (1, 2)
-    for order, words in (('arm first', 'after their states'), (
-        'gripper first', 'before their states'), ('any', 'in any order'))])
+    for order, words in (('arm first', 'after the arm states'), (
+        'gripper first', 'before the arm states'), ('any', 'in any order'))])
 def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) -> None:
     """Its messages arrive at the same rate, right before or after those of each arm."""
     rng = random.Random(0)
@@ -141,8 +141,8 @@ def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) ->
 
 @pytest.mark.parametrize('phase', [
     pytest.param(phase, marks=fault(
-        SHARED, f'an arm in two messages, {phase:g} of a period apart',
-        'a state is answered once per period, under the newest stamp'))
+        SHARED, f'the joints of an arm in two messages, {phase:g} periods apart',
+        'one answer per period, with the newest stamp'))
     for phase in (0.0, 0.3, 0.8)])
 def test_an_arm_in_two_messages_is_answered(client: RosClient, phase: float) -> None:
     with arms(client, 1) as (arm,):
@@ -181,7 +181,8 @@ def send_until(
 
 
 @pytest.mark.parametrize('names', [
-    pytest.param(names, marks=fault(OTHER, f'no description, and {words}', NOTHING))
+    pytest.param(names, marks=fault(
+        OTHER, f'no description, and joint states of {words}', NOTHING))
     for words, names in (
         ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
         ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
@@ -215,7 +216,7 @@ def test_the_embedded_arm_is_commanded_by_states_of_its_joints_alone(client: Ros
 
 
 @fault(OTHER, 'no description, and `~/commands` is remapped',
-       'no model; a warning names the topic and the description that is missing')
+       'no model; a warning names the topic and the missing description')
 def test_remapped_commands_need_a_description(client: RosClient) -> None:
     with NodeProcess(
             DYNAMICS, namespace='/bare', remaps={'~/commands': '/controller/commands'}) as node, \

@@ -129,8 +129,8 @@ def wait_unchanged(efforts: Collector) -> list[float]:
 
 @fault(GROUP, 'SIGKILL of `dynamics` behind a `JointGroupEffortController` (stand-in) that moves '
        '`simulated_arm`; then the controller is deactivated',
-       'the arm reaches its goal first; after SIGKILL the last efforts stay active, and the '
-       'brakes do not engage; deactivation writes 0 at once: the arm falls')
+       'the arm reaches its goal first; after SIGKILL the last command stays active, and the '
+       'brakes do not engage; deactivation writes 0 immediately: the arm falls')
 def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
     client: RosClient, stack: ExitStack,
 ) -> None:
@@ -163,9 +163,9 @@ def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
 @pytest.mark.parametrize('threshold', [
     pytest.param(threshold, marks=fault(
         GROUP, f'`trigger_joint_command_threshold` {words} (stand-in), while the arm is held',
-        'a command that equals the reported effort is not published: the brakes of '
-        '`simulated_arm` engage after `command_timeout`, the next command releases them, and so '
-        'on'))
+        'a command equal to the reported effort is not published: the brakes of '
+        '`simulated_arm` engage after `command_timeout`; the next command releases them; this '
+        'repeats'))
     for threshold, words in ((DEFAULT_THRESHOLD, 'at its default'), (0.0, 'of 0'))])
 def test_a_threshold_that_is_not_negative_lets_the_brakes_cycle(
     client: RosClient, stack: ExitStack, seen: Any, threshold: float,

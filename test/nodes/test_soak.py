@@ -141,7 +141,7 @@ def test_soak(
           f'{1e-6 * growth:.1f} MB more')
     assert not wrong
     assert int(found['not_finite']) == 0
-    assert int(found['heard']) > 0
+    assert int(found['received']) > 0
     assert growth < MOST_GROWTH
     assert 'Traceback' not in log
     if has_deadline:

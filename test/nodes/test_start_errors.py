@@ -71,75 +71,78 @@ CASES = {
     'out of range': Case({'effort_scale': 2.0}, r'effort_scale.* 2'),
     'not a number': Case({'effort_scale': NAN}, r'effort_scale.* nan'),
     'infinite': Case({'ramp_time': INF}, r'ramp_time.* inf'),
-    'no time at all': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
+    'zero time': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
     'negative time': Case({'hold_time': -1.0}, r'hold_time.* -1'),
     'negative rate': Case({'effort_rate_limit': -1.0}, r'effort_rate_limit.* -1'),
-    'unknown reaction': Case({'reference_loss': 'drop'}, r"reference_loss is 'drop', expected"),
-    'following errors without an order': Case(
+    'unknown loss action': Case({'reference_loss': 'drop'}, r"reference_loss is 'drop', expected"),
+    'several following errors without an order of the joints': Case(
         {'following_error_limit': [1.0, 2.0]},
         r'following_error_limit has 2 values, .*but the parameter joints'),
     'unknown fault action': Case({'fault_action': 'pray'}, "fault_action is 'pray', expected"),
     'not a number in an array': Case({'gains.kd': [NAN]}, r'gains\.kd\[0\] is nan'),
     'too large in an array': Case({'gains.kd': [1e9]}, r'gains\.kd\[0\] is 1e\+09'),
     'infinite gravity': Case({'gravity': [0.0, 0.0, -INF]}, r'gravity\[2\] is -inf'),
-    'time of no type': Case({'use_sim_time': 5}, r"'use_sim_time' to '5' .*expecting type 'BOOL'"),
-    'a switch of no type': Case(
+    'number for a boolean': Case(
+        {'use_sim_time': 5}, r"'use_sim_time' to '5' .*expecting type 'BOOL'"),
+    'text for a boolean': Case(
         {'start_type_description_service': 'no'}, r"description_service' .*expecting type 'BOOL'"),
-    'wrong type': Case({'effort_scale': 'half'}, r'effort_scale.*a number with a decimal point'),
-    'whole number': Case({'effort_scale': 1}, r'effort_scale.*a number with a decimal point'),
+    'text for a number': Case(
+        {'effort_scale': 'half'}, r'effort_scale.*a number with a decimal point'),
+    'integer': Case({'effort_scale': 1}, r'effort_scale.*a number with a decimal point'),
     'unknown choice': Case({'command': 'fly'}, r"command is 'fly', expected one of"),
     'negative gain': Case({'gains.kp': [-1.0]}, r'gains\.kp\[0\] is -1'),
-    'gains without an order': Case(
+    'several gains without an order of the joints': Case(
         {'gains.kp': [1.0, 2.0]}, r'gains\.kp has 2 values, .*but the parameter joints'),
     'wrong number of gains': Case(
         {'joints': ['joint1', 'joint2'], 'gains.kd': [1.0] * 3}, r'gains\.kd has 3 values'),
-    'mixed numbers': Case({'gains.kp': [1, 2.0]}, r'Sequence should be of same type.*line_num'),
-    'gravity': Case({'gravity': [0.0, 0.0]}, r'gravity has 2 values, expected 3'),
-    'rate': Case({'rate': 0.0}, r'rate.* 0', SIMULATED_ARM),
-    'initial position': Case(
+    'mixed types': Case({'gains.kp': [1, 2.0]}, r'Sequence should be of same type.*line_num'),
+    'wrong number of gravity components': Case(
+        {'gravity': [0.0, 0.0]}, r'gravity has 2 values, expected 3'),
+    'zero rate': Case({'rate': 0.0}, r'rate.* 0', SIMULATED_ARM),
+    'wrong number of initial positions': Case(
         {'initial_position': [0.0]}, r'initial_position has 1 values, expected 2', SIMULATED_ARM),
-    'joints of the simulated arm': Case(
+    'unknown joint of the simulated arm': Case(
         {'joints': ['elbow']}, r"joints has 'elbow'", SIMULATED_ARM),
-    'negative friction': Case(
+    'negative viscous friction': Case(
         {'joints': ARM_JOINTS, 'friction.viscous': [0.5, -0.1]},
         r'friction\.viscous\[1\] is -0\.1, expected a number in \[0, ', SIMULATED_ARM),
-    'negative dry friction': Case(
+    'negative Coulomb friction': Case(
         {'friction.coulomb': [-1.0]}, r'friction\.coulomb\[0\] is -1, expected a number'),
     'static friction below Coulomb': Case(
         {'joints': ARM_JOINTS, 'friction.coulomb': [1.0, 1.0], 'friction.static': [2.0, 0.5]},
         r"friction\.static of 'joint2' is 0\.5, expected at least friction\.coulomb",
         SIMULATED_ARM),
-    'friction that drives': Case(
+    'friction that drives the joint': Case(
         {'friction.coulomb': [1.0], 'friction.offset': [1.5]},
         r"friction\.offset of 'joint1' is 1\.5, expected at most friction\.coulomb"),
-    'friction that is no number': Case(
+    'friction that is NaN': Case(
         {'friction.coulomb': [float('nan')]}, r'friction\.coulomb\[0\] is nan', SIMULATED_ARM),
-    'wrong number of frictions': Case(
+    'wrong number of friction values': Case(
         {'joints': ARM_JOINTS, 'friction.static': [1.0, 2.0, 3.0]},
         r'friction\.static has 3 values, expected 2', SIMULATED_ARM),
-    'friction without an order': Case(
+    'several friction values without an order of the joints': Case(
         {'friction.viscous': [1.0, 2.0]}, r'friction\.viscous has 2 values, .*but the parameter'),
     'friction of an unknown joint': Case(
         {'joints': ['joint1', 'elbow'], 'friction.viscous': [1.0, 2.0]},
         r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]", SIMULATED_ARM),
-    'efficiency of nothing': Case(
+    'zero efficiency': Case(
         {**MOTORS, 'actuator.efficiency': [0.0]},
         r"actuator\.efficiency of 'joint1' is 0, expected a number in \(0, 1\]", SIMULATED_ARM),
     'efficiency above 1': Case(
         {**MOTORS, 'actuator.efficiency': [1.2]},
         r'actuator\.efficiency\[0\] is 1\.2, expected a number in \[0, 1\]'),
-    'no gear': Case(
+    'zero gear ratio': Case(
         {**MOTORS, 'actuator.gear_ratio': [0.0]},
         r"actuator\.gear_ratio of 'joint1' is 0, expected a number other than 0", SIMULATED_ARM),
-    'gear ratio that is no number': Case(
+    'gear ratio that is NaN': Case(
         {**MOTORS, 'actuator.gear_ratio': [float('nan')]}, r'actuator\.gear_ratio\[0\] is nan'),
-    'gear ratio that nobody states': Case(
+    'missing gear ratio': Case(
         {'actuator.torque_constant': [0.1]},
         r"actuator\.gear_ratio is empty, and no <transmission> .*\['joint1', 'joint2'\]",
         SIMULATED_ARM),
-    'motor without a torque constant': Case(
+    'missing torque constant': Case(
         {'actuator.gear_ratio': [50.0]}, r'actuator\.torque_constant is empty, expected'),
-    'wrong number of motors': Case(
+    'wrong number of motor values': Case(
         {**MOTORS, 'joints': ARM_JOINTS, 'actuator.resistance': [1.0, 2.0, 3.0]},
         r'actuator\.resistance has 3 values, expected 2', SIMULATED_ARM),
     'voltage limit without resistance': Case(
@@ -149,7 +152,7 @@ CASES = {
 
 
 def injected(name: str, case: Case) -> str:
-    """Return what a case does, in words for the table of faults."""
+    """Return the description of a case for the table of fault tests."""
     given = ', '.join(
         f'{key}: {value}' for key, value in case.parameters.items() if key != 'robot_description')
     return f'{name}: `{given}`' if given else name
@@ -159,7 +162,7 @@ FAULTS = {
     name: fault(
         'Robot descriptions at the start' if list(case.parameters) == ['robot_description'] else
         'Parameters at the start', injected(name, case),
-        'one line that says what is wrong and what was expected, status 1')
+        'one line with the error and the expectation, status 1')
     for name, case in CASES.items()}
 
 
@@ -203,7 +206,7 @@ def test_it_says_in_one_line_why_it_cannot_start(
     assert re.search(CASES[name].words, lines[0]), lines[0]
 
 
-@pytest.mark.parametrize('name', ['a floating joint', 'initial position'])
+@pytest.mark.parametrize('name', ['a floating joint', 'wrong number of initial positions'])
 def test_its_process_ends_with_status_1(name: str) -> None:
     case = CASES[name]
     node = NodeProcess(case.module, case.parameters).launch()
@@ -215,7 +218,7 @@ def test_its_process_ends_with_status_1(name: str) -> None:
 @pytest.mark.parametrize(('arguments', 'words'), [
     pytest.param(arguments, words, marks=fault(
         'Parameters at the start', f'arguments that ROS cannot read: `{" ".join(arguments)}`',
-        'one line that says what is wrong, status 1'))
+        'one line with the error, status 1'))
     for arguments, words in (
         (['--params-file', 'nowhere.yaml'], "Couldn't parse params file: .*nowhere.yaml"),
         (['-p', 'effort_scale'], "Couldn't parse parameter override rule: '-p effort_scale'"),
@@ -231,7 +234,7 @@ def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> Non
 @pytest.mark.parametrize('arguments', [
     pytest.param(arguments, marks=fault(
         'Parameters at the start', f'arguments outside `--ros-args`: `{" ".join(arguments)}`',
-        'one line that names them and the syntax of parameters, status 2'))
+        'one line that names the arguments and the syntax of parameters, status 2'))
     for arguments in (['--scale', '1'], ['command:=none'])])
 def test_arguments_that_no_node_has(arguments: list[str]) -> None:
     for module, program in ((DYNAMICS, 'dynamics_node'), (SIMULATED_ARM, 'simulated_arm')):
@@ -265,8 +268,8 @@ def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: l
     assert joints.description in ' '.join(lines)
 
 
-@fault('Parameters at the start', 'a name that no parameter has: `efort_scale: 0.3`',
-       'a warning that says that it is not used, and what may be meant')
+@fault('Parameters at the start', 'unknown parameter: `efort_scale: 0.3`',
+       'a warning that the value is not used, with the similar name')
 def test_an_unknown_parameter_is_reported() -> None:
     with NodeProcess(DYNAMICS, {'efort_scale': 0.3}) as node:
         assert '[WARN]' in node.wait_for_log(
@@ -275,7 +278,7 @@ def test_an_unknown_parameter_is_reported() -> None:
 
 
 @fault('Robot descriptions at the start', 'joints that move no mass, `ignore_checks: [mass]`',
-       'taken; the error is a warning')
+       'accepted; the error is a warning')
 def test_an_ignored_error_is_a_warning() -> None:
     parameters = {'robot_description': MASSLESS, 'ignore_checks': ['mass']}
     with NodeProcess(DYNAMICS, parameters) as node:

@@ -106,8 +106,9 @@ def robot(client: RosClient) -> Iterator[Robot]:
 
 @pytest.mark.parametrize('max_age', [
     pytest.param(max_age, marks=fault(
-        GROUP, f'simulated time jumps 5 s ahead along a trajectory, `state_max_age` {max_age:g}',
-        'time restarts: the reference ends in a stop, and moves with the jump in no way'))
+        GROUP, 'simulated time jumps forwards by 5 s during a trajectory, '
+        f'`state_max_age` {max_age:g}',
+        'time restarts: the reference ends in a stop and does not jump'))
     for max_age in (0.2, 0.0)])
 def test_simulated_time_that_jumps_ahead_moves_no_reference(robot: Robot, max_age: float) -> None:
     robot.client.set_parameters(f'{robot.namespace}/dynamics', {'state_max_age': max_age})
@@ -132,8 +133,8 @@ def test_simulated_time_that_jumps_ahead_moves_no_reference(robot: Robot, max_ag
     assert np.abs(np.array(after) - HOLD).max() < 5.0
 
 
-@fault(GROUP, 'the first stamps are of 1970, later ones of now, then 10 s old',
-       'stamps of now are answered, old ones dropped as too old')
+@fault(GROUP, 'the first stamps are of 1970, later ones current, then 10 s old',
+       'states with current stamps are answered, old ones dropped as too old')
 def test_a_clock_that_is_set_by_ntp_gets_an_age(robot: Robot) -> None:
     robot.stream(20 * SECOND, 10)
     robot.wait_answer()
@@ -146,8 +147,8 @@ def test_a_clock_that_is_set_by_ntp_gets_an_age(robot: Robot) -> None:
     assert not {stamp_from_ros(effort.header.stamp) for effort in robot.efforts.messages} & {*sent}
 
 
-@fault(GROUP, '`use_sim_time` is set and reset at run time, with old stamps',
-       'old stamps are answered with it, and dropped without it')
+@fault(GROUP, '`use_sim_time` is set to true and back at run time, with old stamps',
+       'old stamps are answered while it is true, and dropped while it is false')
 def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
     node = f'{robot.namespace}/dynamics'
     robot.wait_answer()
@@ -166,8 +167,8 @@ def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
                         if stamp_from_ros(effort.header.stamp) >= begin]
 
 
-@fault(GROUP, 'a second publisher is idle, and simulated time goes back',
-       'no conflict: states are answered again after five')
+@fault(GROUP, 'an idle second publisher, and simulated time goes back',
+       'no fault: states are answered again after five')
 def test_an_idle_publisher_is_no_conflict(robot: Robot) -> None:
     idle = robot.client.publisher(JointState, f'{robot.namespace}/joint_states')
     robot.stream_until_answered(1000 * SECOND)

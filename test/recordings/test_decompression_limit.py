@@ -121,8 +121,8 @@ def test_a_large_file_may_expand_further():
     assert Budget('a', LEAST_LIMIT).limit == LARGEST_RATIO * LEAST_LIMIT
 
 
-@fault('Files and pages of others', 'a compressed recording that expands to 1 GB of zeros',
-       'refused with the limit, in less than 300 MB of memory')
+@fault('External files and web pages', 'a compressed recording that expands to 1 GB of zeros',
+       'rejected with the limit; uses less than 300 MB of memory')
 def test_a_file_of_zeros_is_refused_in_bounded_memory(tmp_path):
     zstd = zstd_module()
     compressor, file = zstd.ZstdCompressor(), tmp_path / 'zeros.mcap.zstd'

@@ -178,8 +178,8 @@ def several(**values: str) -> list[dict[str, str]]:
         "launch argument params is 'no/such.yaml', which is no such file "
         f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). ',
         marks=fault(
-            'Files and pages of others', 'a launch file gets a parameter file that does not exist',
-            'refused with the path, before any node is started')),
+            'External files and web pages', 'a launch argument names a missing parameter file',
+            'rejected with the path, before any node is started')),
     (checked, {'params': str(ROOT)},
      f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
      'a parameter file (YAML). '),

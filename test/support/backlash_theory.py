@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-One joint with backlash, as control theory sees it, and as the simulated arm moves it.
+One joint with backlash, in control theory and in the simulated arm.
 
-A motor whose load is light, and held by dry friction, moves it as the play operator says: the load
-stands still while the motor crosses the gap. Sources: J.-J. E. Slotine and W. Li, *Applied
+A motor moves a light load with dry friction like the play operator: the load stands still while
+the motor crosses the gap. Sources: J.-J. E. Slotine and W. Li, *Applied
 Nonlinear Control*, Prentice Hall 1991, sections 5.1 to 5.4 (describing functions, that of
 backlash, limit cycles); M. Nordin and P.-O. Gutman, Automatica 38, 2002, section 3. The test and
-the picture of the documentation use the same runs.
+the figure of the documentation use the same runs.
 """
 
 from typing import NamedTuple
@@ -38,20 +38,20 @@ HALF_GAP = 0.01
 LOAD, MOTOR = 2e-3, 1.0
 """Inertia of the link, and of its motor on the joint side [kg·m²]."""
 AMPLITUDE, FREQUENCY = 0.03, np.pi
-"""Of the motor's sinusoid [rad] and [rad/s]."""
+"""Amplitude [rad] and frequency [rad/s] of the sinusoidal motor motion."""
 DRAG = 0.02
-"""Dry friction of the load [N·m]: far more than LOAD needs to be braked."""
+"""Dry friction of the load [N·m], far more than braking LOAD needs."""
 
 K_D, K_P, K_I = 10.0, 100.0, 400.0
-"""Gains of the loop that cycles: motor speed, joint position, its integral."""
+"""Gains of the loop with a limit cycle: motor speed, joint position, integral of the position."""
 CYCLE_DRAG = 5e-3
-"""Its load's dry friction [N·m]: 0.4 % of the motor's effort, which the prediction leaves out."""
+"""Dry friction of its load [N·m]: 0.4 % of the motor effort, which the prediction neglects."""
 PERIOD = 2e-3
-"""Of both control loops [s]."""
+"""Period of both control loops [s]."""
 
 
 class Way(NamedTuple):
-    """Time [s], the motor's θ and the joint's q, each (m,)."""
+    """Time [s], θ of the motor and q of the joint, each (m,)."""
 
     t: FloatArray
     theta: FloatArray
@@ -59,7 +59,7 @@ class Way(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """Amplitude of the motor's fundamental [rad], and frequency [rad/s]."""
+    """Amplitude [rad] and frequency [rad/s] of the fundamental of the motor motion."""
 
     amplitude: float
     frequency: float
@@ -74,7 +74,7 @@ def arm(gap: float, drag: float) -> ArmModel:
 
 
 def swing(duration: float) -> Way:
-    """Return how a stiff servo on the motor's side swings it through the gap."""
+    """Return the motion of a motor that a stiff motor-side servo moves through the gap."""
     simulation, rows, w = ArmSimulation(arm(2.0 * HALF_GAP, DRAG)), [], FREQUENCY
     simulation.release()
     for k in range(round(duration / PERIOD)):
@@ -88,7 +88,7 @@ def swing(duration: float) -> Way:
 
 def feed_back(duration: float, gap: float = 2.0 * HALF_GAP, joint_side: bool = True,
               start: float = 0.1) -> Way:
-    """Return the way back to 0 with integral action on the joint's position, or the motor's."""
+    """Return the motion back to 0 with integral action on the joint position or motor position."""
     simulation, rows, integral = ArmSimulation(arm(gap, CYCLE_DRAG), (start,)), [], 0.0
     simulation.release()
     for k in range(round(duration / PERIOD)):
@@ -101,7 +101,7 @@ def feed_back(duration: float, gap: float = 2.0 * HALF_GAP, joint_side: bool = T
 
 
 def play_operator(theta: FloatArray, q: float) -> FloatArray:
-    """Return where a load at q (m,) is that stands still while θ (m,) is within the gap."""
+    """Return the position of a load that stands still while θ (m,) is within the gap."""
     way = []
     for x in theta:
         q = min(max(q, x - HALF_GAP), x + HALF_GAP)
@@ -110,7 +110,7 @@ def play_operator(theta: FloatArray, q: float) -> FloatArray:
 
 
 def describing_function(amplitude: float) -> complex:
-    """Return the fundamental of the load over that of the motor (Slotine and Li, section 5.2)."""
+    """Return the ratio of the fundamentals of load and motor (Slotine and Li, section 5.2)."""
     b, A = HALF_GAP, amplitude
     r = 2.0 * b / A - 1.0
     in_phase = (0.5 * np.pi - np.arcsin(r) - r * np.sqrt(1.0 - r * r)) / np.pi
@@ -118,7 +118,7 @@ def describing_function(amplitude: float) -> complex:
 
 
 def predicted_cycle() -> Cycle:
-    """Return where L(jω) N(A) = −1, with L(s) = (K_P s + K_I) / (s² (J s + K_D))."""
+    """Return the solution of L(jω) N(A) = −1 with L(s) = (K_P s + K_I) / (s² (J s + K_D))."""
 
     def balance(unknown: FloatArray) -> list[float]:
         s = 1j * np.exp(unknown[1])
@@ -132,7 +132,7 @@ def predicted_cycle() -> Cycle:
 
 
 def fundamental(way: Way, frequency: float) -> tuple[complex, complex]:
-    """Return that of motor and joint over the whole number of periods at the end of a way."""
+    """Return the fundamentals of motor and joint over whole periods at the end of a motion."""
     period = 2.0 * np.pi / frequency
     last = way.t > way.t[-1] - np.floor(way.t[-1] / period) * period
     wave = np.exp(-1j * frequency * way.t[last])
@@ -141,7 +141,7 @@ def fundamental(way: Way, frequency: float) -> tuple[complex, complex]:
 
 
 def measured_cycle(way: Way) -> Cycle:
-    """Return that of a way that has settled to one; 0 where it does not swing."""
+    """Return the limit cycle of a settled motion; 0 without an oscillation."""
     centred = way.theta - 0.5 * (way.theta.max() + way.theta.min())
     k = np.flatnonzero((centred[:-1] < 0.0) & (centred[1:] >= 0.0))
     if len(k) < 3:
@@ -154,5 +154,5 @@ def measured_cycle(way: Way) -> Cycle:
 
 
 def after(way: Way, seconds: float) -> Way:
-    """Return the part of a way from there on."""
+    """Return the rest of a motion, from a time [s] on."""
     return Way(*(x[way.t > seconds] for x in way))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Robot descriptions that no arm can be made of, and what must be said of each."""
+"""Invalid robot descriptions, and the expected error message of each."""
 
 from typing import NamedTuple
 
@@ -23,20 +23,20 @@ ARM = default_arm_urdf()
 
 
 class Bad(NamedTuple):
-    """The text of a description, and a pattern of what is said of it."""
+    """The text of a description, and a pattern of its error message."""
 
     xml: str
     words: str
 
 
 def changed(old: str, new: str) -> str:
-    """Return the default arm with the first of these replaced."""
+    """Return the default arm with the first occurrence of `old` replaced."""
     assert old in ARM
     return ARM.replace(old, new, 1)
 
 
 def chain(joints: int, last_child: str = '') -> str:
-    """Return an arm of so many links in a row, whose last joint may end elsewhere."""
+    """Return a serial chain; its last joint may have another child link."""
     link = '<link name="l{}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" ' \
         'iyy="1" iyz="0" izz="1"/></inertial></link>'
     joint = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="{1}"/></joint>'
@@ -47,7 +47,7 @@ def chain(joints: int, last_child: str = '') -> str:
 
 
 def bomb() -> str:
-    """Return XML of a few lines that stands for gigabytes."""
+    """Return a few lines of XML whose entities expand to gigabytes."""
     entities = ''.join(
         f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(9))
     return (f'<!DOCTYPE robot [<!ENTITY e0 "{"x" * 100}">{entities}]>'
@@ -67,21 +67,21 @@ MASSLESS = """<robot name="r">
 </robot>"""
 
 BAD_DESCRIPTIONS = {
-    'text that is no XML': Bad(
+    'text that is not XML': Bad(
         'joint1, joint2', r"is not well-formed XML .*it begins with 'joint1, joint2'"),
-    'XML that breaks off': Bad(ARM[:len(ARM) // 2], r'is not well-formed XML \('),
-    'spaces alone': Bad(' \n ', 'robot_description is empty, expected the XML of a URDF'),
-    'XML that is no robot': Bad(
+    'truncated XML': Bad(ARM[:len(ARM) // 2], r'is not well-formed XML \('),
+    'only white space': Bad(' \n ', 'robot_description is empty, expected the XML of a URDF'),
+    'XML without a robot': Bad(
         '<sdf version="1.7"/>', 'has the root element <sdf>, expected <robot>'),
-    'xacro that nobody expanded': Bad(
+    'xacro that is not expanded': Bad(
         ARM.replace('<robot name', '<robot xmlns:xacro="http://wiki.ros.org/xacro" name').replace(
             '</robot>', '<xacro:arm/></robot>'), 'is a xacro file, it has <xacro:arm>'),
     'no links': Bad('<robot name="r"/>', r"robot 'r' has no links, expected at least two"),
-    'no joint that moves': Bad(
+    'no movable joint': Bad(
         ARM.replace('continuous', 'fixed'), 'has no joint that moves, expected at least one'),
-    'two joints of one name': Bad(
+    'two joints of the same name': Bad(
         ARM.replace('"joint2"', '"joint1"'), "two joints are named 'joint1'"),
-    'a parent that is not there': Bad(
+    'an unknown parent link': Bad(
         changed('parent link="link1"', 'parent link="nowhere"'),
         r"joint 'joint2': parent link is 'nowhere', expected one of \['base_link'"),
     'a loop': Bad(
@@ -97,7 +97,7 @@ BAD_DESCRIPTIONS = {
         changed('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), r"joint 'joint1': axis is zero"),
     'a negative effort limit': Bad(
         changed('effort="', 'effort="-'), r"joint 'joint1': effort=-\d+, expected >= 0 "),
-    'a hinge without a range': Bad(
+    'a revolute joint without a range': Bad(
         changed('continuous', 'revolute'),
         r"joint 'joint1' is revolute with lower=0 and upper=0, expected a range .* or type fixed"),
     'a negative mass': Bad(
@@ -105,16 +105,16 @@ BAD_DESCRIPTIONS = {
         r"link 'link1': inertial: mass is -5, expected a number >= 0"),
     'an infinite mass': Bad(
         changed('mass value="5.0"', 'mass value="inf"'), r"link 'link1': inertial: mass is inf"),
-    'a mass that is no number': Bad(
+    'a mass that is not a number': Bad(
         changed('mass value="5.0"', 'mass value="heavy"'),
         r"link 'link1': inertial: value='heavy', expected a number"),
     'NaN in an inertia': Bad(
         changed('ixx="0.1"', 'ixx="nan"'), r"link 'link1': inertial: ixx='nan', expected a num"),
-    'an inertia that no body has': Bad(
+    'an impossible inertia': Bad(
         changed('ixx="0.1"', 'ixx="-0.1"'), r"model check inertia: .*'link1'"),
     'joints that move no mass': Bad(
         MASSLESS, r"model check mass: joint 'joint2' moves 0 kg .*ignore_checks: \[mass\]"),
-    'XML that stands for gigabytes (entities in entities)': Bad(
+    'XML that expands to gigabytes (nested entities)': Bad(
         bomb(), r"has a document type declaration \(DTD\), '<!DOCTYPE .*expected a URDF without"),
     'a robot of 200 joints': Bad(
         chain(200), "robot 'chain' has 200 joints that move, expected at most 100"),

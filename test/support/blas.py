@@ -21,12 +21,12 @@ import platform
 import pytest
 
 CPU_FLAGS = {'Nehalem': 'sse4_2', 'Sandybridge': 'avx', 'Haswell': 'avx2', 'SkylakeX': 'avx512f'}
-"""What a processor needs to run a kernel of OpenBLAS, from the slowest to the fastest."""
+"""Processor features that a kernel of OpenBLAS needs, from the slowest to the fastest."""
 
 
 def blas_environments() -> dict[str, dict[str, str]]:
     """
-    Return environments by name: the slowest and the fastest kernel, and that with two threads.
+    Return environments by name: slowest and fastest kernel, and the fastest with two threads.
 
     The test is skipped on other machines than x86_64.
     """

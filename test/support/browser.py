@@ -15,7 +15,7 @@
 """
 A real browser for the tests of the viewer: Chromium without a window, driven by Playwright.
 
-Without either of them the tests are skipped, with the reason in words; where CI is set they fail.
+Without either of them the tests are skipped with the reason; if CI is set, they fail.
 """
 
 from collections.abc import Iterator
@@ -33,15 +33,15 @@ from robots import missing
 from ros_harness import LONG
 from suite_header import chromium_program
 
-# Software draws here; it is to leave the machine to the nodes.
+# Rendering in software must leave processor time to the nodes.
 OPTIONS = (
     '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
     '--disable-dev-shm-usage')
 SIZE = {'width': 1000, 'height': 600}
 PATIENCE = 1000.0 * LONG
-"""[ms], as a picture of many triangles, drawn with what time is left, takes seconds."""
+"""Timeout [ms]; rendering many triangles at low priority takes seconds."""
 CLOSE = 0.08
-"""Of each colour's part, between a line as it is meant and as it is drawn."""
+"""Tolerance per colour component between the specified and the rendered colour of a line."""
 FEWEST_PIXELS = 30
 MOST_PICTURES = 50
 
@@ -49,9 +49,9 @@ MOST_PICTURES = 50
 @contextmanager
 def chromium(directory: Path) -> Iterator[Any]:
     """
-    Run the browser of the machine, with whatever time the others leave it.
+    Run the installed browser at low priority.
 
-    It ends with the driver of Playwright, and that with this process, whose end closes a pipe.
+    It ends with the driver of Playwright, which ends with this process, because a pipe closes.
     """
     program = chromium_program()
     if program is None:
@@ -65,7 +65,7 @@ def chromium(directory: Path) -> Iterator[Any]:
     if shutil.which('setpriv'):
         prefix += ['setpriv', '--pdeathsig', 'KILL']
         if os.getuid() == 0:
-            # The part that draws would otherwise give itself priority over everything else.
+            # Otherwise the rendering process would raise its own priority.
             prefix += ['--bounding-set=-sys_nice']
     polite.write_text(f'#!/bin/sh\nexec {" ".join(prefix)} {program} "$@"\n')
     polite.chmod(0o755)
@@ -83,9 +83,9 @@ class Page:
 
     def __init__(self, browser: Any, address: str, scale: float = 1.0) -> None:
         """
-        Open it, and wait until it has the controls of an arm and a picture.
+        Open the page, and wait for the controls of an arm and the first image.
 
-        `scale` is the number of drawn pixels per pixel of the layout, in each direction.
+        `scale` is the number of rendered pixels per pixel of the layout, in each direction.
         """
         self.tab = browser.new_page(viewport=SIZE, device_scale_factor=scale)
         self.tab.set_default_timeout(PATIENCE)
@@ -108,19 +108,19 @@ class Page:
         self.tab.close()
 
     def press(self, button: str) -> None:
-        """Press a button by its words."""
+        """Click the button with this text."""
         self.tab.get_by_role('button', name=button, exact=True).click()
 
     def wait_for_words(self, words: str) -> None:
-        """Wait until the page says these words."""
+        """Wait until the page contains this text."""
         self.tab.get_by_text(words).first.wait_for()
 
     def words(self) -> str:
-        """Return all words of the page."""
+        """Return the text of the page."""
         return str(self.tab.inner_text('body'))
 
     def drag(self, slider: int, fraction: float) -> None:
-        """Drag the n-th slider, the speed being number 0, to a share of its way."""
+        """Drag the n-th slider (0: speed) to a fraction of its range."""
         thumb = self.tab.get_by_role('slider').nth(slider)
         thumb.scroll_into_view_if_needed()
         track = thumb.locator('xpath=..').bounding_box()
@@ -132,35 +132,35 @@ class Page:
         self.tab.mouse.up()
 
     def value(self, slider: int) -> float:
-        """Return what the n-th slider says."""
+        """Return the value that the n-th slider shows."""
         return float(self.tab.get_by_role('slider').nth(slider).get_attribute('aria-valuenow'))
 
     def picture(self) -> NDArray[np.float64]:
         """Return the middle of the page, where the arm is, as (height, width, 3) in [0, 1]."""
         clip = {'x': 370, 'y': 190, 'width': 300, 'height': 400}
         picture = self.tab.screenshot(clip=clip)
-        if 'ROBOT_DYNAMICS_SCREENSHOTS' in os.environ:  # for those who want to look
+        if 'ROBOT_DYNAMICS_SCREENSHOTS' in os.environ:  # for inspection
             self.tab.screenshot(path=os.environ['ROBOT_DYNAMICS_SCREENSHOTS'])
         return np.asarray(imread(io.BytesIO(picture), format='png')[..., :3], dtype=np.float64)
 
     def press_key(self, slider: int, key: str) -> None:
-        """Press a key at the n-th slider, as Home for the least value."""
+        """Press a key at the n-th slider, such as Home for the smallest value."""
         self.tab.get_by_role('slider').nth(slider).press(key)
 
     def shows(self, colour: str) -> bool:
-        """Tell whether the picture has a line of this colour, soon."""
+        """Return whether the image soon contains a line of this colour."""
         return any(self.has(self.picture(), colour) for _ in range(MOST_PICTURES))
 
     def has(self, picture: NDArray[np.float64], colour: str) -> bool:
-        """Tell whether there is a line of this colour."""
+        """Return whether there is a line of this colour."""
         rgb = np.array([int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5)])
         return int((np.abs(picture - rgb).max(axis=2) < CLOSE).sum()) > FEWEST_PIXELS
 
     def differs_from(self, before: NDArray[np.float64], fraction: float) -> bool:
-        """Tell whether so large a share of the picture changes, soon: it comes with some delay."""
+        """Return whether at least this fraction of the image soon changes, with some delay."""
         return any(difference(before, self.picture()) > fraction for _ in range(MOST_PICTURES))
 
 
 def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return the share of the pixels that differ clearly between two pictures."""
+    """Return the fraction of the pixels that differ clearly between two images."""
     return float((np.abs(one - other).max(axis=2) > 0.15).mean())

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Child processes of the tests, and how long a test waits for one of them.
+Child processes of the tests, and the bound of waits for them.
 
-A child ends with the test run that started it, also if that is killed: Linux sends it SIGKILL
-(`PR_SET_PDEATHSIG`, prctl(2)). Linux does so when the *thread* that started the child ends, so a
-test starts no child from a thread that ends before the child. A child that changes its user or
-its capabilities while it starts (`unshare --user`) loses this.
+A child ends with the test run that started it, even if the test run is killed: Linux sends it
+SIGKILL (`PR_SET_PDEATHSIG`, prctl(2)). Linux does so when the *thread* that started the child
+ends, so a test starts no child from a thread that ends before the child. A child that changes its
+user or its capabilities while it starts (`unshare --user`) loses this.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,16 +32,16 @@ from typing import Any
 
 TIMEOUT = 120.0
 """
-[s] for any one event that a test waits for: the start of a node, a message, an answer, an end.
+Bound of a wait for one event [s]: the start of a node, a message, an answer, the end of a node.
 
-A wait ends with its event, so a large bound costs nothing while tests pass. It decides only how
-soon a hang is found. A start of a node takes 1 s on an idle core and took more than 20 s on two
+A wait ends with its event, so a large bound costs nothing while tests pass. It only determines how
+soon a hang is detected. A start of a node takes 1 s on an idle core and took more than 20 s on two
 cores that four test processes, a browser and other work shared; a bound has to be above what any
 loaded machine needs, or the verdict of a test depends on the load.
 """
 
 LONG = 5.0 * TIMEOUT
-"""[s] for what takes thousands of messages, or draws with a browser."""
+"""Bound of waits for thousands of messages, or for rendering in a browser [s]."""
 
 PR_SET_PDEATHSIG = 1
 
@@ -54,7 +54,7 @@ def ends_with_parent() -> Callable[[], None] | None:
 
     def prepare() -> None:
         prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # which ended before the call
+        if os.getppid() != parent:  # the parent ended before the call
             os._exit(1)
 
     return prepare
@@ -74,7 +74,7 @@ def run(
 
 
 def is_gone(pid: int) -> bool:
-    """Tell whether no process has this id, or only its exit status is left."""
+    """Return whether no process has this id, or only its exit status remains."""
     try:
         status = Path(f'/proc/{pid}/stat').read_text(encoding='utf-8')
     except (FileNotFoundError, ProcessLookupError):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Serialized messages with damage: cut short, with counts that are lies, bits of noise."""
+"""Damaged serialized messages: truncated, with wrong element counts, or with random bytes."""
 
 from collections.abc import Iterator
 import random
@@ -21,22 +21,22 @@ import struct
 from rclpy.serialization import deserialize_message
 
 HEAD = 4
-"""Bytes of encapsulation, before the data."""
+"""Length of the encapsulation before the data [bytes]."""
 LIES = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000, 0x20000000, 100_000_000, 1_000_000)
-"""Counts that no message of the tests has."""
+"""Element counts that no message of the tests has."""
 
 
 def is_readable(data: bytes, message_type: type) -> bool:
-    """Tell whether rclpy takes these bytes for a message."""
+    """Return whether rclpy can deserialize these bytes."""
     try:
         deserialize_message(data, message_type)
-    except Exception:  # of rclpy, which has a type of its own for it
+    except Exception:  # the exception type of rclpy
         return False
     return True
 
 
 def cut_short(data: bytes, message_type: type) -> Iterator[bytes]:
-    """Give the message with its end missing, at every length that is too short."""
+    """Yield the message truncated to every length that is too short."""
     for length in range(HEAD, len(data)):
         if is_readable(data[:length], message_type):
             return
@@ -44,14 +44,14 @@ def cut_short(data: bytes, message_type: type) -> Iterator[bytes]:
 
 
 def with_lies(data: bytes) -> Iterator[bytes]:
-    """Give the message with each word of four bytes replaced, as those that count what follows."""
+    """Yield the message with each word of four bytes replaced by a wrong element count."""
     for at in range(HEAD, len(data) - 3, 4):
         for lie in LIES:
             yield data[:at] + struct.pack('<I', lie) + data[at + 4:]
 
 
 def with_noise(data: bytes, count: int, seed: int = 1) -> Iterator[bytes]:
-    """Give the message with one to eight bytes replaced by random ones."""
+    """Yield the message with one to eight bytes replaced by random ones."""
     rng = random.Random(seed)
     for _ in range(count):
         noisy = bytearray(data)
@@ -61,7 +61,7 @@ def with_noise(data: bytes, count: int, seed: int = 1) -> Iterator[bytes]:
 
 
 def noise(count: int, seed: int = 2) -> Iterator[bytes]:
-    """Give up to 200 random bytes, every other time behind the head of a message."""
+    """Yield up to 200 random bytes, every other time after the header of a message."""
     rng = random.Random(seed)
     for i in range(count):
         yield (b'', b'\x00\x01\x00\x00')[i % 2] + rng.randbytes(rng.randrange(HEAD, 200))

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One arm and one engine at random states, and how far their results may differ.
+One arm and one engine at random states, and the tolerances of the comparison.
 
-Both engines read the same text as the arm. They know nothing of mimic joints, locked joints or
-payloads: the relations are read here from the description itself, and payloads are written into
-it. Where the engines do not take the inertia of a link, the arm too reads the corrected text.
+Both engines read the same text as the arm. They do not support mimic joints, locked joints or
+payloads: this module reads the relations from the description, and writes payloads into the
+description. If the engines reject the inertia of a link, the arm also reads the corrected text.
 """
 
 from collections.abc import Sequence
@@ -35,16 +35,16 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robots import robot_urdf
 
-# Relative to the largest entry. Accelerations need more room: where a wrist or a caster turns on
-# the same tree as a lift, the condition number of M is above 10⁶.
+# Relative to the largest entry. Accelerations need a larger tolerance: if a wrist or a caster is
+# in the same tree as a lift, the condition number of M is above 10⁶.
 TOLERANCE = 1e-11
 MOTION_TOLERANCE = 1e-9
 DOWN = (0.0, 0.0, -9.81)
 ENGINES: dict[str, type[Engine]] = {'mujoco': MujocoEngine, 'drake': DrakeEngine}
 
-# Links whose principal moments are negative, or one of them above the sum of the others. MuJoCo
-# refuses such a description, and Drake puts a ball of water in the place of the link. Pinocchio
-# takes it as it is: what the arm makes of it is compared in test_rigid_body.
+# Links with negative principal moments, or with one of them above the sum of the others. MuJoCo
+# rejects such a description, and Drake replaces the inertia by that of a ball of water. Pinocchio
+# uses the inertia unchanged: test_rigid_body compares the result of the arm.
 IMPLAUSIBLE = {
     'pr2': {'double_stereo_link', 'sensor_mount_link'},
     'tiago': {'base_antenna_left_link', 'base_antenna_right_link'},
@@ -56,7 +56,7 @@ IMPLAUSIBLE = {
 # --- descriptions --------------------------------------------------------------------------------
 
 def implausible_links(urdf: str) -> set[str]:
-    """Return the links whose inertia no body has."""
+    """Return the links with a physically impossible inertia."""
     found = set()
     for link in ElementTree.fromstring(urdf).findall('link'):
         tensor = link.find('inertial/inertia')
@@ -70,7 +70,7 @@ def implausible_links(urdf: str) -> set[str]:
 
 
 def mended(urdf: str, links: set[str]) -> str:
-    """Return the URDF with a ball's inertia for these links: a third of the trace each way."""
+    """Return the URDF with inertias of balls for these links: a third of the trace per axis."""
     root = ElementTree.fromstring(urdf)
     for link in root.findall('link'):
         if link.attrib['name'] in links:
@@ -87,7 +87,7 @@ def description(robot: str) -> str:
 
 
 def with_payloads(urdf: str, payloads: Sequence[Payload]) -> str:
-    """Return the URDF with each payload as a link of its own, fixed to the one that bears it."""
+    """Return the URDF with each payload as a separate link, fixed to the link that carries it."""
     root = ElementTree.fromstring(urdf)
     for i, payload in enumerate(payloads):
         link = ElementTree.SubElement(root, 'link', {'name': f'load_{i}'})
@@ -104,7 +104,7 @@ def with_payloads(urdf: str, payloads: Sequence[Payload]) -> str:
 
 
 def with_friction(urdf: str, damping: dict[str, float], coulomb: dict[str, float]) -> str:
-    """Return the URDF with this friction at every joint that moves."""
+    """Return the URDF with this friction at every movable joint."""
     root = ElementTree.fromstring(urdf)
     for joint in root.findall('joint'):
         if (name := joint.attrib['name']) in damping:
@@ -116,7 +116,7 @@ def with_friction(urdf: str, damping: dict[str, float], coulomb: dict[str, float
 
 
 def with_other_relations(urdf: str, rng: np.random.Generator) -> str:
-    """Return the URDF with odd relations of mimic joints, the last of them after the first."""
+    """Return the URDF with unusual relations of mimic joints; the last one refers to the first."""
     root = ElementTree.fromstring(urdf)
     followers = [
         joint for joint in root.findall('joint')
@@ -132,7 +132,7 @@ def with_other_relations(urdf: str, rng: np.random.Generator) -> str:
 
 
 class Joint(NamedTuple):
-    """A joint that moves, as the description has it."""
+    """A movable joint of the description."""
 
     lower: float
     upper: float
@@ -158,7 +158,7 @@ def moving_joints(urdf: str) -> dict[str, Joint]:
 
 
 def tree_map(urdf: str, names: Sequence[str], tree: Sequence[str]) -> tuple[Array, Array]:
-    """Return G, q0 with q_tree = G q + q0: every joint evaluated by its own relation."""
+    """Return G, q0 with q_tree = G q + q0: each joint is evaluated by its relation."""
     joints = moving_joints(urdf)
 
     def evaluate(name: str, q: dict[str, float]) -> float:
@@ -195,7 +195,7 @@ class Case:
     rng: np.random.Generator
 
     def states(self, count: int) -> list[State]:
-        """Return random states within the limits; a joint without any turns by up to ±π."""
+        """Return random states within the limits; ±π for a joint without limits."""
         limits, n, rng = self.arm.limits, self.arm.joint_count, self.rng
         low, high = np.clip(limits.lower, -np.pi, np.pi), np.clip(limits.upper, -np.pi, np.pi)
         return [
@@ -203,7 +203,7 @@ class Case:
             for _ in range(count)]
 
     def wrenches(self, count: int) -> list[ExternalWrench]:
-        """Return random wrenches on random links, fixed ones and the base among them."""
+        """Return random wrenches on random links, including fixed links and the base."""
         links = self.rng.choice(self.arm.link_names, count)
         return [
             ExternalWrench(str(link), self.rng.normal(size=3) * 50, self.rng.normal(size=3) * 10)
@@ -214,7 +214,7 @@ def make_case(
     engine: str, urdf: str, *, joints: Sequence[str] = (), gravity: Sequence[float] = DOWN,
     theirs: str = '', damping: bool = False,
 ) -> Case:
-    """Return an arm and the engine of one description, or of another that is `theirs`."""
+    """Return an arm and the engine of one description, or of the description `theirs`."""
     arm = load_arm(urdf, joints, gravity)
     reference = ENGINES[engine](theirs or urdf, gravity, damping)
     projection = tree_map(urdf, arm.joint_names, reference.joint_names)
@@ -227,12 +227,12 @@ def built_once(engine: str, robot: str) -> Case:
 
 
 def plain(engine: str, robot: str) -> Case:
-    """Return the case of a robot as it is; its random numbers start anew."""
+    """Return the case of an unchanged robot; its random number generator is reset."""
     return replace(built_once(engine, robot), rng=generator(description(robot)))
 
 
 def generator(urdf: str) -> np.random.Generator:
-    # Not the hash of a str, which differs from run to run.
+    # The hash of a str differs between runs.
     return np.random.default_rng(zlib.crc32(urdf.encode()))
 
 
@@ -244,7 +244,7 @@ def deviation(actual: Array | float, reference: Array | float) -> float:
     """Return max |actual − reference| relative to max |reference|."""
     difference = float(np.max(np.abs(np.subtract(actual, reference)), initial=0.0))
     scale = float(np.max(np.abs(reference), initial=0.0))
-    # Both are nothing but rounding where a vector is zero by symmetry.
+    # If a vector is zero by symmetry, both results are only rounding errors.
     return difference / scale if scale > 1e-9 else difference
 
 
@@ -257,7 +257,7 @@ def assert_near(actual: Array | float, reference: Array | float, what: str) -> N
 def assert_same_motion(
     a: Array, reference: Projected, state: State, wrenches: Sequence[Wrench] = (),
 ) -> None:
-    """Compare accelerations by the efforts that they cost."""
+    """Compare accelerations by the efforts that they need."""
     q, v, _, tau = state
     expected = reference.forward_dynamics(q, v, tau, wrenches)
     cost = reference.mass_matrix(q) @ (a - expected)
@@ -265,7 +265,7 @@ def assert_same_motion(
     assert np.max(np.abs(cost)) <= MOTION_TOLERANCE * scale
 
 
-# --- what is compared ----------------------------------------------------------------------------
+# --- comparison ----------------------------------------------------------------------------------
 
 def joint_kinds(robot: str) -> set[tuple[str | None, ...]]:
     """Return type and axis, and type and mimic element, of each joint."""

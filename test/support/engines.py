@@ -15,8 +15,8 @@
 """
 Two independent engines, MuJoCo and Drake, behind one interface: the reference of the tests.
 
-Nothing here uses `robot_dynamics` or Pinocchio. An engine computes with all moving joints of the
-tree, mimic joints too, which it knows nothing of; `Projected` maps that to actuated joints.
+Nothing here uses `robot_dynamics` or Pinocchio. An engine computes with all movable joints of
+the tree, including mimic joints as independent ones; `Projected` maps them to actuated joints.
 Conventions are those of the manipulator equation M a + C v + g − Jᵀ f = tau; a wrench acts on a
 link at its origin, in its frame.
 """
@@ -45,7 +45,7 @@ class Wrench(NamedTuple):
 
 
 def load(module: str, wheel: str) -> Any:
-    """Return an engine's module; skip the test (or fail it, see `missing`) without it."""
+    """Return the module of an engine; without it, skip the test (or fail it, see `missing`)."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -70,7 +70,7 @@ class Engine(ABC):
     """
     Dynamics of the whole tree; vectors are (m,) in the order of `joint_names`.
 
-    With `damping`, D v of the description's damping is part of forward and inverse dynamics.
+    With `damping`, forward and inverse dynamics include D v with the damping of the description.
     """
 
     def __init__(self, urdf: str, gravity: Sequence[float], damping: bool = False) -> None:
@@ -81,7 +81,7 @@ class Engine(ABC):
 
     @abstractmethod
     def build(self, gravity: Sequence[float]) -> None:
-        """Build the engine's model from `self.bare`."""
+        """Build the model of the engine from `self.bare`."""
 
     @abstractmethod
     def inverse_dynamics(
@@ -91,7 +91,7 @@ class Engine(ABC):
     @abstractmethod
     def forward_dynamics(
         self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
-        """Return the acceleration, by the engine's own algorithm."""
+        """Return the acceleration, with the algorithm of the engine."""
 
     @abstractmethod
     def mass_matrix(self, q: Array) -> Array: ...
@@ -116,7 +116,7 @@ class Engine(ABC):
 
     def mass_derivative(self, q: Array) -> Array:
         """
-        Return ∂M_ij/∂q_k, (m, m, m), from values of M alone.
+        Return ∂M_ij/∂q_k, (m, m, m), only from values of M.
 
         M is a polynomial of degree 2 in the position of a prismatic joint, and a trigonometric
         one of degree 2 in the angle of another, so the differences are exact: the central one,
@@ -237,7 +237,7 @@ class DrakeEngine(Engine):
     """
     Drake's MultibodyPlant in continuous time, its root link welded to the world.
 
-    Its parser replaces the inertia of a link where no body can have it, and only warns.
+    Its parser replaces a physically impossible inertia of a link, and only warns.
     """
 
     def build(self, gravity: Sequence[float]) -> None:
@@ -331,11 +331,11 @@ class DrakeEngine(Engine):
 
 
 class Projected:
-    """An engine seen from actuated joints: q_tree = G q + q0, efforts come back with Gᵀ."""
+    """An engine in actuated joints: q_tree = G q + q0; efforts are mapped back with Gᵀ."""
 
     def __init__(self, engine: Engine, G: Array, q0: Array) -> None:
         self.engine, self.G, self.q0 = engine, G, q0
-        # A permutation at most: then the engine's own forward dynamics is the answer.
+        # A permutation at most: use the forward dynamics of the engine.
         self.whole = G.shape[0] == G.shape[1]
 
     def tree(self, q: Array) -> Array:
@@ -377,6 +377,6 @@ class Projected:
         """Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n)."""
         d = self.engine.mass_derivative(self.tree(q))
         for axis in range(3):
-            # Each axis of the tree in turn becomes the last and then returns to its place.
+            # Each axis of the tree in turn becomes the last, and is then moved back.
             d = np.moveaxis(np.moveaxis(d, axis, -1) @ self.G, -1, axis)
         return np.asarray(0.5 * (d + d.transpose(0, 2, 1) - d.transpose(2, 0, 1)))

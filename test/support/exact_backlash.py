@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-One joint with backlash and viscous friction, solved piece by piece, without numerical integration.
+One joint with backlash and viscous friction, solved in segments without numerical integration.
 
-Between events the motion is exponentials and parabolas, and events are found by bracketing.
+Between events the motion consists of exponentials and parabolas; events are found by bracketing.
 """
 
 from collections.abc import Callable
@@ -25,41 +25,41 @@ from robot_dynamics.simulation.backlash import CONTACT_TIME
 from scipy.optimize import brentq
 
 SLOW = 1e-3
-"""[rad/s] below which teeth that meet stay together."""
+"""Velocity [rad/s] below which the contact is kept."""
 
 
 class ExactJoint:
     """
     A joint of inertia M [kg·m²] with friction F [N·m·s/rad], and its motor J on the joint side.
 
-    On their own, J θ̈ = τ and M q̈ = −F q̇; while teeth touch, (M + J) q̈ = τ − F q̇.
+    Without contact, J θ̈ = τ and M q̈ = −F q̇; in contact, (M + J) q̈ = τ − F q̇.
     """
 
     def __init__(self, M: float, J: float, F: float, half_gap: float, restitution: float) -> None:
         self._M, self._J, self._F, self._b, self._e = M, J, F, half_gap, restitution
         self.q = self.v = self.theta = self.omega = 0.0
         self._side = 0.0
-        """Where the teeth stay together, 0 while they do not."""
+        """Side of the contact, 0 without contact."""
         self.impacts = self.separations = 0
 
     def step(self, tau: float, h: float) -> None:
-        """Move on for h [s] under a constant effort of the motor."""
+        """Advance by h [s] with a constant motor effort."""
         while h > 0.0:
             h -= self._together(tau, h) if self._side else self._apart(tau, h)
 
     def _coast(self, tau: float, inertia: float, t: float) -> tuple[float, float]:
-        """Return position and velocity of the joint after t."""
+        """Return position and velocity of the joint after t [s]."""
         rate = self._F / inertia
         decay, last = np.exp(-rate * t), tau / self._F
         return (self.q + last * t + (self.v - last) * (1.0 - decay) / rate,
                 last + (self.v - last) * decay)
 
     def _push(self, tau: float, v: float) -> float:
-        """Return the force with which teeth press that stay together."""
+        """Return the contact torque [N·m]."""
         return self._side * (tau - self._J * (tau - self._F * v) / (self._M + self._J))
 
     def _together(self, tau: float, h: float) -> float:
-        """Return the time until teeth part, at most h, and go there."""
+        """Return the time until separation, at most h, and advance to it."""
         until, both = 0.0, self._M + self._J
         if self._push(tau, self.v) >= 0.0:
             until = first_below(lambda t: self._push(tau, self._coast(tau, both, t)[1]), h)
@@ -70,7 +70,7 @@ class ExactJoint:
         return until
 
     def _apart(self, tau: float, h: float) -> float:
-        """Return the time until teeth meet, at most h, and go there."""
+        """Return the time until contact, at most h, and advance to it."""
         def motor(t: float) -> float:
             return self.theta + self.omega * t + 0.5 * tau / self._J * t * t
 
@@ -100,13 +100,13 @@ class ExactJoint:
 
 
 def first_below(f: Callable[[float], float], h: float) -> float:
-    """Return when f, not below 0 at 0, first falls below 0 on the way to h, or else h."""
+    """Return the first time in [0, h] at which f becomes negative, or h; f(0) ≥ 0."""
     times = np.linspace(0.0, h, 65)
     below = [k for k in range(1, len(times)) if f(times[k]) < 0.0]
     if not below:
         return h
     early, late = times[below[0] - 1], times[below[0]]
-    if early == 0.0:  # from the touch itself: look for the way back
+    if early == 0.0:  # starts at the contact: search for the return to it
         early = 1e-9 * late
         if f(early) < 0.0:
             return 0.0

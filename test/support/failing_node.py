@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A `dynamics` node with callbacks that fail, as no input of the real one makes them do.
+A `dynamics` node with failing callbacks; no input of the real node makes its callbacks fail.
 
-It is the node itself, in its own process, with services, a subscription and a callback of
-parameters beside those that it has, and a transition that fails once.
+It is the real node in a separate process, with additional services, an additional subscription and
+parameter callback, and a transition that fails once.
 """
 
 import sys
@@ -34,7 +34,7 @@ WORDS = 'as this test wants it'
 
 
 class FailingNode(DynamicsNode):
-    """Fails in every kind of callback that a node can have."""
+    """A node that fails in every kind of callback."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A running `dynamics` node, a driver that streams joint states to it, and ears for what it says.
+A running `dynamics` node, a driver that streams joint states to it, and its subscribers.
 
-The driver publishes from a thread, or from a process of its own where that is to be stopped or
-killed. Faults are waited for on /diagnostics, where each is told at once.
+The driver publishes from a thread, or from a separate process if a test stops or kills it. Tests
+wait for faults on /diagnostics, where the node reports each fault immediately.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -46,42 +46,42 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 NAMES = ['joint1', 'joint2']
 Q, V = [np.pi / 4, np.pi / 6], [0.0, 0.0]
 G = [-49.52282521, -11.37087883]
-"""g(q) at `Q` [N m]: what holds the default arm."""
+"""g(q) of the default arm at `Q` [N m]."""
 
 STEADY = {'state_timeout': 60.0, 'state_max_age': 9.0}
 """
-With these, a driver or a node that gets no processor for seconds causes no fault.
+Timeouts that a driver or node without processor time for seconds does not exceed.
 
-A test that needs the fault `state_timeout` makes the timeout short once valid states have ended:
+A test of the fault `state_timeout` shortens the timeout after the last valid state, see
 `FaultBench.wait_state_timeout`.
 """
 STATE_TIMEOUT = 0.3
-"""[s], the short one."""
+"""Shortened `state_timeout` [s]."""
 QUICK = {**STEADY, 'hold_time': 0.3, 'ramp_time': 0.1}
-"""A fault action that is soon over."""
+"""A short fault action."""
 NANOSECONDS = 1_000_000_000
 
 Change = Callable[[JointState], JointState | None]
 
 
 def stamp_of(nanoseconds: int) -> Time:
-    """Return a time as ROS has it."""
+    """Return a time [ns] as a ROS message."""
     return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
 
 def nanoseconds_of(stamp: Time) -> int:
-    """Return a time of ROS in [ns]."""
+    """Return the time of a ROS message [ns]."""
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
 def figure_of(status: DiagnosticStatus | None, key: str) -> int:
-    """Return a figure of a status, 0 where it is not named."""
+    """Return a figure of a status, 0 if the status does not contain it."""
     values = () if status is None else status.values
     return next((int(value.value) for value in values if value.key == key), 0)
 
 
 class Driver:
-    """Streams joint states of an arm at rest with stamps of now, as a robot's driver does."""
+    """Streams joint states of an arm at rest with current stamps, like the driver of a robot."""
 
     def __init__(
         self, client: RosClient, topic: str, names: Sequence[str] = NAMES,
@@ -91,38 +91,38 @@ class Driver:
         self.publisher = client.publisher(JointState, topic, qos)
         self.names, self.q, self.v, self.period = list(names), list(q), list(v), 1.0 / rate
         self.change: Change = lambda message: message
-        """Applied to each message before it goes out; None sends nothing."""
+        """Applied to each message before it is published; None suppresses the message."""
         self.sent = 0
         self._quiet, self._ends = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def message(self) -> JointState:
-        """Return the state as it is now."""
+        """Return the current state."""
         message = JointState(name=self.names, position=self.q, velocity=self.v)
         message.header.stamp = stamp_of(time.time_ns())
         return message
 
     def start(self) -> 'Driver':
-        """Begin to stream."""
+        """Start streaming."""
         self._thread.start()
         return self
 
     def be_quiet(self) -> None:
-        """Send nothing for now."""
+        """Pause the stream."""
         self._quiet.set()
 
     def go_on(self) -> None:
-        """Send states as they should be."""
+        """Publish valid states."""
         self.change = lambda message: message
         self._quiet.clear()
 
     def stream_changed(self, change: Change) -> None:
-        """Send states with this change."""
+        """Publish states with this change."""
         self.change = change
         self._quiet.clear()
 
     def close(self) -> None:
-        """End the thread and the topic."""
+        """Stop the thread and destroy the publisher."""
         self._ends.set()
         self._thread.join(TIMEOUT)
         self._node.destroy_publisher(self.publisher)
@@ -139,10 +139,10 @@ class TimedCollector(Collector):
     """
     Keeps the messages of a topic together with times.
 
-    These are of a steady clock at their arrival, and of the clock of this computer when they were
-    published, as the middleware notes it: so a slow test does not make a node look slow. A topic
-    that keeps the newest message only loses others where the test is slower than the node;
-    `in_a_row` leaves out the pairs between which a message was lost.
+    The time of arrival is of a steady clock. The time of publication is of the computer clock, as
+    the middleware records it, so that a slow test does not make a node look slow. A topic with
+    depth 1 loses messages if the test is slower than the node; `in_a_row` leaves out the pairs
+    between which a message was lost.
     """
 
     def __init__(self, *args: Any) -> None:
@@ -160,7 +160,7 @@ class TimedCollector(Collector):
             self._news.notify_all()
 
     def clear(self) -> None:
-        """Forget what has arrived."""
+        """Discard the messages received so far."""
         with self._news:
             self._messages.clear()
             self.times.clear()
@@ -168,12 +168,12 @@ class TimedCollector(Collector):
             self._numbers.clear()
 
     def published(self) -> list[tuple[float, Any]]:
-        """Return what has arrived, each with the time [s] when it was published."""
+        """Return the messages, each with its time of publication [s]."""
         with self._news:
             return [(1e-9 * t, m) for t, m in zip(self._published, self._messages)]
 
     def in_a_row(self) -> list[tuple[Any, Any]]:
-        """Return the pairs of messages that were published one directly after the other."""
+        """Return the pairs of messages that were published consecutively."""
         with self._news:
             numbered = list(zip(self._numbers, self._messages))
         pairs = [(one, other) for (i, one), (j, other) in itertools.pairwise(numbered)
@@ -182,26 +182,26 @@ class TimedCollector(Collector):
         return pairs
 
     def steps(self) -> npt.NDArray[np.float64]:
-        """Return by how much the effort of each joint changed between messages in a row."""
+        """Return the change of the effort of each joint between consecutive messages."""
         return np.abs([np.subtract(other.effort, one.effort) for one, other in self.in_a_row()])
 
     def since(self, moment: float) -> list[tuple[float, Any]]:
-        """Return what arrived after a moment, with the times."""
+        """Return the messages that arrived after a time [s], with their times."""
         with self._news:
             return [(t, m) for t, m in zip(self.times, self._messages) if t > moment]
 
 
 class FaultBench:
-    """A `dynamics` node with real safety, and all that a test of faults needs beside it."""
+    """A `dynamics` node with real safety options, and the tools of a fault test."""
 
     def __init__(
         self, client: RosClient, node: NodeProcess, namespace: str,
         driver_type: type = Driver, diagnostics: str = '/diagnostics', **driver: Any,
     ) -> None:
-        """`diagnostics` is where the node tells of itself; all nodes of this name, by default."""
+        """`diagnostics` is the topic of the reports; by default that of all nodes of this name."""
         self.client, self.node, self.namespace = client, node, namespace
         self.hold: Sequence[float] = G
-        """The command that holds the arm where the driver says it is."""
+        """g(q) at the position that the driver publishes."""
         self.driver = driver_type(client, f'{namespace}/joint_states', **driver)
         self.efforts = TimedCollector(
             client.node, JointState, f'{namespace}/effort_command', KEEP_MANY)
@@ -216,10 +216,10 @@ class FaultBench:
         """Return the full name of a topic or service of the node."""
         return f'{self.namespace}/dynamics/{name}'
 
-    # ------------------------------------------------------------------ what it says
+    # ------------------------------------------------------------------ diagnostics
 
     def status(self, check: str) -> DiagnosticStatus | None:
-        """Return the newest status of a check, None where there is none yet."""
+        """Return the newest status of a check, None before the first one."""
         for message in reversed(self._diagnostics.messages):
             for status in self._statuses(message, check):
                 return status
@@ -233,7 +233,7 @@ class FaultBench:
     def wait_status(
         self, check: str, predicate: Callable[[DiagnosticStatus], bool], timeout: float = TIMEOUT,
     ) -> DiagnosticStatus:
-        """Return the first status of a check, from the newest one on, that fulfils this."""
+        """Return the first status of a check, starting with the newest, that fulfils this."""
         newest = self.status(check)
         if newest is not None and predicate(newest):
             return newest
@@ -248,11 +248,11 @@ class FaultBench:
         return found[0]
 
     def figure(self, check: str, key: str) -> int:
-        """Return a figure of a check in the next report; 0 where it is not named."""
+        """Return a figure of a check in the next report; 0 if the report does not contain it."""
         return figure_of(self.next_status(check), key)
 
     def known(self, check: str, key: str) -> int:
-        """Return a figure of a check in the newest report that has arrived."""
+        """Return a figure of a check in the newest report."""
         return figure_of(self.status(check), key)
 
     def next_status(self, check: str) -> DiagnosticStatus:
@@ -261,7 +261,7 @@ class FaultBench:
         return self.wait_status(check, lambda _: True)
 
     def wait_fault(self, name: str) -> DiagnosticStatus:
-        """Wait until the command is in this fault."""
+        """Wait until the node reports this fault."""
         return self.wait_status(
             'command', lambda status: status.level == DiagnosticStatus.ERROR
             and status.message.startswith(f'fault {name}'))
@@ -274,7 +274,7 @@ class FaultBench:
 
     @contextmanager
     def short_timeout(self) -> Iterator[None]:
-        """Let the node wait for joint states no longer than `STATE_TIMEOUT`."""
+        """Set `state_timeout` to `STATE_TIMEOUT`."""
         self.set_parameters(state_timeout=STATE_TIMEOUT)
         try:
             yield
@@ -282,49 +282,49 @@ class FaultBench:
             self.set_parameters(state_timeout=STEADY['state_timeout'])
 
     def wait_state_timeout(self) -> DiagnosticStatus:
-        """Wait for the fault `state_timeout`; the driver sends no valid state any more."""
+        """Wait for the fault `state_timeout`, after the last valid state of the driver."""
         with self.short_timeout():
             return self.wait_fault('state_timeout')
 
     def wait_running(self) -> None:
-        """Wait until efforts answer states, not before what is published now."""
+        """Wait until commands answer states that are published from now on."""
         moment = time.monotonic()
         self.wait_status('command', lambda status: status.level != DiagnosticStatus.ERROR)
         wait_until(lambda: bool(self.efforts.since(moment)), 'an effort')
 
     def wait_dropped(self, reason: str, more_than: int = 0) -> DiagnosticStatus:
-        """Wait until more states than so many were dropped for a reason."""
+        """Wait until more than this number of states were dropped for a reason."""
         return self.wait_status(
             'joint states', lambda status: figure_of(status, f'dropped: {reason}') > more_than)
 
     def wait_silent(self) -> None:
-        """Wait until the command has ended: zero efforts, then none."""
+        """Wait until the command has ended: zeros, then no message."""
         self.efforts.wait_for(lambda message: not any(message.effort))
 
-    # ------------------------------------------------------------------ what must hold always
+    # ------------------------------------------------------------------ checks
 
     def check_efforts(self) -> None:
-        """Check that every effort is finite, and for all joints."""
+        """Check that every command is finite and contains all joints."""
         for message in self.efforts.messages:
             assert list(message.name) == self.driver.names
             assert len(message.effort) == len(self.driver.names)
             assert all(map(math.isfinite, message.effort)), message
 
     def check_alive(self) -> None:
-        """Check that the node runs, commands what holds the arm, and has raised nothing."""
+        """Check that the node runs, commands g(q), and logged no exception."""
         self.check_commanding()
         assert 'Traceback' not in self.node.log, self.node.log
         assert 'internal error' not in self.node.log, self.node.log
 
     def check_commanding(self) -> None:
-        """Check that the node commands what holds the arm, of itself."""
+        """Check that the node resumes automatically and commands g(q)."""
         self.driver.go_on()
         self.wait_running()
         self.wait_steady(self.hold)
         self.check_efforts()
 
     def wait_steady(self, effort: Sequence[float], count: int = 5) -> None:
-        """Wait until so many efforts in a row are this one: one alone may be on the way past."""
+        """Wait for consecutive commands with this value; a single one may be on a ramp."""
         self.efforts.clear()
         in_a_row = 0
 
@@ -335,21 +335,21 @@ class FaultBench:
 
         self.efforts.wait_for(is_steady)
 
-    # ------------------------------------------------------------------ what to send
+    # ------------------------------------------------------------------ messages
 
     def set_point(self, q: Sequence[float], **more: Any) -> None:
-        """Send one set-point."""
+        """Publish one set-point."""
         self.trajectories.publish(JointTrajectory(
             joint_names=self.driver.names,
             points=[JointTrajectoryPoint(positions=list(q), **more)]))
 
     def stop_listening(self) -> None:
-        """Keep no efforts any more."""
+        """Stop recording commands."""
         self.efforts.close()
         self._listens = False
 
     def close(self) -> None:
-        """Stop the driver and forget the topics."""
+        """Stop the driver and destroy the subscriptions."""
         self.driver.close()
         if self._listens:
             self.efforts.close()
@@ -362,7 +362,7 @@ def fault_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any] | None = None,
     stream: bool = True, **driver: Any,
 ) -> Iterator[FaultBench]:
-    """Run a `dynamics` node with real safety, and a driver that streams where `stream`."""
+    """Run a `dynamics` node with real safety options, and a driver that streams if `stream`."""
     with NodeProcess(
             DYNAMICS, {**QUICK, **(parameters or {})}, namespace=namespace,
             patient=False) as node:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What tests of faults do to the messages that they send, and check of those that they get."""
+"""Changes of the messages that fault tests publish, and checks of those that they receive."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -40,17 +40,17 @@ RATE = np.array([1500.0, 600.0])
 DIRECT = {
     'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0]}
 """
-With these a set-point far away asks for more than the limits of the command allow, at once.
+Parameters with which a distant set-point immediately exceeds the limits of the command.
 
-For tests of these limits, of the guard and of fault actions, which the conditioned reference of an
-arm at rest would never reach.
+For tests of the limits and of fault actions: the conditioned reference of an arm at rest never
+reaches these limits.
 """
 NO_STREAM = {'reference_timeout': 0.001}
-"""For tests of other faults: set-points so far apart are no stream, whose end they would be."""
+"""For tests of other faults: set-points at this distance do not form a stream that times out."""
 
 
 def altered(**fields: Any) -> Change:
-    """Return what replaces fields of each state."""
+    """Return a change that replaces fields of each state."""
     def change(message: JointState) -> JointState:
         for name, value in fields.items():
             setattr(message, name, value)
@@ -60,7 +60,7 @@ def altered(**fields: Any) -> Change:
 
 
 def shifted(seconds: float) -> Change:
-    """Return what moves the stamp of each state."""
+    """Return a change that shifts the stamp of each state."""
     def change(message: JointState) -> JointState:
         message.header.stamp = stamp_of(
             nanoseconds_of(message.header.stamp) + round(NANOSECONDS * seconds))
@@ -70,7 +70,7 @@ def shifted(seconds: float) -> Change:
 
 
 def stamped(nanoseconds: int) -> Change:
-    """Return what gives all states the same stamp."""
+    """Return a change that gives all states the same stamp."""
     return lambda message: altered_stamp(message, nanoseconds)
 
 
@@ -81,13 +81,13 @@ def altered_stamp(message: JointState, nanoseconds: int) -> JointState:
 
 
 def from_now(bench: FaultBench) -> int:
-    """Return a time [ns]: stamps from it on are of states that the driver changes as now set."""
+    """Return a time [ns]; later stamps are of states with the driver's current change."""
     wait_states(bench, 2)
     return time.time_ns()
 
 
 def wait_states(bench: FaultBench, count: int) -> None:
-    """Wait until the driver has sent so many more states."""
+    """Wait until the driver has published this number of further states."""
     goal = bench.driver.sent + count
     wait_until(lambda: bench.driver.sent >= goal, f'{count} states sent')
 
@@ -95,9 +95,9 @@ def wait_states(bench: FaultBench, count: int) -> None:
 @contextmanager
 def another_publisher(bench: FaultBench, change: Change, **driver: Any) -> Iterator[None]:
     """
-    Let a second publisher, whose states are changed, take turns with the driver at random.
+    Run a second publisher with changed states, which alternates with the driver at random.
 
-    Whatever part of the states a slow node gets to see: they are not of one publisher for long.
+    Even a slow node that receives only some states receives those of both publishers.
     """
     other = Driver(bench.client, f'{bench.namespace}/joint_states', **driver)
     source = random.Random(1)
@@ -117,7 +117,7 @@ def another_publisher(bench: FaultBench, change: Change, **driver: Any) -> Itera
 
 
 class SetPoints:
-    """A stream of set-points from a thread, for a `with` statement; it ends with it."""
+    """A stream of set-points from a thread; its `with` statement ends it."""
 
     def __init__(
         self, bench: FaultBench, next_pose: Callable[[], Sequence[float]], rate: float = 50.0,
@@ -144,12 +144,12 @@ class SetPoints:
 
 def check_rate(efforts: TimedCollector, rate: Any = RATE) -> None:
     """
-    Check that no two efforts in a row differ by more than the rate allows between their stamps.
+    Check that consecutive commands respect the rate limit between their stamps.
 
-    `rate` [N m/s] is one for all joints, or one per joint.
+    `rate` [N m/s] is a number for all joints, or one per joint.
 
-    Efforts under one stamp, as of a fault action, and after a stamp that went back, may differ by
-    what is ever allowed at once.
+    Commands with the same stamp, such as those of a fault action, and commands after a stamp that
+    went back may differ by the largest permitted step.
     """
     for one, next_one in efforts.in_a_row():
         seconds = 1e-9 * (

@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-The table of faults in docs/safety.md: each test that injects one names it, and what must follow.
+The table of faults in docs/fault_tests.md.
 
-`scripts/test -m fault --write-fault-table` runs the suite and writes the page from its results.
+Each test that injects a fault has a mark with the fault and the expected reaction.
+`scripts/test -m fault --write-fault-table` runs these tests and writes the page from the results.
 """
 
 from collections.abc import Sequence
@@ -24,19 +25,19 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
+PAGE = Path(__file__).parents[2] / 'docs' / 'fault_tests.md'
 BEGIN, END = '<!-- faults: begin -->\n', '<!-- faults: end -->\n'
 HEAD = '| injected | expected | seen |\n| --- | --- | --- |\n'
 
 
 def fault(group: str, injected: str, expected: str) -> pytest.MarkDecorator:
-    """Mark a test that injects a fault: the part of the table, what it does, what must follow."""
+    """Mark a test that injects a fault: section of the table, fault, expected reaction."""
     return pytest.mark.fault(group, injected, expected)
 
 
 @dataclass
 class Row:
-    """One fault of the table, and what a run of its test showed."""
+    """One row of the table; `seen` is the result of a test run."""
 
     group: str
     injected: str
@@ -45,13 +46,13 @@ class Row:
 
 
 def row_of(item: pytest.Item) -> Row | None:
-    """Return the row of a test, None for a test that injects no fault."""
+    """Return the row of a test, None if the test injects no fault."""
     mark = item.get_closest_marker('fault')
     return None if mark is None else Row(*mark.args)
 
 
 def seen_words(report: pytest.TestReport) -> str | None:
-    """Return what a finished phase of a test says of its fault; None where it says nothing."""
+    """Return the result of a finished test phase as text; None if the phase has no result."""
     figures = [str(value) for name, value in report.user_properties if name == 'seen']
     if report.failed:
         return '**failed**'
@@ -64,7 +65,7 @@ def seen_words(report: pytest.TestReport) -> str | None:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the table as markdown, a part for each group."""
+    """Return the table as Markdown, with one section per group."""
     parts = []
     for group in dict.fromkeys(row.group for row in rows):
         lines = ''.join(
@@ -75,7 +76,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def write_page(rows: Sequence[Row]) -> None:
-    """Put the table in the page."""
+    """Write the table to the page."""
     text = PAGE.read_text(encoding='utf-8')
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
@@ -83,7 +84,7 @@ def write_page(rows: Sequence[Row]) -> None:
 
 
 def rows_of_page() -> list[Row]:
-    """Return the rows that stand in the page."""
+    """Return the rows of the page."""
     rows, group = [], ''
     text = PAGE.read_text(encoding='utf-8').split(BEGIN)[1].split(END)[0]
     for line in text.splitlines():

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of arms whose parameters are known, for the tests of identification."""
+"""Recordings of arms with known parameters, for the tests of identification."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -30,7 +30,7 @@ HARMONICS, BASE_FREQUENCY = 5, 0.1
 
 
 class States(NamedTuple):
-    """A motion, times (m,) and the others (m, n)."""
+    """A motion: times (m,), all others (m, n)."""
 
     times: np.ndarray
     q: np.ndarray
@@ -39,7 +39,7 @@ class States(NamedTuple):
 
 
 def fourier_motion(arm: ArmModel, rate: float, duration: float, seed: int = 0) -> States:
-    """Return a motion that is a sum of sines, within about the limits of an arm."""
+    """Return a sum of sines, approximately within the limits of an arm."""
     t = np.arange(0.0, duration, 1.0 / rate)
     n = arm.joint_count
     rng = np.random.default_rng(seed)
@@ -55,7 +55,7 @@ def fourier_motion(arm: ArmModel, rate: float, duration: float, seed: int = 0) -
 
 
 def moves_with_pauses(arm: ArmModel, rate: float, duration: float, seed: int = 0) -> States:
-    """Return minimum-jerk moves between near places, with pauses, as in teleoperation."""
+    """Return minimum-jerk moves between near positions, with pauses, as in teleoperation."""
     rng = np.random.default_rng(seed)
     n, fine = arm.joint_count, 1000.0
     pieces, at = [], np.zeros(n)
@@ -74,9 +74,9 @@ def moves_with_pauses(arm: ArmModel, rate: float, duration: float, seed: int = 0
 
 def lugre_friction(states: States, seed: int = 0) -> np.ndarray:
     """
-    Return friction (m, n) of a kind that no structure of the identification has.
+    Return friction (m, n) that no friction model of the identification describes.
 
-    LuGre's bristles with Stribeck's curve, and viscous friction that grows with |v|^0.8.
+    The LuGre model with the Stribeck curve, and viscous friction proportional to |v|^0.8.
     """
     rng = np.random.default_rng(seed)
     n = states.q.shape[1]
@@ -100,7 +100,7 @@ def with_inertial_parameters(arm: ArmModel, parameters: np.ndarray) -> ArmModel:
 
 
 def changed_arm(arm: ArmModel, size: float, seed: int = 0) -> ArmModel:
-    """Return an arm whose bodies are physically consistent, and differ by about so much."""
+    """Return an arm with physically consistent bodies that differ by about this fraction."""
     rng = np.random.default_rng(seed)
     return with_inertial_parameters(arm, np.concatenate([
         from_coordinates(
@@ -118,7 +118,7 @@ def recorded(
     arm: ArmModel, states: States, effort: np.ndarray, noise: np.ndarray | float = 0.0,
     seed: int = 0, quantum: float = 0.0, has_velocity: bool = True,
 ) -> FilteredMotion:
-    """Return the filtered motion of a recording with white noise on effort."""
+    """Return the filtered motion of a recording with white noise on the effort."""
     rng = np.random.default_rng(seed)
     q = states.q if quantum == 0.0 else np.round(states.q / quantum) * quantum
     stamps = np.asarray(np.round(states.times * 1e9), dtype=np.int64)

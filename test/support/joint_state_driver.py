@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A driver of an arm at rest, in a process of its own: it can be stopped, continued and killed.
+A driver of an arm at rest in a separate process, which can be stopped, continued and killed.
 
-It streams joint states with stamps of now, and sends none twice for those that it missed while it
-stood still. `DriverProcess` runs it for a test.
+It streams joint states with current stamps and does not make up for states that it missed while
+stopped. `DriverProcess` runs it for a test.
 """
 
 from collections.abc import Sequence
@@ -34,14 +34,14 @@ from sensor_msgs.msg import JointState
 
 
 class DriverProcess:
-    """A driver for a `FaultBench`; as long as one lives, it is the only one."""
+    """A driver process for a `FaultBench`; only one process runs at a time."""
 
     def __init__(
         self, _: RosClient, topic: str, names: Sequence[str] = NAMES,
         q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0,
         prefix: Sequence[str] = (),
     ) -> None:
-        """Start nothing yet; `prefix` is a command that runs a command."""
+        """Prepare the process without starting it; `prefix` is a command that runs a command."""
         self.names, self.q = list(names), list(q)
         self._parameters = {
             'names': self.names, 'position': list(map(float, q)),
@@ -60,12 +60,12 @@ class DriverProcess:
         return self
 
     def be_quiet(self) -> None:
-        """Let the process stand still."""
+        """Stop the process with SIGSTOP."""
         self._send(signal.SIGSTOP)
         self._stands = True
 
     def go_on(self) -> None:
-        """Send states again, from a new process where the old one is dead."""
+        """Continue the process, or start a new one if it was killed."""
         if self._process is None:
             self.start()
         elif self._stands:
@@ -73,7 +73,7 @@ class DriverProcess:
             self._stands = False
 
     def kill(self) -> None:
-        """End the process by SIGKILL."""
+        """Kill the process with SIGKILL."""
         if self._process is not None:
             self._process.kill()
             self._process, self._stands = None, False
@@ -88,7 +88,7 @@ class DriverProcess:
 
 
 def main() -> None:
-    """Stream until told to stop."""
+    """Publish joint states until a signal ends the process."""
     rclpy.init()
     node = rclpy.create_node('driver', automatically_declare_parameters_from_overrides=True)
 

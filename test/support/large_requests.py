@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Large requests to the services of `dynamics`, from a process of its own.
+Large requests to the services of `dynamics`, from a separate process.
 
-Making them keeps a process busy, which is not to hold up the driver of a test. Each case checks
-the numbers of its answer itself, where there should be any.
+Building large requests would delay the driver in the process of a test. Each case checks the
+numbers in its answer, if it expects any.
 """
 
 from collections.abc import Callable, Mapping
@@ -51,7 +51,7 @@ Check = Callable[[Any], bool]
 
 
 class Large(NamedTuple):
-    """A large request: its service, type, itself, and whether an answer has the right numbers."""
+    """A large request: service, type, message, and a check of the numbers in the answer."""
 
     service: str
     kind: Any
@@ -60,7 +60,7 @@ class Large(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What came of a large request."""
+    """The result of a large request."""
 
     success: bool
     message: str
@@ -117,7 +117,7 @@ def wrenches() -> Large:
 
 
 class LargeRequests(ClientProcess):
-    """The process that makes these requests."""
+    """The process that sends these requests."""
 
     def __init__(
         self, namespace: str, environment: Mapping[str, str] | None = None,
@@ -125,11 +125,11 @@ class LargeRequests(ClientProcess):
         super().__init__('large_requests', namespace, environment=environment)
 
     def call(self, case: str) -> Answer:
-        """Make the request of a case; return what came of it."""
+        """Send the request of a case; return its result."""
         return Answer(*self.ask((case, True)))
 
     def send(self, case: str) -> None:
-        """Send the request of a case, and do not wait."""
+        """Send the request of a case without waiting."""
         self.ask((case, False))
 
 
@@ -137,7 +137,7 @@ CASES = {case.__name__: case for case in (batch, names, one_name, link_name, poi
 
 
 def main() -> None:
-    """Make the requests whose cases stand on the standard input, or only send them."""
+    """Send the requests of the cases on the standard input, with or without waiting."""
     namespace, = sys.argv[1:]
     with RosClient('large_client') as client:
 

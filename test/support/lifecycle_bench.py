@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the tests of models and of the lifecycle share: transitions, states, and what went out.
+Shared by the tests of models and of the lifecycle: transitions, states, published messages.
 
-Silence is told from the topic of g(q), which goes on while no efforts go out: where so many of
-its messages came without an effort, there is none.
+The topic of g(q) shows that the node publishes no commands: it continues meanwhile. If a number
+of its messages arrive without a command, there is no command.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,11 +36,11 @@ ACTIVATE = Transition.TRANSITION_ACTIVATE
 DEACTIVATE = Transition.TRANSITION_DEACTIVATE
 SHUTDOWN = Transition.TRANSITION_ACTIVE_SHUTDOWN
 STATES_OF_SILENCE = 50
-"""Joint states that are answered without an effort."""
+"""Number of joint states without a command that count as the end of commands."""
 
 
 class LifecycleBench(FaultBench):
-    """A bench whose node starts as the test wants it."""
+    """A bench whose test chooses the initial state of the node."""
 
     def __init__(self, *args: Any, **driver: Any) -> None:
         super().__init__(*args, **driver)
@@ -49,12 +49,12 @@ class LifecycleBench(FaultBench):
         self.gravity.wait_matched()
 
     def change(self, transition: int = 0, label: str = '') -> bool:
-        """Ask for a transition; return whether it was made."""
+        """Request a transition; return whether it succeeded."""
         return bool(self.client.call(ChangeState, self.name('change_state'), ChangeState.Request(
             transition=Transition(id=transition, label=label))).success)
 
     def state(self) -> str:
-        """Return the name of the state that the node is in."""
+        """Return the name of the lifecycle state."""
         return str(self.client.call(GetState, self.name('get_state')).current_state.label)
 
     def ask(self, service: str, kind: Any, **fields: Any) -> Any:
@@ -62,7 +62,7 @@ class LifecycleBench(FaultBench):
         return self.client.call(kind, self.name(service), kind.Request(**fields))
 
     def check_silent(self) -> None:
-        """Check that states are answered with g(q), and with no effort."""
+        """Check that the node publishes g(q) for states, and no command."""
         self.wait_ended()
         moment = from_now(self)
         self.gravity.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
@@ -71,14 +71,14 @@ class LifecycleBench(FaultBench):
         assert self.efforts.messages == []
 
     def wait_ended(self) -> None:
-        """Wait for the zero effort that is the last one, where there were efforts; forget all."""
+        """Wait for the final zero command if there were commands; discard all messages."""
         wait_until(
             lambda: not self.efforts.messages or not any(self.efforts.messages[-1].effort),
             'the end of the efforts')
         self.efforts.clear()
 
     def close(self) -> None:
-        """Stop the driver and forget the topics."""
+        """Stop the driver and destroy the subscriptions."""
         super().close()
         self.gravity.close()
 
@@ -87,7 +87,7 @@ class LifecycleBench(FaultBench):
 def lifecycle_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any], hold: Sequence[float] = (),
 ) -> Iterator[LifecycleBench]:
-    """Run a node and a driver; other nodes may run beside it, and are not heard."""
+    """Run a node and a driver; messages of other nodes are ignored."""
     diagnostics = f'{namespace}/diagnostics'
     with NodeProcess(
             DYNAMICS, {**STEADY, **parameters}, namespace=namespace,

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A network partition, for real: driver and node in two network namespaces, with a link that breaks.
+A real network partition: driver and node in two network namespaces, with a link that fails.
 
-Run it in a network of its own, as `own_network` says how. It prints the times that it saw, as one
-line of JSON.
+Run it in a separate network, with the command that `own_network` returns. It prints the measured
+times as one line of JSON.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,14 +34,14 @@ from joint_state_driver import DriverProcess
 from ros_harness import RosClient, wait_until
 
 OWN_NETWORK = (['unshare', '--net'], ['unshare', '--user', '--map-root-user', '--net'])
-"""Commands that run a command in a new network namespace: as root, and as anybody."""
+"""Commands that run a command in a new network namespace: as root, and as another user."""
 NEW_LINK = ['ip', 'link', 'add', 'near', 'type', 'veth', 'peer', 'name', 'far']
 SHORT_LEASE = Path(__file__).with_name('short_lease.xml')
 """Participants remove each other 10 s (instead of 20 s) after the last announcement."""
 
 
 def own_network() -> tuple[list[str], str]:
-    """Return the command that puts a command in a network of its own, or why there is none."""
+    """Return the command that runs a command in a separate network, or the reason for none."""
     missing = [name for name in ('unshare', 'nsenter', 'ip') if shutil.which(name) is None]
     if missing:
         return [], f'there is no command {missing[0]!r}'
@@ -60,10 +60,10 @@ def run(*command: str) -> None:
 
 def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
     """
-    Return whether the kernel takes the link for up, which follows a little after both its ends.
+    Return whether the link is up, which takes a little longer than setting up both its ends.
 
-    A process that starts before leaves the device alone for ever: Fast DDS looks for devices that
-    are running once, when it starts.
+    A process that starts earlier never uses the device: Fast DDS searches for running devices only
+    once, at its start.
     """
     shown = children.run(
         [*prefix, 'ip', '-json', 'link', 'show', device], check=True, capture_output=True)
@@ -72,7 +72,7 @@ def is_running(device: str, prefix: Sequence[str] = ()) -> bool:
 
 @contextmanager
 def linked_network() -> Iterator[list[str]]:
-    """Link this network with another; yield the command that runs a command over there."""
+    """Link this network with another one; yield the command that runs a command in that one."""
     holder = children.popen(['unshare', '--net', 'sleep', 'infinity'])
     over_there = ['nsenter', '--target', str(holder.pid), '--net']
     here = os.readlink('/proc/self/ns/net')
@@ -93,7 +93,7 @@ def linked_network() -> Iterator[list[str]]:
 
 
 def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]:
-    """Break the link until efforts have ended, or longer; return the times [s] that were seen."""
+    """Disable the link until commands have ended, or longer; return the measured times [s]."""
     bench.check_alive()
     broken = time.monotonic()
     run('ip', 'link', 'set', 'near', 'down')
@@ -108,7 +108,7 @@ def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]
     bench.wait_running()
     back = time.monotonic()
     bench.check_alive()
-    return {'told': reported - broken, 'broken': healed - broken, 'back': back - healed}
+    return {'reported': reported - broken, 'broken': healed - broken, 'back': back - healed}
 
 
 def main() -> None:

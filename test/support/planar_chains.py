@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Planar chains for the tests: random ones, as a URDF, and turned about in space."""
+"""Planar chains for the tests: random chains, as a URDF, and rotated in space."""
 
 from xml.etree import ElementTree
 
@@ -40,14 +40,14 @@ def urdf_of(chain):
 
 
 def on_a_turned_base(urdf, rpy):
-    """Return the URDF with its arm on a base that is turned by these angles [rad]."""
+    """Return the URDF with the arm on a base that is rotated by these angles [rad]."""
     robot = ElementTree.fromstring(urdf)
     robot.find('joint/origin').set('rpy', ' '.join(str(angle) for angle in rpy))
     return ElementTree.tostring(robot, encoding='unicode')
 
 
 def with_reversed_joint(urdf, name):
-    """Return the URDF with a joint that counts the other way round."""
+    """Return the URDF with a joint of the opposite positive direction."""
     robot = ElementTree.fromstring(urdf)
     axis = robot.find(f'joint[@name="{name}"]/axis')
     axis.set('xyz', ' '.join(str(-float(value)) for value in axis.get('xyz').split()))

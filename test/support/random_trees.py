@@ -15,7 +15,7 @@
 """
 Random trees of bodies, and their energies from the definitions.
 
-`Mechanics` has the energies of a URDF from its frames alone, without an engine.
+`Mechanics` computes the energies of a URDF only from its frames, without an engine.
 """
 
 from collections.abc import Iterable
@@ -162,7 +162,7 @@ def text(values: Any) -> str:
 
 def random_inertial(rng: np.random.Generator) -> str:
     mass, (a, b, c) = rng.uniform(0.1, 5.0), rng.uniform(0.05, 0.6, 3).tolist()
-    # The moments of a solid box, turned by the origin's angles.
+    # The moments of a solid box, rotated by the angles of the origin.
     return (
         f'<inertial><origin xyz="{text(rng.normal(0, 0.2, 3))}" '
         f'rpy="{text(rng.uniform(-3, 3, 3))}"/><mass value="{mass!r}"/>'
@@ -174,8 +174,8 @@ def random_urdf(rng: np.random.Generator, mimic: bool = True) -> str:
     """
     Return a tree with every kind of joint, mimics of mimics, and links without inertia.
 
-    Every leaf has inertia, so the mass matrix is regular. Names, and with them the order of the
-    engine, have nothing to do with the order of the document.
+    Every leaf has inertia, so the mass matrix is regular. The names, and so the joint order of
+    the engine, are independent of the order in the document.
     """
     count = int(rng.integers(3, 10))
     names = [f'{chr(97 + letter)}{i}' for i, letter in enumerate(rng.permutation(26)[:count])]
@@ -209,7 +209,7 @@ def random_urdf(rng: np.random.Generator, mimic: bool = True) -> str:
 
 
 class Case(NamedTuple):
-    """An arm and a state of it, with a rng for whatever else a test wants."""
+    """An arm, a state of it, and a random number generator for the test."""
 
     urdf: str
     arm: ArmModel

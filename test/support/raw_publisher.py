@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A process that publishes bytes as they are, whatever message they are or are not.
+A process that publishes arbitrary bytes as messages.
 
-Each line on its standard input is a type, a topic and bytes in hexadecimal, as
-`sensor_msgs.msg.JointState /joint_states 00010000…`; it answers each with a line.
+Each line on its standard input is a type, a topic and bytes in hexadecimal, such as
+`sensor_msgs.msg.JointState /joint_states 00010000…`. It answers each line with a line.
 """
 
 import importlib
@@ -31,17 +31,17 @@ from rclpy.serialization import serialize_message
 from ros_harness import LATCHED, RosClient
 
 PERIOD = 0.003
-"""[s] between two messages, so that a subscriber that keeps the newest alone gets most of them."""
+"""Time between two messages [s], so that a subscriber of depth 1 receives most messages."""
 
 
 class RawPublisher:
-    """Runs that process, for use in a `with` statement."""
+    """Runs the process, for use in a `with` statement."""
 
     def __init__(self) -> None:
         self.sent = 0
 
     def publish(self, topic: str, message_type: type, data: bytes) -> None:
-        """Publish bytes as a message of this type, to at least one subscriber; wait for that."""
+        """Publish bytes as a message of this type, once there is a subscriber."""
         name = f'{message_type.__module__.split("._")[0]}.{message_type.__name__}'
         self._process.stdin.write(f'{name} {topic} {data.hex()}\n')
         self._process.stdin.flush()
@@ -61,7 +61,7 @@ class RawPublisher:
 
 
 def bytes_of(message: Any) -> bytes:
-    """Return a message as it goes over the wire."""
+    """Return a serialized message."""
     return bytes(serialize_message(message))
 
 

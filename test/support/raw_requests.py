@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Requests of bytes that are no request, from a real client over DDS.
+Arbitrary bytes as requests, from a real client over DDS.
 
-rclpy sends no raw requests, and no topic of a node can have the name of a service's. So in this
-process the request type of a service is written by the functions that write a UUID, as 16 bytes
-that are its own; type name, client and all the rest stay what they are.
+rclpy cannot send raw requests, and a topic cannot have the name of a service topic. In this
+process, the functions that serialize a UUID serialize the request of a service, as 16 arbitrary
+bytes. The type name, the client and everything else are unchanged.
 """
 
 from collections.abc import Sequence
@@ -33,20 +33,20 @@ from ros_harness import RosClient, TIMEOUT
 from unique_identifier_msgs.msg import UUID
 
 LENGTH = 16
-"""Bytes of a raw request."""
+"""Length of a raw request [bytes]."""
 
 
 class RawRequests(ClientProcess):
-    """The process that sends such requests to a node `dynamics`."""
+    """The process that sends raw requests to a node `dynamics`."""
 
     def __init__(self, namespace: str) -> None:
         super().__init__('raw_requests', namespace)
 
     def send(self, requests: Sequence[tuple[str, Any, bytes]]) -> None:
         """
-        Send requests, each when the last is past.
+        Send requests one after the other.
 
-        Each is the name of a service below `~`, its type, and `LENGTH` bytes.
+        A request is the name of a service below `~`, its type, and `LENGTH` bytes.
         """
         self.ask([
             (name, kind.__module__.rpartition('.')[0], kind.__name__, data.hex())
@@ -54,7 +54,7 @@ class RawRequests(ClientProcess):
 
 
 class _TypeSupport(ctypes.Structure):
-    """The beginning of rosidl_message_type_support_t, and of that of services."""
+    """The first fields of rosidl_message_type_support_t and of the same type for services."""
 
     _fields_ = [
         ('identifier', ctypes.c_char_p), ('data', ctypes.c_void_p), ('find', ctypes.c_void_p)]
@@ -78,7 +78,7 @@ class _MessageMembers(ctypes.Structure):
 
 
 def _for_fast_dds(capsule: Any) -> _TypeSupport:
-    """Return the type support of Fast DDS behind the one that a Python type carries."""
+    """Return the Fast DDS type support of a Python type."""
     api = ctypes.pythonapi
     api.PyCapsule_GetName.restype = ctypes.c_char_p
     api.PyCapsule_GetName.argtypes = [ctypes.py_object]
@@ -91,7 +91,7 @@ def _for_fast_dds(capsule: Any) -> _TypeSupport:
 
 
 def raw_type(service_type: Any) -> Any:
-    """Return the service type with a UUID for a request, under the name of the right one."""
+    """Return the service type with a UUID as request and the original type name."""
     check_is_valid_srv_type(service_type)
     check_is_valid_msg_type(UUID)
     members = _ServiceMembers.from_address(_for_fast_dds(service_type._TYPE_SUPPORT).data)
@@ -104,7 +104,7 @@ def raw_type(service_type: Any) -> Any:
 
 
 def main() -> None:
-    """Send what stands on the standard input."""
+    """Send the requests on the standard input."""
     node = f'{sys.argv[1]}/dynamics'
     with RosClient('raw_client') as client:
         services: dict[str, Any] = {}

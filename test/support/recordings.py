@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of a known motion of a known arm, in every format, and what damages them."""
+"""Recordings of a known motion of a known arm in every format, and functions that damage them."""
 
 from pathlib import Path
 import shutil
@@ -100,7 +100,7 @@ class KnownMotion:
 
 
 def serialized(kind, types=None, **fields):
-    """Return a message in bytes; `types` is the typestore, that of ROS 2 Jazzy by default."""
+    """Return a serialized message; `types` is the typestore, by default that of ROS 2 Jazzy."""
     from rosbags import typesys
     types = types or typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     return bytes(types.serialize_cdr(types.types[kind](**fields), kind))
@@ -154,13 +154,13 @@ def write_split(path, messages, parts, form='mcap'):
 
 
 def stored_file(recording):
-    """Return the only file of a recording beside its metadata."""
+    """Return the only file of a recording except its metadata."""
     (file,) = (path for path in Path(recording).iterdir() if path.name != 'metadata.yaml')
     return file
 
 
 def cut(file, fraction):
-    """Keep this share of a file."""
+    """Truncate a file to this fraction."""
     data = file.read_bytes()
     file.write_bytes(data[:int(fraction * len(data))])
     return file

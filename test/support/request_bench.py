@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the tests of requests share: clients in processes of their own, and whether control goes on.
+Shared by the tests of requests: clients in separate processes, and checks of the control loop.
 
-No fault may begin while a request is answered. The longest pause between two efforts is reported,
-not judged.
+No fault may begin while a request is answered. The longest gap between two commands is reported;
+it has no limit.
 """
 
 from collections.abc import Iterator, Mapping
@@ -36,13 +36,13 @@ from fault_bench import FaultBench
 from ros_harness import TIMEOUT
 
 
-class ControlGoesOn:
-    """Checks of a node that it commands as ever, whatever it is asked."""
+class ControlContinues:
+    """Checks that a node continues to command during requests."""
 
     def __init__(self, bench: FaultBench) -> None:
         self.bench = bench
         self.longest_pause = 0.0
-        """[s] between two efforts that arrived during the last check."""
+        """Longest time between two commands during the last check [s]."""
         self._faults_known = 0
 
     def ask(self, service: str, kind: Any, **fields: Any) -> Any:
@@ -51,7 +51,7 @@ class ControlGoesOn:
 
     @contextmanager
     def checked(self, with_faults: bool = False) -> Iterator[None]:
-        """Check that efforts go out before, meanwhile and after; `with_faults` after faults."""
+        """Check that commands continue before, during and after; `with_faults` permits faults."""
         self.bench.check_alive()
         before = len(self.bench.efforts.messages)
         yield
@@ -71,9 +71,9 @@ class ControlGoesOn:
 
 class ClientProcess:
     """
-    A module of this directory as a process that answers each line of JSON with one.
+    A module of this directory as a process that answers each line of JSON with one line.
 
-    For use in a `with` statement, at whose end it must leave by itself.
+    For use in a `with` statement, at whose end the process must exit on its own.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class ClientProcess:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def ask(self, question: Any, timeout: float = 4 * TIMEOUT) -> Any:
-        """Return the answer to a question."""
+        """Send a request; return the answer."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(f'{json.dumps(question)}\n')
@@ -97,7 +97,7 @@ class ClientProcess:
         return json.loads(line)
 
     def kill(self) -> None:
-        """End it, whatever it does."""
+        """Kill the process."""
         self._process.kill()
         self._process.communicate()
 
@@ -116,6 +116,6 @@ class ClientProcess:
 
 
 def answer_lines(answer: Any) -> None:
-    """Answer the questions of a `ClientProcess` until there are no more."""
+    """Answer the requests of a `ClientProcess` until its input ends."""
     for line in sys.stdin:
         print(json.dumps(answer(json.loads(line))), flush=True)

@@ -15,8 +15,8 @@
 """
 Descriptions of real robots for the tests: those of `example-robot-data`.
 
-Without that package the tests that need it are skipped, with the reason in words; where the
-environment variable CI is set, on x86-64 Linux, they fail instead.
+Without that package, the tests that need it are skipped with the reason. If the environment
+variable CI is set, on x86-64 Linux, they fail instead.
 """
 
 from collections.abc import Sequence
@@ -69,7 +69,7 @@ KINDS = {
     'talos_full_v2': 'many branches, revolute mimic joints',
     'pr2': 'negative axes, and all of the above in one tree',
 }
-"""One robot per kind of tree, and what it stands for; tests of all robots run these by default."""
+"""One robot per kind of tree, with the kind; tests of all robots run these by default."""
 
 
 def by_kind(names: Sequence[str] = ROBOTS) -> list[Any]:
@@ -85,14 +85,14 @@ def must_have_everything() -> bool:
 
 
 def missing(reason: str) -> NoReturn:
-    """Skip the test for this reason, or fail it where everything must be there."""
+    """Skip the test for this reason, or fail it if all optional packages are required."""
     if must_have_everything():
         pytest.fail(f'{reason}; with CI set this is a failure')
     pytest.skip(reason)
 
 
 def robot_path(name: str) -> Path:
-    """Return where the URDF of one of `ROBOTS` is; skip the test where it is not installed."""
+    """Return the path of the URDF of one of `ROBOTS`; skip the test if it is not installed."""
     for directory in _robot_directories():
         path = directory / _FILES[name]
         if path.is_file():
@@ -106,12 +106,12 @@ def is_installed() -> bool:
 
 
 def robot_urdf(name: str) -> str:
-    """Return the text of the URDF of one of `ROBOTS`; skip the test where it is missing."""
+    """Return the text of the URDF of one of `ROBOTS`; skip the test if it is missing."""
     return robot_path(name).read_text(encoding='utf-8')
 
 
 def _robot_directories() -> list[Path]:
-    """Return where the robots may be: in the wheel, or in a ROS installation."""
+    """Return the possible directories of the robots: in the wheel, or in a ROS installation."""
     share = Path('share', PACKAGE, 'robots')
     prefixes = [Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
     try:

@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-Stand-ins for the parts of ros2_control that this package meets, which has no wheels to install.
+Stand-ins for the parts of ros2_control that this package communicates with.
 
-They are written in rclpy after the sources of ros2_controllers and of
-joint_state_topic_hardware_interface, and are no test of those packages. One process runs three
-nodes in a loop of `update_rate`, as a controller manager does:
+There are no wheels of ros2_control to install. The stand-ins are written in rclpy after the
+sources of ros2_controllers and of joint_state_topic_hardware_interface; they do not test those
+packages. One process runs three nodes in a loop of `update_rate`, as a controller manager does:
 
 - the hardware component `JointStateTopicSystem`: it publishes a command, stamped with the time of
   publication, unless the summed distance from the state is at most
-  `trigger_joint_command_threshold`; a state or command that is not known is NaN, so that the
-  distance is never at most that;
+  `trigger_joint_command_threshold`; an unknown state or command is NaN, so that the
+  distance is never within the threshold;
 - `joint_state_broadcaster`: all joints, stamped with the time of the update, with NaN for
   position, velocity or effort if it is not in `state_interfaces`;
 - `effort_controller`, a `JointGroupEffortController`: it keeps the last command of `~/commands`,
@@ -60,7 +60,7 @@ def ros2_control(
     interfaces: Sequence[str] = INTERFACES, update_rate: float = 100.0,
 ) -> NodeProcess:
     """
-    Return the process, not yet started; `joints` are those of the effort controller, in its order.
+    Return the process, not yet started; `joints` are in the order of the effort controller.
 
     It reads NAMESPACE/simulated/joint_states and publishes NAMESPACE/joint_states and
     NAMESPACE/simulated/effort_command.
@@ -91,7 +91,7 @@ class Hardware(Node):
         self._latest = message
 
     def read(self) -> None:
-        """Take over the newest state."""
+        """Store the newest state."""
         message = self._latest
         if message is None:
             return
@@ -101,7 +101,7 @@ class Hardware(Node):
                     self.states[joint][interface] = value
 
     def write(self) -> None:
-        """Publish the commands, unless the states are as near to them as the threshold."""
+        """Publish the commands, unless their distance to the states is within the threshold."""
         distance = sum(
             abs(self.states[joint]['effort'] - self.commands[joint]) for joint in self.joints)
         if distance <= self.threshold:
@@ -112,7 +112,7 @@ class Hardware(Node):
 
 
 class Broadcaster(Node):
-    """Publishes the states of all joints, under the time of the update."""
+    """Publishes the states of all joints, stamped with the time of the update."""
 
     def __init__(self, hardware: Hardware) -> None:
         super().__init__('joint_state_broadcaster')
@@ -163,7 +163,7 @@ class EffortController(Node):
 
 
 def main() -> None:
-    """Update until SIGINT, which only sets an event: raised anywhere it could hit a conversion."""
+    """Update until SIGINT, which only sets an event: an exception could interrupt a conversion."""
     end = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: end.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Real nodes for the tests: processes that run them, and a client that speaks to them over DDS.
+Real nodes for the tests: processes that run the nodes, and a client that uses them over DDS.
 
-Nothing is simulated here but the arm. Every wait is for an event and bounded by
+Only the arm is simulated. Every wait is for an event and bounded by
 `children.TIMEOUT`.
 """
 
@@ -47,7 +47,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 import yaml
 
 RESEND_PERIOD = 0.5
-"""[s] after which something said to a best-effort subscription is said again."""
+"""Time after which a message to a best-effort subscription is published again [s]."""
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
@@ -56,18 +56,18 @@ EXACT = {
     'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0],
     'overspeed_factor': 0.0}
 """
-With these the command is the control law for the reference as it was sent, at any state rate.
+Parameters with which the command is the control law for the reference as sent, at any state rate.
 
-Tests of the defaults of these parameters are those of references, of limits and of interruptions.
+The tests of references, of limits and of interruptions use the defaults of these parameters.
 """
 
 NO_SHARED_MEMORY = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 """
-Environment of a process that is to be killed.
+Environment of a process that a test kills.
 
-With LOCALHOST rmw_fastrtps takes shared memory, whatever else is asked for. A process killed while
-it writes there leaves a lock behind for ever, at which others crash when they end.
+With LOCALHOST, rmw_fastrtps uses shared memory, whatever other transports are configured. A
+process that is killed while writing there leaves a permanent lock, at which others crash on exit.
 """
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -75,11 +75,11 @@ BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 KEEP_MANY = QoSProfile(depth=10000)
 
 READY = re.compile(r"Model '|Waiting for a URDF")
-"""What the nodes of this package log when they are up."""
+"""Log message of the nodes of this package when they are ready."""
 
 
 def write_parameters(file: Path, parameters: Mapping[str, Any]) -> Path:
-    """Write a parameter file for whatever node reads it; return its path."""
+    """Write a parameter file for any node; return its path."""
     file.write_text(
         yaml.safe_dump({'/**': {'ros__parameters': dict(parameters)}}), encoding='utf-8')
     return file
@@ -87,11 +87,11 @@ def write_parameters(file: Path, parameters: Mapping[str, Any]) -> Path:
 
 class NodeProcess:
     """
-    A node in a process of its own, for use in a `with` statement.
+    A node in a separate process, for use in a `with` statement.
 
-    `parameters` go through a file, so that a URDF or an array arrives as it is. At the end of the
-    statement the process gets SIGINT and must leave with status 0 and without a traceback;
-    where the test failed already, its log is printed instead.
+    `parameters` are passed in a file, so that a URDF or an array arrives unchanged. At the end of
+    the statement the process gets SIGINT and must exit with status 0 and without a traceback;
+    if the test has already failed, its log is printed instead.
     """
 
     def __init__(
@@ -103,11 +103,11 @@ class NodeProcess:
         """
         `ready` is a pattern of the log to wait for at the start; None does not wait.
 
-        `prefix` is a command that runs a command and becomes it, so that signals reach the node.
+        `prefix` is a command that replaces itself by another one, so that signals reach the node.
 
-        A `patient` dynamics node takes no fault from a test that is slow to send states, or from
-        a simulated arm that a busy machine makes run late, lets efforts change at any rate, and
-        follows references with the gains that are set (`EXACT`).
+        A `patient` dynamics node does not time out on a test that publishes states slowly, or on
+        a simulated arm that runs late on a loaded machine. It does not limit the rate of efforts,
+        and follows references with the configured gains (`EXACT`).
         """
         if patient and module == DYNAMICS:
             parameters = {
@@ -142,7 +142,7 @@ class NodeProcess:
         return self
 
     def start(self) -> 'NodeProcess':
-        """Start the process and wait until it is ready; fail with its log where it is not."""
+        """Start the process and wait until it is ready; otherwise fail with its log."""
         self.launch()
         if self._ready is not None:
             try:
@@ -153,7 +153,7 @@ class NodeProcess:
         return self
 
     def wait(self, timeout: float = TIMEOUT) -> int:
-        """Wait until the process ends by itself; return its exit status."""
+        """Wait until the process exits; return its exit status."""
         try:
             status = self._process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -164,7 +164,7 @@ class NodeProcess:
         return status
 
     def stop(self) -> None:
-        """Interrupt the process as Ctrl-C does; it must leave in order."""
+        """Interrupt the process as Ctrl-C does; it must exit cleanly."""
         self.interrupt()
         status = self.wait()
         assert status == 0, f'exit status {status}:\n{self.log}'
@@ -176,7 +176,7 @@ class NodeProcess:
             self._process.send_signal(signal.SIGINT)
 
     def kill(self) -> None:
-        """End the process whatever it does."""
+        """Kill the process."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
@@ -204,12 +204,12 @@ class NodeProcess:
 
     @property
     def log(self) -> str:
-        """All that the process has written so far."""
+        """The output of the process so far."""
         with self._news:
             return ''.join(self._log)
 
     def wait_for_log(self, pattern: re.Pattern[str] | str, timeout: float = TIMEOUT) -> str:
-        """Wait until a line has this pattern; return the line."""
+        """Wait for a line with this pattern; return the line."""
         found: list[str] = []
 
         def look() -> bool:
@@ -236,7 +236,7 @@ class NodeProcess:
 
 @contextmanager
 def running(*nodes: NodeProcess) -> Iterator[None]:
-    """Run several nodes that start, and stop, all at the same time."""
+    """Run several nodes, which start and stop simultaneously."""
     with ExitStack() as stack:
         for node in nodes:
             stack.push(node.launch())
@@ -248,7 +248,7 @@ def running(*nodes: NodeProcess) -> Iterator[None]:
 
 
 def stacks() -> str:
-    """Return what each thread of this process does, for the report of a test that waited."""
+    """Return the stack of each thread of this process, for the report of a timeout."""
     names = {thread.ident: thread.name for thread in threading.enumerate()}
     return '\n'.join(
         f'thread {names.get(ident)}:\n{"".join(traceback.format_stack(frame)[-4:])}'
@@ -256,7 +256,7 @@ def stacks() -> str:
 
 
 class Collector:
-    """Keeps the messages of a topic; close it, or use it in a `with` statement."""
+    """Records the messages of a topic; close it, or use it in a `with` statement."""
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: Any) -> None:
         self._node = node
@@ -277,18 +277,18 @@ class Collector:
             return list(self._messages)
 
     def clear(self) -> None:
-        """Forget what has arrived."""
+        """Discard the messages received so far."""
         with self._news:
             self._messages.clear()
 
     def wait_matched(self, count: int = 1, timeout: float = TIMEOUT) -> None:
-        """Wait until so many publishers have been found."""
+        """Wait until this number of publishers is discovered."""
         wait_until(
             lambda: self._node.count_publishers(self._subscription.topic_name) >= count,
             f'{count} publishers of {self._topic}', timeout)
 
     def find(self, predicate: Callable[[Any], bool], timeout: float = TIMEOUT) -> Any | None:
-        """Return the first message, past or to come, that fulfils this; None where none does."""
+        """Return the first past or future message that fulfils this; None after the timeout."""
         looked, found = 0, None
 
         def look() -> bool:
@@ -306,7 +306,7 @@ class Collector:
     def wait_for(
         self, predicate: Callable[[Any], bool] = lambda _: True, timeout: float = TIMEOUT,
     ) -> Any:
-        """Return the first message that fulfils this; fail where none does in time."""
+        """Return the first message that fulfils this; fail after the timeout."""
         found = self.find(predicate, timeout)
         assert found is not None, (
             f'no such message on {self._topic} in {timeout:g} s; {len(self.messages)} others, '
@@ -314,7 +314,7 @@ class Collector:
         return found
 
     def wait_count(self, count: int, timeout: float = TIMEOUT) -> list[Any]:
-        """Wait until there are so many messages; return all."""
+        """Wait for this number of messages; return all."""
         with self._news:
             enough = self._news.wait_for(lambda: len(self._messages) >= count, timeout)
             got = list(self._messages)
@@ -332,7 +332,7 @@ class Collector:
 
 
 class RosClient:
-    """A node of the tests, spinning in a thread; for use in a `with` statement."""
+    """A node of the tests that spins in a thread, for use in a `with` statement."""
 
     def __init__(self, name: str = 'test_client', has_parameters: bool = False) -> None:
         self._context = Context()
@@ -373,7 +373,7 @@ class RosClient:
     def call(
         self, service_type: Any, name: str, request: Any = None, timeout: float = TIMEOUT,
     ) -> Any:
-        """Return the response of a service; an empty request where none is given."""
+        """Return the response of a service; the default is an empty request."""
         service = self._clients.get(name)
         if service is None:
             service = self._clients[name] = self.node.create_client(service_type, name)
@@ -385,7 +385,7 @@ class RosClient:
         return future.result()
 
     def forget(self, prefix: str) -> None:
-        """Drop the clients of services whose names begin so, as their server has gone."""
+        """Destroy the clients of services with this prefix, after the end of their server."""
         for name in [name for name in self._clients if name.startswith(prefix)]:
             self.node.destroy_client(self._clients.pop(name))
 
@@ -399,7 +399,7 @@ class RosClient:
                 parameters=[p.to_parameter_msg() for p in parameters])).results)
 
     def get_parameter(self, node: str, name: str) -> Any:
-        """Return the value of a node's parameter, None where it is unset."""
+        """Return the value of a parameter of a node, None if it is unset."""
         values = self.call(
             GetParameters, f'{node}/get_parameters', GetParameters.Request(names=[name])).values
         return parameter_value_to_python(values[0]) if values else None
@@ -414,7 +414,7 @@ class RosClient:
     # ------------------------------------------------------------------ topics
 
     def collect(self, message_type: type, topic: str, qos: Any = KEEP_MANY) -> Collector:
-        """Keep the messages of a topic from now on."""
+        """Record the messages of a topic from now on."""
         return Collector(self.node, message_type, topic, qos)
 
     def wait_for(
@@ -422,7 +422,7 @@ class RosClient:
         predicate: Callable[[Any], bool] = lambda _: True,
         timeout: float = TIMEOUT, qos: Any = KEEP_MANY,
     ) -> Any:
-        """Return the first message of a topic that fulfils this; fail where none does in time."""
+        """Return the first message of a topic that fulfils this; fail after the timeout."""
         with self.collect(message_type, topic, qos) as collector:
             return collector.wait_for(predicate, timeout)
 
@@ -430,7 +430,7 @@ class RosClient:
         self, message_type: type, topic: str, qos: Any = 10, subscribers: int = 1,
         timeout: float = TIMEOUT,
     ) -> Any:
-        """Return a publisher that so many subscribers have found."""
+        """Return a publisher with this number of matched subscribers."""
         publisher = self.node.create_publisher(message_type, topic, qos)
         wait_until(
             lambda: publisher.get_subscription_count() >= subscribers,
@@ -463,7 +463,7 @@ def has_stamp(stamp: Any) -> Callable[[Any], bool]:
 def wait_until(
     condition: Callable[[], bool], what: str, timeout: float = TIMEOUT,
 ) -> None:
-    """Look every 10 ms, where nothing notifies, until a condition holds; fail in the end."""
+    """Check a condition without notification every 10 ms; fail after the timeout."""
     deadline = time.monotonic() + timeout
     pause = threading.Event()
     while not condition():

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The services of `dynamics`, and requests that each of them must refuse."""
+"""The services of `dynamics`, and requests that each of them must reject."""
 
 import math
 from typing import Any
@@ -97,4 +97,4 @@ REFUSALS: list[tuple[str, dict[str, Any], str]] = [
     ('set_payload', {'transition_time': -1.0}, 'transition_time is -1, expected'),
     ('set_payload', {'transition_time': NAN}, 'transition_time is nan'),
 ]
-"""Service, fields of the request, and a pattern that its message must match."""
+"""Service, fields of the request, and a pattern of the response message."""

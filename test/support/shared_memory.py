@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Shared memory of Fast DDS that killed processes leave behind, and its removal.
+Removal of the Fast DDS shared memory that killed processes leave behind.
 
 Fast DDS 2.14 makes files in /dev/shm for each segment, `fastrtps_<id>`, and for each port,
 `fastrtps_port<number>`: the memory, its locks (`_el`, `_sl`), and a mutex of the port
@@ -54,5 +54,5 @@ def files_in_use(process: Path) -> Iterator[str]:
             target = os.readlink(descriptor)
             if target.startswith(f'{DIRECTORY}/'):
                 yield Path(target).name
-    except OSError:  # it has ended, or belongs to another user
+    except OSError:  # the process has ended, or belongs to another user
         return

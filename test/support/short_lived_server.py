@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A process whose node offers a service under each given namespace, one after the other.
+A process whose node offers a service in each given namespace, one after the other.
 
 Namespaces arrive as lines of JSON, from a `request_bench.ClientProcess`.
 """
@@ -30,7 +30,7 @@ from std_srvs.srv import Trigger
 
 
 class ShortLivedServer:
-    """A node with a separate participant, spinning in a thread."""
+    """A node with a separate participant that spins in a thread."""
 
     def __init__(self, namespace: str) -> None:
         self._context = Context()
@@ -48,7 +48,7 @@ class ShortLivedServer:
             self._executor.spin_once(timeout_sec=0.1)
 
     def close(self) -> None:
-        """End the thread, the node and its participant."""
+        """Stop the thread; destroy the node and its participant."""
         self._ending = True
         self._thread.join()
         self._executor.shutdown()

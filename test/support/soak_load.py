@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A load for a `dynamics` node: every service it has, with requests good and bad, all the time."""
+"""A load for a `dynamics` node: valid and invalid requests to all its services, continuously."""
 
 from collections.abc import Callable, Sequence
 import threading
@@ -38,12 +38,12 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 SAMPLES, POINTS = 3000, 100
-"""Of a batch, and of a trajectory."""
+"""Samples of a batch, and points of a trajectory."""
 NAN = float('nan')
 
 
 class Call(NamedTuple):
-    """A service, a request for it, and whether an answer is what it should be."""
+    """A service, a request, and a check of the answer."""
 
     service_type: Any
     name: str
@@ -52,17 +52,17 @@ class Call(NamedTuple):
 
 
 def succeeds(response: Any) -> bool:
-    """Tell whether a service says that it did what was asked."""
+    """Return whether a response reports success."""
     return bool(response.success)
 
 
 def refuses(response: Any) -> bool:
-    """Tell whether a service says what is wrong with a request."""
+    """Return whether a response rejects the request with a message."""
     return not response.success and bool(response.message)
 
 
 def trajectory(times: Sequence[float]) -> JointTrajectory:
-    """Return a trajectory about the pose of the driver, at rest at the last of these times [s]."""
+    """Return a trajectory near the pose of the driver, at rest at the last of these times [s]."""
     message = JointTrajectory(joint_names=NAMES)
     for time in times:
         point = JointTrajectoryPoint(
@@ -87,13 +87,13 @@ def setting(name: str, value: Any) -> Any:
 
 
 def set_is(successful: bool) -> Callable[[Any], bool]:
-    """Return what tells whether a parameter was set, or refused with a reason."""
+    """Return a check whether a parameter was set, or rejected with a reason."""
     return lambda response: response.results[0].successful is successful and (
         successful or bool(response.results[0].reason))
 
 
 def calls() -> list[Call]:
-    """Return one of each kind."""
+    """Return one request of each kind."""
     many = floats_to_ros(np.tile(Q, SAMPLES))
     times = np.linspace(0.1, 3.0, POINTS)
     request = InverseDynamicsTrajectory.Request
@@ -139,13 +139,13 @@ def calls() -> list[Call]:
 
 
 class ServiceLoad:
-    """Calls all services over and over, all of them at once, and sends references beside it."""
+    """Calls all services repeatedly and concurrently, and publishes references meanwhile."""
 
     def __init__(self, client: RosClient, node: str) -> None:
         """`node` is the full name of the node."""
         self.answered = 0
         self.wrong: list[str] = []
-        """Answers that are not what they should be, or missing, in words."""
+        """Descriptions of wrong and missing answers."""
         self._references = client.publisher(JointTrajectory, f'{node}/joint_trajectory')
         self._calls = calls()
         self._clients = {}
@@ -163,7 +163,7 @@ class ServiceLoad:
         self._thread.start()
 
     def close(self) -> None:
-        """End, when what was asked has been answered."""
+        """Stop after all requests have been answered."""
         self._ends.set()
         self._thread.join(TIMEOUT)
         for service in self._clients.values():

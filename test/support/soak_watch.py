@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Two processes that watch a long run from outside: what is published, and how late the computer is.
+Two processes that monitor a long run: the published messages, and the delays of the computer.
 
-`record` keeps when each effort of a `dynamics` node was published, and for which state, and counts
-the messages of all its topics with numbers that are not finite. `wake` sleeps for a millisecond
-over and over and keeps when it woke up late: nobody can expect to be in time then. Both write what
-they have to a file when they are interrupted.
+`record` stores the time of publication and the state of each command of a `dynamics` node, and
+counts the messages of all its topics with non-finite numbers. `wake` repeatedly sleeps for a
+millisecond and stores the times at which it woke up late: no process is punctual then. Both write
+their results to a file when they are interrupted.
 """
 
 from array import array
@@ -43,17 +43,17 @@ NANOSECONDS = 1_000_000_000
 EVERY_ONE = QoSProfile(depth=10000)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 NAP, LATE = 0.001, 0.0005
-"""[s] of sleep, and of waking up late that is worth noting."""
+"""Duration of a sleep, and the smallest delay that is recorded [s]."""
 INTERRUPTED = threading.Event()
 
 
 class EffortRecorder:
-    """Listens to all that a `dynamics` node publishes at the rate of the joint states."""
+    """Subscribes to all topics of a `dynamics` node with the rate of the joint states."""
 
     def __init__(self, node: Any, namespace: str) -> None:
         self.efforts = array('q')
-        """Of each effort: its number, when it was published, the stamp of its state [ns]."""
-        self.heard = self.not_finite = 0
+        """Per command: its number, its time of publication [ns], the stamp of its state [ns]."""
+        self.received = self.not_finite = 0
         node.create_subscription(
             JointState, f'{namespace}/effort_command', self._on_effort, EVERY_ONE)
         for message_type, name, numbers in (
@@ -78,7 +78,7 @@ class EffortRecorder:
         return check
 
     def _check(self, numbers: Iterable[float]) -> None:
-        self.heard += 1
+        self.received += 1
         self.not_finite += not all(map(math.isfinite, numbers))
 
 
@@ -99,12 +99,12 @@ def record(file: str, namespace: str) -> None:
     while not INTERRUPTED.is_set():
         executor.spin_once(timeout_sec=0.1)
     np.savez(
-        file, efforts=np.array(recorder.efforts).reshape(-1, 3), heard=recorder.heard,
+        file, efforts=np.array(recorder.efforts).reshape(-1, 3), received=recorder.received,
         not_finite=recorder.not_finite)
 
 
 def wake(file: str) -> None:
-    """Nap until interrupted."""
+    """Sleep repeatedly until interrupted."""
     late: list[tuple[float, float]] = []
     while not INTERRUPTED.is_set():
         due = time.time() + NAP

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A process that floods a topic with joint states: TOPIC RATE SECONDS, each with the stamp of now.
+A process that publishes joint states at a high rate: TOPIC RATE SECONDS, with current stamps.
 
-At the end it says how many there were, and the stamp of the last one [ns].
+At the end it prints the number of joint states, and the stamp of the last one [ns].
 """
 
 import struct
@@ -28,7 +28,7 @@ from ros_harness import BEST_EFFORT, RosClient
 from sensor_msgs.msg import JointState
 
 STAMP_AT = 4
-"""Where the bytes of a message have its stamp."""
+"""Position of the stamp in the bytes of a message."""
 
 
 def main(topic: str, rate: float, seconds: float) -> None:

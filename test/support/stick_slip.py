@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A joint of the running simulated arm, pulled to and fro by a slow spring, recorded to a bag.
+A joint of the running simulated arm that a slow spring moves to and fro, recorded to a bag.
 
-In lock-step, so that the motion does not depend on how fast this machine is. The test and the
-picture of the documentation use the same run.
+The arm runs in lock-step, so that the motion does not depend on the speed of this machine. The
+test and the figure of the documentation use the same run.
 """
 
 from pathlib import Path
@@ -32,7 +32,7 @@ from sensor_msgs.msg import JointState
 
 STATIC, COULOMB, STRIBECK_VELOCITY = 1.5, 0.8, 0.02
 STIFFNESS, PULL, TURN, DURATION, RATE = 20.0, 0.2, 4.0, 6.0, 500.0
-"""Of the spring [N·m/rad] and [rad/s], when it turns round [s]; of the run [s] and [Hz]."""
+"""Stiffness [N·m/rad], speed [rad/s], reversal [s] of the spring; duration [s], rate [Hz]."""
 STATES = '/stick_slip/joint_states'
 COMMANDS = '/stick_slip/effort_command'
 URDF = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])
@@ -43,12 +43,12 @@ PARAMETERS = {
 
 
 def pulled_to(seconds: float) -> float:
-    """Return where the end of the spring is [rad]."""
+    """Return the position of the end of the spring [rad]."""
     return PULL * (seconds if seconds < TURN else 2.0 * TURN - seconds)
 
 
 class Spring:
-    """Answers each state with the torque of the spring at its stamp, until the run is over."""
+    """Answers each state with the torque of the spring at its stamp, until the end of the run."""
 
     def __init__(self, client: RosClient) -> None:
         self.over = threading.Event()
@@ -67,7 +67,7 @@ class Spring:
 
 
 def record_stick_slip(directory: Path) -> Path:
-    """Run it, and return the recording of its joint states and efforts."""
+    """Run the arm, and return the recording of its joint states and efforts."""
     bag = directory / 'stick_slip'
     topics = (TopicSpec(STATES, JointState, True), TopicSpec(COMMANDS, JointState, True))
     with RosClient('spring') as client, RecordingWriter(bag) as writer:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The header of a test run: how long the whole suite takes, and which tests are skipped."""
+"""The header of a test run: the duration of the whole suite, and the skipped tests."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -28,21 +28,21 @@ from robot_dynamics.exceptions import MissingDependencyError
 from robots import is_installed, PACKAGE
 
 DURATION = 'duration: about 7 minutes in four processes on two idle cores'
-"""Of the default run; measure it again (last line of the output) when many tests are added."""
+"""Duration of the default run; measure again after adding many tests (last line of output)."""
 
 TESTS = Path(__file__).parents[1]
 UR10 = TESTS.parents[2] / 'shared' / 'data' / 'ur10'
 ROSBAG2 = UR10.with_name('rosbag2')
 CHROMIUM = ('chromium', 'chromium-browser', 'google-chrome')
-"""Names of the browser's program; the first on the PATH is used."""
+"""Names of the browser executable; the first on the PATH is used."""
 MODULE_OR_SKIP = r"(?:importorskip|find_spec|= load)\('({})\b"
-"""How tests ask for a library whose absence skips them."""
+"""Patterns of libraries whose absence skips tests."""
 MOST_NAMES = 4
-"""Files that a line names; of more it gives the number."""
+"""Largest number of files that a line names; for more it gives the number."""
 
 
 class Tool(NamedTuple):
-    """Something that tests need and that may be missing; `used_in` finds it in their text."""
+    """An optional tool that tests need; `used_in` finds it in the text of a test file."""
 
     name: str
     is_there: Callable[[], bool]
@@ -79,7 +79,7 @@ TOOLS = (
 
 
 def optional_modules(sources: Mapping[str, str]) -> Iterator[Tool]:
-    """Yield the libraries whose absence skips tests, as the tests themselves ask for them."""
+    """Yield the libraries whose absence skips tests, as named in the tests."""
     names = {name for text in sources.values()
              for name in re.findall(MODULE_OR_SKIP.format(r'\w+'), text)}
     for name in sorted(names):
@@ -87,7 +87,7 @@ def optional_modules(sources: Mapping[str, str]) -> Iterator[Tool]:
 
 
 def missing_tools(sources: Mapping[str, str], tools: Sequence[Tool] = TOOLS) -> Iterator[str]:
-    """Yield one line per missing tool, with the files that need it; `sources` has their texts."""
+    """Yield one line per missing tool, with the files that need it; `sources` are their texts."""
     for tool in (*tools, *optional_modules(sources)):
         if not tool.is_there():
             files = [name for name, text in sources.items() if re.search(tool.used_in, text)]
@@ -96,7 +96,7 @@ def missing_tools(sources: Mapping[str, str], tools: Sequence[Tool] = TOOLS) -> 
 
 
 def has_no_files(config: pytest.Config) -> bool:
-    """Return whether the command names no files, so that all of them are collected."""
+    """Return whether the command names no files, so that pytest collects all files."""
     return config.args_source is not config.ArgsSource.ARGS
 
 
@@ -108,7 +108,7 @@ def is_default_run(config: pytest.Config) -> bool:
 
 
 class SuiteHeader:
-    """The plugin of pytest that prints the header; `more` are further tools."""
+    """The pytest plugin that prints the header; `more` are additional tools."""
 
     def __init__(self, *more: Tool) -> None:
         self._tools = (*more, *TOOLS)

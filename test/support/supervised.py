@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A supervisor of two joints for its tests, with the states and the clock that it is told."""
+"""A supervisor of two joints for its tests, with given states and times."""
 
 from collections.abc import Sequence
 from itertools import count
@@ -51,7 +51,7 @@ def answer(
     one: CommandSupervisor, now: float, command: np.ndarray = HOLD, hold: np.ndarray = HOLD,
     q: Sequence[float] = (0.0, 0.0), dt: float | None = None, v: Sequence[float] = (0.0, 0.0),
 ) -> list[float] | None:
-    """Give it a valid state; return the effort as a list, None for none."""
+    """Pass a valid state; return the command as a list, None without a command."""
     effort = one.answer(now, np.array(q), np.array(v), command, hold, dt)
     return None if effort is None else list(effort)
 
@@ -59,7 +59,7 @@ def answer(
 def running(
     command: np.ndarray = HOLD, reach: float = 1.0, **options: Any,
 ) -> CommandSupervisor:
-    """Return one that has let `command` out at the time START."""
+    """Return a supervisor that has returned `command` at the time START."""
     one = make(reach, **options)
     one.activate()
     for k in range(1001):
@@ -71,10 +71,10 @@ def running(
 def course(
     one: CommandSupervisor, begin: float = START, longest: float = 10.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Tick until nothing goes out; return the times since `begin` (k,) and the efforts (k, n)."""
+    """Tick until the commands end; return the times since `begin` (k,) and the efforts (k, n)."""
     times, efforts = [], []
     for k in count():
-        assert k * PERIOD < longest, 'it goes on and on'
+        assert k * PERIOD < longest, 'the commands do not end'
         effort = one.tick(begin + k * PERIOD)
         if effort is None:
             break

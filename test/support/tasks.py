@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tasks that the tests of `batch` run in other processes, where they must be importable."""
+"""Tasks of the tests of `batch`, which other processes must be able to import."""
 
 from dataclasses import dataclass
 import os
@@ -32,7 +32,7 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """The result of `scale`, with what a result may have."""
+    """The result of `scale`, with all types that a result may contain."""
 
     sizes: tuple[int, ...]
     span: tuple[str, float]
@@ -49,7 +49,7 @@ def scale(bag, settings: Factor) -> Scaled:
 
 
 def measure(bag, configuration):
-    """Note the call, and do what the file says: fail, die, or give its size."""
+    """Record the call; fail, die or return the size, depending on the content of the file."""
     with Path(configuration['log']).open('a') as log:
         log.write(f'{bag.name}\n')
     text = bag.read_text()
@@ -64,14 +64,15 @@ def measure(bag, configuration):
 
 
 def measure_until_file(bag, configuration):
-    """Give the first two at once; the others wait until the file `go` appears."""
+    """Return immediately for the first two; for others wait until the file `go` exists."""
     go = Path(configuration['log']).with_name('go')
     if bag.name not in ('b0.db3', 'b1.db3'):
         os.mkfifo(go.with_name(f'{bag.name}.fifo'))
-        go.with_name(f'{bag.name}.fifo').read_text()  # for ever, as nobody writes
+        # Blocks indefinitely, because the pipe has no writer.
+        go.with_name(f'{bag.name}.fifo').read_text()
     return measure(bag, configuration)
 
 
 def is_large(bag, result):
-    """Tell whether a kept result holds: for the test, by its size."""
+    """Return whether a cached result is valid; this test compares its size."""
     return result['size'] > 3

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the tests rest on: their children end with them, and a failed fixture is reported once."""
+"""Test infrastructure: children end with the tests, and a failed fixture is reported once."""
 
 import os
 from pathlib import Path
@@ -32,13 +32,13 @@ node = NodeProcess(DYNAMICS, namespace='/orphan').start()
 print(node.pid, flush=True)
 sys.stdin.read()
 """
-"""Starts a node as the tests do, and does not end."""
+"""Starts a node as the tests do, and keeps running."""
 IGNORED = """
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
-"""Becomes Python with these arguments and SIGINT ignored, as a background job of a script has."""
+"""Executes Python with these arguments and SIGINT ignored, like a background job of a script."""
 INTERRUPTED = """
 import sys
 from children import run
@@ -64,7 +64,7 @@ HERE = Path(__file__).parent
 
 
 def path_with_tests() -> dict[str, str]:
-    """Return an environment in which the helpers of the tests can be imported."""
+    """Return an environment in which the test helpers can be imported."""
     return {**os.environ, 'PYTHONPATH': os.pathsep.join(
         [str(HERE), os.environ.get('PYTHONPATH', '')])}
 
@@ -109,7 +109,7 @@ def test_the_log_of_a_shared_fixture_is_reported_once(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not DIRECTORY.is_dir(), reason='there is no /dev/shm')
 def test_shared_memory_of_a_killed_node_is_removed() -> None:
-    """That of a node that runs stays, and what it still has mapped of the killed one."""
+    """The memory of a running node stays, including its mappings of the killed one."""
     with NodeProcess(DYNAMICS, namespace='/running') as running:
         killed = NodeProcess(DYNAMICS, namespace='/killed').start()
         of_killed, of_running = (
@@ -121,7 +121,7 @@ def test_shared_memory_of_a_killed_node_is_removed() -> None:
     assert of_killed - of_running
 
     def left() -> set[str]:
-        """Return files that no process uses; other test processes may have opened the rest."""
+        """Return files that no process uses; other test processes may use the remaining ones."""
         remove_orphans()
         used = {name for process in Path('/proc').glob('[0-9]*') for name in files_in_use(process)}
         return of_killed & set(os.listdir(DIRECTORY)) - used

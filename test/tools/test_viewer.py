@@ -256,9 +256,9 @@ def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(server, tmp_path, n
         assert 'not found' not in words
 
 
-@fault('Files and pages of others',
+@fault('External files and web pages',
        'a description from a topic names a mesh outside packages and declared directories',
-       'not opened, and named in the page')
+       'not opened; the page names the mesh')
 def test_meshes_of_a_description_from_a_topic_are_drawn_from_declared_directories_only(
         server, tmp_path):
     trimesh.creation.box().export(tmp_path / 'body.stl')

@@ -89,8 +89,9 @@ def connected(server, **options):
 
 @pytest.mark.parametrize('origin', [
     pytest.param('http://evil.example', marks=fault(
-        'Files and pages of others', 'a web page of another origin opens the socket of the viewer',
-        'refused with status 403')), 'https://evil.example', 'http://evil.example:{port}',
+        'External files and web pages',
+        'a web page of another origin opens the WebSocket of the viewer',
+        'rejected with status 403')), 'https://evil.example', 'http://evil.example:{port}',
     'http://127.0.0.1.evil.example', 'http://localhost.evil.example:{port}',
     'http://evil.example/http://localhost:{port}', 'http://192.168.0.1:{port}', 'null', 'file://',
     'http://localhost', 'http://localhost:1', 'http://127.0.0.1:1{port}', 'http://localhost:{port}/',

@@ -42,9 +42,9 @@ def amplified():
 
 @pytest.mark.parametrize('read', [
     pytest.param(parse_urdf, marks=fault(
-        'Files and pages of others',
+        'External files and web pages',
         'a robot description of 390 KB whose DTD expands to 9 million elements',
-        'refused by name, before it is parsed')),
+        'rejected before it is parsed; the message names the DTD')),
     check_model, read_visuals, lambda xml: with_elements(xml, {}, {})])
 def test_entities_are_refused_before_they_expand(read):
     memory, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
