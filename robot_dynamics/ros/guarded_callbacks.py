@@ -30,7 +30,6 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterException
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
@@ -41,6 +40,7 @@ from robot_dynamics.ros.message_bytes import (
     UnreadableMessageError,
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.shutdown import ends_in_time
 
 LONGEST_REASON = LONGEST_MESSAGE
@@ -72,9 +72,9 @@ def describe_error(error: Exception) -> str:
 def _words_of(error: Exception) -> str:
     if isinstance(error, (RobotDynamicsError, ParameterException)):
         return str(error)
-    if isinstance(error, rclpy_implementation.RCLError):  # whose trace through C files follows
+    if isinstance(error, RclError):  # whose trace through C files follows
         return ' '.join(str(error).partition(', at /')[0].split())
-    if isinstance(error, rclpy_implementation.UnknownROSArgsError):
+    if isinstance(error, UnknownArgumentsError):
         return f'unknown ROS arguments {error}'
     if isinstance(error, MemoryError):
         return 'this takes more memory than the node may have, expected less at a time'

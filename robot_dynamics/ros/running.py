@@ -21,7 +21,6 @@ import sys
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
@@ -29,11 +28,12 @@ from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.node_arguments import NodeUsage, outside_of_ros_args
+from robot_dynamics.ros.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
 
 LONGEST_TURN = 0.0001
 """[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""
-MiddlewareError = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
+MiddlewareError = (RclError, UnknownArgumentsError)
 
 
 def run_node(
