@@ -20,6 +20,7 @@ parameter of a type that it does not know. Here an error is logged instead, and 
 with what failed.
 """
 
+import atexit
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import functools
@@ -91,6 +92,7 @@ class GuardedCallbacks(Node):
         self._logged_at: dict[str, float] = {}
         self._answers = AnswerDelivery(self)
         super().__init__(*args, **more)
+        atexit.register(self.destroy_node)  # its threads must end before the interpreter does
         for service in self.services:  # rclpy makes some past `create_service`
             if not hasattr(service.callback, '__wrapped__'):
                 service.callback = self._answering(
@@ -124,7 +126,8 @@ class GuardedCallbacks(Node):
             msg_type, topic, guarded if raw else read, *args, raw=True, **more)
 
     def destroy_node(self) -> None:
-        """Destroy the node, and the process where that does not end."""
+        """Destroy the node, at exit at the latest; end the process where that does not end."""
+        atexit.unregister(self.destroy_node)
         with ends_in_time():
             super().destroy_node()
 
@@ -134,6 +137,16 @@ class GuardedCallbacks(Node):
         """Create a timer whose callback cannot end the node."""
         return super().create_timer(
             timer_period_sec, self._guarded(callback, 'a timer'), *args, **more)
+
+    def call_when_spun(self, callback: Callable[[], None]) -> None:
+        """Call back once, in the executor, when any executor first spins this node."""
+        waiting = [callback]
+
+        def call() -> None:
+            while waiting:  # a MultiThreadedExecutor may call a guard condition twice
+                waiting.pop()()
+
+        self.create_guard_condition(self._guarded(call, 'the first spin')).trigger()
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,

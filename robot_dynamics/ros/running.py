@@ -46,8 +46,7 @@ def run_node(
     With `usage`, `--help` prints it and returns 0; an argument outside `--ros-args` is refused
     in one line with status 2.
 
-    A node that cannot start says why in one line and gives status 1. One that has a method `begin`
-    is called when all is set up, and not held up from then on. One that has a method
+    A node that cannot start says why in one line and gives status 1. One that has a method
     `request_shutdown` is called at once when it is to stop, in another thread, whatever its
     callbacks do.
     """
@@ -68,7 +67,6 @@ def run_node(
             limit_memory()
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
-            getattr(node, 'begin', lambda: None)()
             _spin(executor, node, end)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
