@@ -31,6 +31,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.rclpy_internals import message_inbox, MessageInbox, raw_take
+from robot_dynamics.ros.spun_inbox import SpunInbox
 
 TURN = 100_000_000
 """[ns] after which a wait looks whether the loop is to end."""
@@ -67,7 +68,7 @@ class MessageLoop:
         self._read, self._callback, self._refuse = read, callback, refuse
         self._source = source
         self._stop = False
-        self._inbox: MessageInbox | None = None
+        self._inbox: MessageInbox | SpunInbox | None = None
         self._thread: threading.Thread | None = None
         if in_thread:
             self._inbox = inbox = message_inbox(node, message_type, topic, qos)
@@ -101,13 +102,14 @@ class MessageLoop:
         """Return how many publishers match this subscription."""
         return int(self._subscription.get_publisher_count())
 
-    def _run(self, wait: Callable[[int], bool]) -> None:
+    def _run(self, wait: Callable[[int], None]) -> None:
         with np.errstate(over='ignore', invalid='ignore'):  # once, and not for every message
             self._wait_and_deliver(wait)
 
-    def _wait_and_deliver(self, wait: Callable[[int], bool]) -> None:
+    def _wait_and_deliver(self, wait: Callable[[int], None]) -> None:
         while not self._stop and self._context.ok():
-            data = self._take() if wait(TURN) and not self._stop else None
+            wait(TURN)
+            data = None if self._stop else self._take()
             if data is not None:  # the turn may be over
                 self._deliver(data)
 

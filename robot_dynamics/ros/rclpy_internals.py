@@ -20,23 +20,20 @@ used instead if an update of rclpy has no such member. The choice is made once, 
 `test/ros/test_rclpy_internals.py` reports the members that an update changes.
 """
 
-from collections import deque
 from collections.abc import Callable, Sequence
 import functools
 import importlib
-import threading
 from typing import Any
 
-import rclpy
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.subscription import Subscription
+from robot_dynamics.ros.spun_inbox import SpunInbox, Taken
 
 IMPLEMENTATION = 'rclpy.impl.implementation_singleton'
 """Module that has `rclpy_implementation`, the classes of rclpy that are written in C++."""
@@ -51,14 +48,12 @@ PARAMETER_OVERRIDES = '_parameter_overrides'
 SEND_RESPONSE = 'send_response'
 REQUEST_ID = 'request_id'
 
-Taken = tuple[bytes, Any]
-"""A serialized message, and the dictionary of its `received_timestamp` and further properties."""
 _ABSENT = (AttributeError, ImportError, TypeError)
 """Errors of a member that is absent, or is constructed with other arguments."""
 
 
 def _implementation(name: str) -> Any:
-    """Return a class of `rclpy_implementation`; raise one of _ABSENT if there is none."""
+    """Return a class of `rclpy_implementation`; raise one of _ABSENT if it is absent."""
     return getattr(importlib.import_module(IMPLEMENTATION).rclpy_implementation, name)
 
 
@@ -131,12 +126,12 @@ class _LeftToAThread(CallbackGroup):
 
 
 LEFT_TO_A_THREAD = _LeftToAThread()
-"""The group of entities that a thread waits on by itself."""
+"""The group of entities that only a thread of this package waits on."""
 
 
 def raw_take(subscription: Subscription, message_type: type) -> Callable[[], Taken | None]:
     """
-    Return a function that takes the next message of a subscription, None if there is none.
+    Return a function that takes the next message of a subscription, or None.
 
     It is `Subscription.handle.take_message`: the documented interface takes one message per
     callback, also those that are outdated by then. Fallback: a function that returns None, so that
@@ -157,38 +152,31 @@ class MessageInbox:
     entities of its nodes for each message, and runs a callback only after those before it.
     """
 
-    subscription: Subscription
-    """For its topic name and its number of publishers."""
-    take: Callable[[], Taken | None]
-    """Returns the next message and its properties, or None."""
-
     def __init__(
         self, node: Node, message_type: type, topic: str, qos: QoSProfile, can_wake: bool = False,
     ) -> None:
         """Subscribe; raise one of _ABSENT if rclpy lacks a member."""
         self._node = node
         self._wake = GuardCondition(lambda: None, None, context=node.context) if can_wake else None
-        self.subscription = node.create_subscription(
+        self.subscription: Subscription = node.create_subscription(
             message_type, topic, lambda _: None, qos, raw=True, callback_group=LEFT_TO_A_THREAD)
+        """For its topic name and its number of publishers."""
         try:
-            self._handle = _handle(self.subscription)
-            self.take = functools.partial(getattr(self._handle, TAKE_MESSAGE), message_type, True)
-            self._wake_handle = None if self._wake is None else _handle(self._wake)
+            handle = _handle(self.subscription)
+            self.take: Callable[[], Taken | None] = functools.partial(
+                getattr(handle, TAKE_MESSAGE), message_type, True)
+            """Returns the next message and its properties, or None."""
             self._wait_set = _implementation(WAIT_SET)(
                 1, int(can_wake), 0, 0, 0, 0, _handle(node.context))
+            self.wait = _wait_for(self._wait_set, handle, self._wake)
+            """Waits at most so long [ns] for a message or `wake`."""
         except _ABSENT:
             self.close()
             raise
 
-    def wait(self, nanoseconds: int) -> bool:
-        """Wait at most so long for a message or `wake`; return whether there is a message."""
-        wait_set = self._wait_set
-        wait_set.clear_entities()
-        wait_set.add_subscription(self._handle)
-        if self._wake_handle is not None:
-            wait_set.add_guard_condition(self._wake_handle)
-        wait_set.wait(nanoseconds)
-        return bool(wait_set.get_ready_entities('subscription'))
+    def is_ready(self) -> bool:
+        """Return whether the last wait ended with a message."""
+        return bool(self._wait_set.get_ready_entities('subscription'))
 
     def wake(self) -> None:
         """End a wait, from another thread; needs `can_wake`."""
@@ -200,70 +188,39 @@ class MessageInbox:
         self._node.destroy_subscription(self.subscription)
 
 
-class SpunInbox(MessageInbox):
-    """The fallback of `MessageInbox`: a hidden node whose executor runs in a thread."""
+def _wait_for(
+    wait_set: Any, subscription: Any, wake: GuardCondition | None,
+) -> Callable[[int], None]:
+    """Return a function that waits; its names are looked up here, and not for each message."""
+    clear, add_subscription, wait_ns = (
+        wait_set.clear_entities, wait_set.add_subscription, wait_set.wait)
 
-    def __init__(
-        self, node: Node, message_type: type, topic: str, qos: QoSProfile, can_wake: bool = False,
-    ) -> None:
-        """Subscribe to what `topic` means to `node`."""
-        self._waiting: deque[Taken] = deque(maxlen=qos.depth)
-        self._news = threading.Condition()
-        self._is_woken = self._ends = False
-        self._helper = rclpy.create_node(
-            f'_{node.get_name()}_inbox', namespace=node.get_namespace(), context=node.context,
-            use_global_arguments=False, start_parameter_services=False, enable_rosout=False)
-        self.subscription = self._helper.create_subscription(
-            message_type, node.resolve_topic_name(topic), self._keep, qos, raw=True)
-        self.take = self._take_kept
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._helper)
-        self._thread = threading.Thread(target=self._spin, name='inbox', daemon=True)
-        self._thread.start()
+    def wait(nanoseconds: int) -> None:
+        clear()
+        add_subscription(subscription)
+        wait_ns(nanoseconds)
 
-    def _spin(self) -> None:
-        while not self._ends and self._helper.context.ok():
-            try:
-                self._executor.spin_once(timeout_sec=0.1)
-            except ExternalShutdownException:
-                return
+    if wake is None:
+        return wait
+    guard, add_guard = _handle(wake), wait_set.add_guard_condition
 
-    def _keep(self, data: bytes, info: Any) -> None:
-        with self._news:
-            self._waiting.append((data, info))
-            self._news.notify()
+    def wait_or_wake(nanoseconds: int) -> None:
+        clear()
+        add_subscription(subscription)
+        add_guard(guard)
+        wait_ns(nanoseconds)
 
-    def _take_kept(self) -> Taken | None:
-        with self._news:
-            return self._waiting.popleft() if self._waiting else None
-
-    def wait(self, nanoseconds: int) -> bool:
-        with self._news:
-            self._news.wait_for(lambda: self._waiting or self._is_woken, 1e-9 * nanoseconds)
-            self._is_woken = False
-            return bool(self._waiting)
-
-    def wake(self) -> None:
-        with self._news:
-            self._is_woken = True
-            self._news.notify()
-
-    def close(self) -> None:
-        """End the subscription and its thread."""
-        self._ends = True
-        self._thread.join()
-        self._executor.shutdown()
-        self._helper.destroy_node()
+    return wait_or_wake
 
 
 def message_inbox(
     node: Node, message_type: type, topic: str, qos: QoSProfile, can_wake: bool = False,
-) -> MessageInbox:
-    """Subscribe to a topic; return what a thread takes its messages from."""
+) -> MessageInbox | SpunInbox:
+    """Subscribe to a topic; return what a thread takes its messages from. Fallback: SpunInbox."""
     try:
         return MessageInbox(node, message_type, topic, qos, can_wake)
     except _ABSENT:
-        return SpunInbox(node, message_type, topic, qos, can_wake)
+        return SpunInbox(node, message_type, topic, qos)
 
 
 # ---------------------------------------------------------------------- services
@@ -281,7 +238,7 @@ class RequestInbox:
         self._handle = _handle(service)
         self.take: Callable[[], tuple[Any, Any]] = functools.partial(
             getattr(self._handle, TAKE_REQUEST), srv_type.Request)
-        """Returns a request and its header; both are None if there is no request."""
+        """Returns a request and its header, or (None, None)."""
         self._wait_set = _implementation(WAIT_SET)(0, 0, 0, 0, 1, 0, _handle(context))
 
     def wait(self, nanoseconds: int) -> bool:
@@ -299,7 +256,7 @@ def service_with_inbox(
     """
     Create a service; return it and what a thread takes its requests from.
 
-    Fallback: a service that the executor calls back, in a group of its own, and None.
+    Fallback: a service that the executor calls back, in a separate group, and None.
     """
     service = node.create_service(srv_type, name, callback, callback_group=LEFT_TO_A_THREAD)
     try:
@@ -345,6 +302,6 @@ def parameter_overrides(node: Node) -> Sequence[str]:
     Return the names of all parameters that are set at the start.
 
     They are in `Node._parameter_overrides`; the documented interface names only those that are
-    declared. Fallback: none, so that nobody is warned of an unknown name.
+    declared. Fallback: no names, so that the log has no warning of an unknown name.
     """
     return list(getattr(node, PARAMETER_OVERRIDES, ()))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The nodes in executors of others: real nodes in this process, beside nodes of rclpy."""
+"""The nodes in executors of others: real nodes in this process, next to nodes of rclpy."""
 
 from collections import Counter
 from collections.abc import Iterator

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What this package uses of rclpy beyond its documented interface, and what happens without it.
+Members of rclpy beyond its documented interface that this package uses, and their fallbacks.
 
-A test of a member fails if an update of rclpy has changed it; its message says what is affected.
+A test of a member fails if an update of rclpy has changed it; its message names what is affected.
 A test of a fallback gives the adapter a name that rclpy does not have, and asks real nodes.
 """
 
@@ -57,10 +57,10 @@ from robot_dynamics.ros.rclpy_internals import (
     request_number,
     send_response,
     service_with_inbox,
-    SpunInbox,
     subscription_count,
 )
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
+from robot_dynamics.ros.spun_inbox import SpunInbox
 from ros_harness import RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -136,16 +136,21 @@ def test_wait_set_and_take_message(client: RosClient) -> None:
     inbox.close()
 
 
-def exchange_messages(client: RosClient, inbox: MessageInbox) -> None:
+def arrives_at(inbox: MessageInbox | SpunInbox, nanoseconds: int) -> bool:
+    inbox.wait(nanoseconds)
+    return inbox.is_ready()
+
+
+def exchange_messages(client: RosClient, inbox: MessageInbox | SpunInbox) -> None:
     """Send three messages to an inbox, take them, and wake a wait."""
     publisher = client.publisher(String, inbox.subscription.topic_name)
     assert inbox.take() is None
-    assert not inbox.wait(0)
+    assert not arrives_at(inbox, 0)
     found: dict[str, None] = {}
     for word in ('one', 'two', 'three'):
         repeat_until(
             lambda: publisher.publish(String(data=word)),  # noqa: B023 (called in this turn)
-            lambda: inbox.wait(SECOND // 10))
+            lambda: arrives_at(inbox, SECOND // 10))
         while (taken := inbox.take()) is not None:
             data, info = taken
             found[deserialize_message(data, String).data] = None
@@ -246,7 +251,7 @@ def test_parameter_overrides(process: OwnProcess) -> None:
 @pytest.mark.parametrize('name', ['RCLError', 'UnknownROSArgsError'])
 def test_errors(name: str) -> None:
     assert error_type(name).__name__ == name, (
-        f'rclpy_implementation.{name} is gone: any RuntimeError at the start is taken for it')
+        f'rclpy_implementation.{name} is gone: any RuntimeError at the start is handled as one')
     assert issubclass(error_type(name), RuntimeError)
 
 

@@ -39,7 +39,7 @@ PATIENT = {
 
 
 class OwnProcess:
-    """A context of this process, in a namespace of its own, whose nodes an executor spins."""
+    """A context of this process, with its own namespace, whose nodes an executor spins."""
 
     def __init__(self, context: Context) -> None:
         self.context, self.nodes = context, list[Node]()

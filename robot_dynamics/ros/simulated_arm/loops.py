@@ -145,7 +145,9 @@ class _Loop(ABC):
 
     def _wait_for_effort(self, seconds: float) -> bool:
         """Return whether an effort can be taken; wait for it at most so long."""
-        return self._topics.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        inbox = self._topics.inbox
+        inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        return inbox.is_ready()
 
     def _apply(self, effort: FloatArray) -> None:
         """Apply an effort; log the joint at which the drive clips it most."""

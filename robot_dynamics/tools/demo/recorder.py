@@ -123,7 +123,8 @@ class Recorder:
     def wait(self, topic: str, seconds: float) -> bool:
         """Wait until a message of this topic can be drained; return whether one can."""
         source = next(source for source in self._sources if source.spec.name == topic)
-        return source.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        source.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        return source.inbox.is_ready()
 
     def close(self) -> None:
         """Record what is left, and end the subscriptions."""
