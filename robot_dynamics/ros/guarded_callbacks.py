@@ -41,7 +41,7 @@ from robot_dynamics.ros.message_bytes import (
     UnreadableMessageError,
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.rclpy_internals import RclError, UnknownArgumentsError
+from robot_dynamics.ros.rclpy_internals import RclError, replace_callback, UnknownArgumentsError
 from robot_dynamics.ros.shutdown import ends_in_time
 
 LONGEST_REASON = LONGEST_MESSAGE
@@ -94,9 +94,7 @@ class GuardedCallbacks(Node):
         super().__init__(*args, **more)
         atexit.register(self.destroy_node)  # its threads must end before the interpreter does
         for service in self.services:  # rclpy makes some past `create_service`
-            if not hasattr(service.callback, '__wrapped__'):
-                service.callback = self._answering(
-                    service.srv_type, service.srv_name, service.callback)
+            if replace_callback(service, self._answering):
                 self._answers.take_over(service)
 
     def create_subscription(

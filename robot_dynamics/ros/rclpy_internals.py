@@ -46,6 +46,7 @@ TAKE_REQUEST = 'service_take_request'
 WAIT_SET = 'WaitSet'
 PARAMETER_OVERRIDES = '_parameter_overrides'
 SEND_RESPONSE = 'send_response'
+CALLBACK = 'callback'
 REQUEST_ID = 'request_id'
 
 _ABSENT = (AttributeError, ImportError, TypeError)
@@ -59,6 +60,16 @@ def _implementation(name: str) -> Any:
 
 def _handle(entity: Any) -> Any:
     return getattr(entity, HANDLE)
+
+
+def _wait_set(context: Context, entity: str, method: str, *counts: int) -> Any:
+    """
+    Return a wait set; raise one of _ABSENT without it, or if the class `entity` lacks a method.
+
+    It comes before the entity: other processes may keep an entity that is destroyed at once.
+    """
+    getattr(_implementation(entity), method)
+    return _implementation(WAIT_SET)(*counts, _handle(context))
 
 
 def error_type(name: str) -> type[Exception]:
@@ -157,22 +168,18 @@ class MessageInbox:
     ) -> None:
         """Subscribe; raise one of _ABSENT if rclpy lacks a member."""
         self._node = node
+        self._wait_set = _wait_set(
+            node.context, 'Subscription', TAKE_MESSAGE, 1, int(can_wake), 0, 0, 0, 0)
         self._wake = GuardCondition(lambda: None, None, context=node.context) if can_wake else None
         self.subscription: Subscription = node.create_subscription(
             message_type, topic, lambda _: None, qos, raw=True, callback_group=LEFT_TO_A_THREAD)
         """For its topic name and its number of publishers."""
-        try:
-            handle = _handle(self.subscription)
-            self.take: Callable[[], Taken | None] = functools.partial(
-                getattr(handle, TAKE_MESSAGE), message_type, True)
-            """Returns the next message and its properties, or None."""
-            self._wait_set = _implementation(WAIT_SET)(
-                1, int(can_wake), 0, 0, 0, 0, _handle(node.context))
-            self.wait = _wait_for(self._wait_set, handle, self._wake)
-            """Waits at most so long [ns] for a message or `wake`."""
-        except _ABSENT:
-            self.close()
-            raise
+        handle = _handle(self.subscription)
+        self.take: Callable[[], Taken | None] = functools.partial(
+            getattr(handle, TAKE_MESSAGE), message_type, True)
+        """Returns the next message and its properties, or None."""
+        self.wait = _wait_for(self._wait_set, handle, self._wake)
+        """Waits at most so long [ns] for a message or `wake`."""
 
     def is_ready(self) -> bool:
         """Return whether the last wait ended with a message."""
@@ -229,17 +236,23 @@ class RequestInbox:
     """
     The requests of a service, for a thread that waits for them and takes them.
 
-    It uses `WaitSet`, `Service.handle.service_take_request` and `Context.handle`: an executor
-    takes a request only after the callbacks before it.
+    It uses `WaitSet`, `Service.handle.service_take_request`, `Service.callback` and
+    `Context.handle`: an executor takes a request only after the callbacks before it.
     """
 
-    def __init__(self, service: Service, srv_type: Any, context: Context) -> None:
-        """Take the requests of a service; raise one of _ABSENT if rclpy lacks a member."""
-        self._handle = _handle(service)
+    def __init__(
+        self, node: Node, srv_type: Any, name: str, callback: Callable[[Any, Any], Any],
+    ) -> None:
+        """Create a service; raise one of _ABSENT if rclpy lacks a member."""
+        self._wait_set = _wait_set(node.context, 'Service', TAKE_REQUEST, 0, 0, 0, 0, 1, 0)
+        self.service: Service = node.create_service(
+            srv_type, name, callback, callback_group=LEFT_TO_A_THREAD)
+        self._handle = _handle(self.service)
         self.take: Callable[[], tuple[Any, Any]] = functools.partial(
             getattr(self._handle, TAKE_REQUEST), srv_type.Request)
         """Returns a request and its header, or (None, None)."""
-        self._wait_set = _implementation(WAIT_SET)(0, 0, 0, 0, 1, 0, _handle(context))
+        self.answer: Callable[[Any, Any], Any] = getattr(self.service, CALLBACK, callback)
+        """Returns the response to a request; its second argument is a response to fill."""
 
     def wait(self, nanoseconds: int) -> bool:
         """Wait at most so long; return whether there is a request."""
@@ -258,13 +271,29 @@ def service_with_inbox(
 
     Fallback: a service that the executor calls back, in a separate group, and None.
     """
-    service = node.create_service(srv_type, name, callback, callback_group=LEFT_TO_A_THREAD)
     try:
-        return service, RequestInbox(service, srv_type, node.context)
+        requests = RequestInbox(node, srv_type, name, callback)
     except _ABSENT:
-        node.destroy_service(service)
         group = MutuallyExclusiveCallbackGroup()
         return node.create_service(srv_type, name, callback, callback_group=group), None
+    return requests.service, requests
+
+
+def replace_callback(
+    service: Service, wrap: Callable[[Any, str, Callable[..., Any]], Callable[..., Any]],
+) -> bool:
+    """
+    Let the executor call `wrap(type, name, callback)` for a service; return whether it will.
+
+    It sets the attribute `callback` of the service: rclpy creates the services of a lifecycle
+    node without `Node.create_service`. A callback that is wrapped already stays. Fallback: the
+    callback stays, and an error in it ends the spin of the executor.
+    """
+    callback = getattr(service, CALLBACK, None)
+    if callback is None or hasattr(callback, '__wrapped__'):
+        return False
+    setattr(service, CALLBACK, wrap(service.srv_type, service.srv_name, callback))
+    return True
 
 
 def replace_send_response(service: Service, send: Callable[[Any, Any], None]) -> None:

@@ -27,7 +27,7 @@ from typing import Any
 from rclpy.node import Node
 from robot_dynamics.ros.answer_delivery import is_discovered, LONGEST_WAIT
 from robot_dynamics.ros.message_loop import LOG_PERIOD, TURN
-from robot_dynamics.ros.rclpy_internals import send_response, service_with_inbox
+from robot_dynamics.ros.rclpy_internals import RequestInbox, send_response, service_with_inbox
 
 _PAUSE = 0.02
 """[s] between two queries of the graph while a response waits for its reader."""
@@ -59,7 +59,7 @@ class UrgentService:
             is_ready = requests.wait(TURN)
             try:
                 if is_ready and self._is_needed():
-                    self._answer(*requests.take())
+                    self._answer(requests)
             except Exception as error:  # a request that cannot be read must not end the thread
                 if self._is_needed():
                     self._node.get_logger().error(
@@ -69,10 +69,11 @@ class UrgentService:
     def _is_needed(self) -> bool:
         return not self._ends and self._node.context.ok()
 
-    def _answer(self, request: Any, header: Any) -> None:
+    def _answer(self, requests: RequestInbox) -> None:
+        request, header = requests.take()
         if header is None:
             return
-        response = self._service.callback(request, self._type.Response())
+        response = requests.answer(request, self._type.Response())
         until = time.monotonic() + LONGEST_WAIT
         while (self._is_needed() and time.monotonic() < until
                and not is_discovered(self._node, self._service)):

@@ -21,6 +21,7 @@ A test of a fallback gives the adapter a name that rclpy does not have, and asks
 
 import ast
 from collections.abc import Callable, Iterator
+import functools
 import inspect
 from pathlib import Path
 import re
@@ -53,6 +54,7 @@ from robot_dynamics.ros.rclpy_internals import (
     parameter_overrides,
     raw_publish,
     raw_take,
+    replace_callback,
     replace_send_response,
     request_number,
     send_response,
@@ -71,13 +73,14 @@ GRAVITY = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
 SECOND = 1_000_000_000
 MEMBERS = (
     'HANDLE', 'PUBLISH_RAW', 'SUBSCRIPTION_COUNT', 'TAKE_MESSAGE', 'TAKE_REQUEST', 'WAIT_SET',
-    'PARAMETER_OVERRIDES', 'SEND_RESPONSE', 'REQUEST_ID', 'IMPLEMENTATION')
+    'PARAMETER_OVERRIDES', 'SEND_RESPONSE', 'CALLBACK', 'REQUEST_ID', 'IMPLEMENTATION')
 PACKAGE = Path(robot_dynamics.__file__).parent
 IMPLEMENTATION_MODULE = re.compile(r'rclpy\.(impl\b|_)')
 PRIVATE = re.compile('_[a-z]')
 UNDOCUMENTED = {
     'handle', 'publish_raw', 'take_message', 'service_take_request', 'take_response',
-    'send_response', 'request_id', 'get_ready_entities', 'rclpy_implementation'}
+    'send_response', 'callback', 'srv_type', 'request_id', 'get_ready_entities',
+    'rclpy_implementation'}
 
 
 @pytest.fixture
@@ -239,6 +242,28 @@ def test_executors_call_the_replaced_send_response(
         'clients that are not discovered yet are lost')
 
 
+def test_executors_call_the_replaced_callback(client: RosClient, process: OwnProcess) -> None:
+    node, replaced = process.other('wrapped'), list[str]()
+
+    def wrap(srv_type: Any, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(callback)
+        def call(request: Any, response: Any) -> Any:
+            replaced.append(name)
+            return callback(request, response)
+
+        return call
+
+    assert all(replace_callback(service, wrap) for service in node.services), (
+        'services of rclpy have no attribute callback any more: an error in a service of the '
+        'lifecycle ends the node')
+    assert not any(replace_callback(service, wrap) for service in node.services)
+    with process.spun(SingleThreadedExecutor):
+        name = f'{process.namespace}/wrapped/list_parameters'
+        assert client.call(ListParameters, name).result.names
+    assert [name.split('/')[-1] for name in replaced] == ['list_parameters'], (
+        'executors do not call the attribute callback any more')
+
+
 def test_parameter_overrides(process: OwnProcess) -> None:
     node = Node('overridden', context=process.context, parameter_overrides=[
         Parameter('unknown', value=1)])
@@ -297,6 +322,7 @@ def test_fallbacks_are_documented_members(
         client.node, Trigger, 'fallback_service', lambda _, answer: answer)
     assert requests is None
     assert service.callback_group.can_execute(service)
+    assert not replace_callback(service, lambda *_: None)
     replace_send_response(service, lambda *_: None)
     client.call(Trigger, 'fallback_service')
     assert request_number(object()) is None
@@ -357,7 +383,7 @@ def test_no_other_module_uses_undocumented_members() -> None:
 @pytest.mark.parametrize('code', [
     'from rclpy.impl.implementation_singleton import rclpy_implementation',
     'import rclpy._rclpy_pybind11', 'publisher.handle', 'self._subscription.handle.take_message',
-    'node._parameter_overrides', 'super()._wake_executor', 'service.send_response'])
+    'node._parameter_overrides', 'super()._wake_executor', 'service.callback'])
 def test_undocumented_members_are_found(code: str) -> None:
     assert undocumented(ast.parse(code))
 
