@@ -32,7 +32,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+from robot_dynamics.ros.rclpy_internals import LEFT_TO_A_THREAD
 from sensor_msgs.msg import JointState
 
 DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -54,7 +54,7 @@ class Topic:
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
         self._subscription = node.create_subscription(
-            JointState, name, lambda _: None, DEEP, callback_group=LEFT_TO_THE_LOOP, raw=True)
+            JointState, name, lambda _: None, DEEP, callback_group=LEFT_TO_A_THREAD, raw=True)
         self._messages: list[bytes] = []
         self._sent: list[int] = []
 

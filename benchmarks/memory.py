@@ -36,7 +36,7 @@ from benchmarks.slow_motion import follow_slow_motion, hanging
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.ros.message_bytes import read_message
-from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+from robot_dynamics.ros.rclpy_internals import LEFT_TO_A_THREAD
 from sensor_msgs.msg import JointState
 
 JOINTS = 7
@@ -71,7 +71,7 @@ class Progress:
         self._subscription = node.create_subscription(
             JointState, 'effort_command', lambda _: None,
             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
-            callback_group=LEFT_TO_THE_LOOP, raw=True)
+            callback_group=LEFT_TO_A_THREAD, raw=True)
         self._states = 0
 
     def wait_for(self, states: int) -> int:

@@ -31,6 +31,11 @@ import warnings
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
+from robot_dynamics.ros.rclpy_internals import (
+    replace_send_response,
+    request_number,
+    send_response,
+)
 
 LONGEST_WAIT = 10.0
 """[s] in which a response reader must be discovered; lost discovery data are repeated each 1 s."""
@@ -62,11 +67,11 @@ class AnswerDelivery:
 
     def take_over(self, service: Any) -> None:
         """Send the responses of a service of the node from now on."""
-        service.send_response = partial(self._send, service)
+        replace_send_response(service, partial(self._send, service))
 
     def _send(self, service: Any, message: Any, header: Any) -> None:
         if self._is_of_known_client(service, header):
-            type(service).send_response(service, message, header)
+            send_response(service, message, header)
             return
         response = _Response(service, message, header, time.monotonic() + LONGEST_WAIT)
         if is_discovered(self._node, service):
@@ -82,7 +87,9 @@ class AnswerDelivery:
         rclpy does not expose the client of a request, and asking the graph takes longer than
         most answers do. The requests of a client are numbered consecutively.
         """
-        number = header.request_id.sequence_number
+        number = request_number(header)
+        if number is None:
+            return False
         expected = self._expected.setdefault(service.service_name, set())
         is_known = number in expected and not self._waiting
         expected.discard(number)
@@ -92,8 +99,7 @@ class AnswerDelivery:
     def _attempt(self, response: _Response) -> None:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter('always')
-            type(response.service).send_response(
-                response.service, response.message, response.header)
+            send_response(response.service, response.message, response.header)
         if not any(_DISCARDED in str(warning.message) for warning in caught):
             return
         if response.is_tried:

@@ -35,6 +35,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.ros.rclpy_internals import parameter_overrides
 from robot_dynamics.validation import check_choice, check_scalar
 
 Type = Parameter.Type
@@ -150,7 +151,7 @@ class DeclaredParameters:
     def _log_unknown(self) -> None:
         """Warn of values whose names neither this node nor the other one has as parameters."""
         node = self._node
-        unknown = [name for name in node._parameter_overrides if not node.has_parameter(name)]
+        unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
         of_others = {spec.name for spec in self._others()} if unknown else set()
         for name in unknown:
             if name not in of_others:

@@ -20,6 +20,7 @@ parameter of a type that it does not know. Here an error is logged instead, and 
 with what failed.
 """
 
+import atexit
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import functools
@@ -30,7 +31,6 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterException
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
@@ -41,6 +41,7 @@ from robot_dynamics.ros.message_bytes import (
     UnreadableMessageError,
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.rclpy_internals import RclError, replace_callback, UnknownArgumentsError
 from robot_dynamics.ros.shutdown import ends_in_time
 
 LONGEST_REASON = LONGEST_MESSAGE
@@ -72,9 +73,9 @@ def describe_error(error: Exception) -> str:
 def _words_of(error: Exception) -> str:
     if isinstance(error, (RobotDynamicsError, ParameterException)):
         return str(error)
-    if isinstance(error, rclpy_implementation.RCLError):  # whose trace through C files follows
+    if isinstance(error, RclError):  # whose trace through C files follows
         return ' '.join(str(error).partition(', at /')[0].split())
-    if isinstance(error, rclpy_implementation.UnknownROSArgsError):
+    if isinstance(error, UnknownArgumentsError):
         return f'unknown ROS arguments {error}'
     if isinstance(error, MemoryError):
         return 'this takes more memory than the node may have, expected less at a time'
@@ -91,10 +92,9 @@ class GuardedCallbacks(Node):
         self._logged_at: dict[str, float] = {}
         self._answers = AnswerDelivery(self)
         super().__init__(*args, **more)
+        atexit.register(self.destroy_node)  # its threads must end before the interpreter does
         for service in self.services:  # rclpy makes some past `create_service`
-            if not hasattr(service.callback, '__wrapped__'):
-                service.callback = self._answering(
-                    service.srv_type, service.srv_name, service.callback)
+            if replace_callback(service, self._answering):
                 self._answers.take_over(service)
 
     def create_subscription(
@@ -124,7 +124,8 @@ class GuardedCallbacks(Node):
             msg_type, topic, guarded if raw else read, *args, raw=True, **more)
 
     def destroy_node(self) -> None:
-        """Destroy the node, and the process where that does not end."""
+        """Destroy the node, at exit at the latest; end the process where that does not end."""
+        atexit.unregister(self.destroy_node)
         with ends_in_time():
             super().destroy_node()
 
@@ -134,6 +135,16 @@ class GuardedCallbacks(Node):
         """Create a timer whose callback cannot end the node."""
         return super().create_timer(
             timer_period_sec, self._guarded(callback, 'a timer'), *args, **more)
+
+    def call_when_spun(self, callback: Callable[[], None]) -> None:
+        """Call back once, in the executor, when any executor first spins this node."""
+        waiting = [callback]
+
+        def call() -> None:
+            while waiting:  # a MultiThreadedExecutor may call a guard condition twice
+                waiting.pop()()
+
+        self.create_guard_condition(self._guarded(call, 'the first spin')).trigger()
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,

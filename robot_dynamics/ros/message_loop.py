@@ -27,11 +27,11 @@ import threading
 from typing import Any
 
 import numpy as np
-from rclpy.callback_groups import CallbackGroup
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
+from robot_dynamics.ros.rclpy_internals import message_inbox, MessageInbox, raw_take
+from robot_dynamics.ros.spun_inbox import SpunInbox
 
 TURN = 100_000_000
 """[ns] after which a wait looks whether the loop is to end."""
@@ -39,23 +39,6 @@ MOST_WAITING = 16
 """Messages of one topic that are taken together; the queue of the middleware is no longer."""
 LOG_PERIOD = 5.0
 """[s] between warnings of one kind."""
-
-
-class _LeftToTheLoop(CallbackGroup):
-    """Keeps an entity out of every executor's wait set."""
-
-    def can_execute(self, entity: Any) -> bool:
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        pass
-
-
-LEFT_TO_THE_LOOP = _LeftToTheLoop()
-"""The group of entities that a thread waits on by itself."""
 
 
 def _one_source(message: Any) -> Hashable:
@@ -81,15 +64,21 @@ class MessageLoop:
         `refuse` gets the errors of `read`. Neither of the two may raise. `source` returns what
         messages of one source have in common.
         """
-        self._node, self._context, self._message_type = node, node.context, message_type
+        self._node, self._context = node, node.context
         self._read, self._callback, self._refuse = read, callback, refuse
         self._source = source
         self._stop = False
-        group = LEFT_TO_THE_LOOP if in_thread else None
-        self._subscription = node.create_subscription(
-            message_type, topic, self._deliver_in_executor, qos, callback_group=group, raw=True)
-        self._thread = threading.Thread(
-            target=self._run, name=f'{topic} loop', daemon=True) if in_thread else None
+        self._inbox: MessageInbox | SpunInbox | None = None
+        self._thread: threading.Thread | None = None
+        if in_thread:
+            self._inbox = inbox = message_inbox(node, message_type, topic, qos)
+            self._subscription, self._take_next = inbox.subscription, inbox.take
+            self._thread = threading.Thread(
+                target=self._run, args=(inbox.wait,), name=f'{topic} loop', daemon=True)
+        else:
+            self._subscription = node.create_subscription(
+                message_type, topic, self._deliver_in_executor, qos, raw=True)
+            self._take_next = raw_take(self._subscription, message_type)
 
     def start(self) -> None:
         """Begin to call back."""
@@ -101,6 +90,8 @@ class MessageLoop:
         self._stop = True
         if self._thread is not None and self._thread.is_alive():
             self._thread.join()
+        if self._inbox is not None:
+            self._inbox.close()
 
     @property
     def topic(self) -> str:
@@ -111,17 +102,13 @@ class MessageLoop:
         """Return how many publishers match this subscription."""
         return int(self._subscription.get_publisher_count())
 
-    def _run(self) -> None:
+    def _run(self, wait: Callable[[int], None]) -> None:
         with np.errstate(over='ignore', invalid='ignore'):  # once, and not for every message
-            self._wait_and_deliver()
+            self._wait_and_deliver(wait)
 
-    def _wait_and_deliver(self) -> None:
-        subscription = self._subscription.handle
-        wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, self._context.handle)
+    def _wait_and_deliver(self, wait: Callable[[int], None]) -> None:
         while not self._stop and self._context.ok():
-            wait_set.clear_entities()
-            wait_set.add_subscription(subscription)
-            wait_set.wait(TURN)
+            wait(TURN)
             data = None if self._stop else self._take()
             if data is not None:  # the turn may be over
                 self._deliver(data)
@@ -154,7 +141,7 @@ class MessageLoop:
     def _take(self) -> bytes | None:
         """Return the newest message as bytes, or None where it was taken back."""
         try:
-            taken = self._subscription.handle.take_message(self._message_type, True)
+            taken = self._take_next()
         except Exception as error:  # nothing that arrives may end the thread
             self._node.get_logger().warning(
                 f'Cannot take a message of {self._subscription.topic_name}: {error!r}',

@@ -21,7 +21,6 @@ import sys
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
@@ -30,11 +29,12 @@ from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 from robot_dynamics.ros.node_arguments import NodeUsage, outside_of_ros_args
 from robot_dynamics.ros.parameter_file_log import log_ignored_sections
+from robot_dynamics.ros.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
 
 LONGEST_TURN = 0.0001
 """[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""
-MiddlewareError = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
+MiddlewareError = (RclError, UnknownArgumentsError)
 
 
 def run_node(
@@ -47,8 +47,7 @@ def run_node(
     With `usage`, `--help` prints it and returns 0; an argument outside `--ros-args` is refused
     in one line with status 2.
 
-    A node that cannot start says why in one line and gives status 1. One that has a method `begin`
-    is called when all is set up, and not held up from then on. One that has a method
+    A node that cannot start says why in one line and gives status 1. One that has a method
     `request_shutdown` is called at once when it is to stop, in another thread, whatever its
     callbacks do.
     """
@@ -70,7 +69,6 @@ def run_node(
             limit_memory()
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
-            getattr(node, 'begin', lambda: None)()
             _spin(executor, node, end)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)

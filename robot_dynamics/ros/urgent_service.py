@@ -24,10 +24,10 @@ import threading
 import time
 from typing import Any
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from robot_dynamics.ros.answer_delivery import is_discovered, LONGEST_WAIT
-from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD, TURN
+from robot_dynamics.ros.message_loop import LOG_PERIOD, TURN
+from robot_dynamics.ros.rclpy_internals import RequestInbox, send_response, service_with_inbox
 
 _PAUSE = 0.02
 """[s] between two queries of the graph while a response waits for its reader."""
@@ -41,26 +41,25 @@ class UrgentService:
     ) -> None:
         """Take a `callback` that gets the request and a response to fill, and returns it."""
         self._node, self._type = node, srv_type
-        self._service = node.create_service(
-            srv_type, name, callback, callback_group=LEFT_TO_THE_LOOP)
+        self._service, self._requests = service_with_inbox(node, srv_type, name, callback)
         self._ends = False
         self._thread = threading.Thread(target=self._run, name=f'{name} service', daemon=True)
-        self._thread.start()
+        if self._requests is not None:
+            self._thread.start()
 
     def close(self) -> None:
         """End the thread, before the node is destroyed."""
         self._ends = True
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
 
     def _run(self) -> None:
-        wait_set = rclpy_implementation.WaitSet(0, 0, 0, 0, 1, 0, self._node.context.handle)
-        while self._is_needed():
-            wait_set.clear_entities()
-            wait_set.add_service(self._service.handle)
-            wait_set.wait(TURN)
+        requests = self._requests
+        while requests is not None and self._is_needed():
+            is_ready = requests.wait(TURN)
             try:
-                if self._is_needed() and wait_set.get_ready_entities('service'):
-                    self._answer()
+                if is_ready and self._is_needed():
+                    self._answer(requests)
             except Exception as error:  # a request that cannot be read must not end the thread
                 if self._is_needed():
                     self._node.get_logger().error(
@@ -70,13 +69,13 @@ class UrgentService:
     def _is_needed(self) -> bool:
         return not self._ends and self._node.context.ok()
 
-    def _answer(self) -> None:
-        request, header = self._service.handle.service_take_request(self._type.Request)
+    def _answer(self, requests: RequestInbox) -> None:
+        request, header = requests.take()
         if header is None:
             return
-        response = self._service.callback(request, self._type.Response())
+        response = requests.answer(request, self._type.Response())
         until = time.monotonic() + LONGEST_WAIT
         while (self._is_needed() and time.monotonic() < until
                and not is_discovered(self._node, self._service)):
             time.sleep(_PAUSE)
-        type(self._service).send_response(self._service, response, header)
+        send_response(self._service, response, header)

@@ -37,6 +37,7 @@ from robot_dynamics.ros.diagnostics import Status
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.rclpy_internals import raw_publish
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -68,7 +69,7 @@ class SafeCommand:
         self._when_recovered, self._when_changed = when_recovered, when_changed
         self.counters = CommandCounters()
         self._command = self._publisher(JointState, 'effort_command', qos)
-        self._send = self._command.handle.publish_raw
+        self._send = raw_publish(self._command)
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)

@@ -50,6 +50,7 @@ from robot_dynamics.ros.dynamics.markers import LiveMarkers
 from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
+from robot_dynamics.ros.rclpy_internals import raw_publish, subscription_count
 from robot_dynamics.ros.state_assembly import ForeignJointsError, StateAssembly
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
@@ -106,11 +107,10 @@ class ControlPath:
         computed_torque = publisher(JointState, '~/computed_torque')
         self._terms = publisher(DynamicsTerms, '~/terms')
         self._reference = publisher(JointState, '~/reference')
-        # without the wrapper of rclpy, which takes as long as the call itself
-        self._send_gravity = gravity.handle.publish_raw
-        self._send_computed_torque = computed_torque.handle.publish_raw
-        self._count_terms = self._terms.handle.get_subscription_count
-        self._count_reference = self._reference.handle.get_subscription_count
+        self._send_gravity = raw_publish(gravity)
+        self._send_computed_torque = raw_publish(computed_torque)
+        self._count_terms = subscription_count(self._terms)
+        self._count_reference = subscription_count(self._reference)
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
         self.command = SafeCommand(

@@ -30,11 +30,11 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robot_dynamics.control.supervisor import Fault
+from robot_dynamics.ros.rclpy_internals import RclError, subscription_count
 
 LOOK_PERIOD = 0.1
 """[s] between two looks while a subscriber is unchecked."""
@@ -61,7 +61,7 @@ class _Subscriber:
         self._service, self._since = f'{self.name}/get_parameters', time.monotonic()
         self._client: Any = None
         self._future: Any = None
-        with suppress(rclpy_implementation.RCLError):  # a ROS 2 security policy may not allow it
+        with suppress(RclError):  # a ROS 2 security policy may not allow it
             self._client = node.create_client(GetParameters, self._service)
 
     def look(self) -> str:
@@ -113,7 +113,7 @@ class ControllerOrder:
         """The difference, while there is one."""
         self._node, self._commands, self._joint_names = node, commands, joint_names
         self._when_wrong = when_wrong
-        self._count = commands.handle.get_subscription_count
+        self._count = subscription_count(commands)
         self._subscribers: dict[bytes, _Subscriber] = {}
         self._judged_for: list[str] = []
         self._open_for: list[str] | None = None

@@ -38,6 +38,7 @@ from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.joint_state_reader import JointStateReader
 from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.rclpy_internals import subscription_count
 from sensor_msgs.msg import JointState
 
 DEFAULT_BANDWIDTH = 10.0
@@ -125,8 +126,7 @@ class LiveEstimates:
         self._publishers = (
             node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual', NEWEST_ONLY))
-        # without the wrapper of rclpy, which takes four times as long as the count
-        self._counts = [one.handle.get_subscription_count for one in self._publishers]
+        self._counts = [subscription_count(one) for one in self._publishers]
         self._estimates: Estimates | None = None
         self._is_on = self._is_lacking = False
         self._words = NO_SUBSCRIBERS

@@ -17,6 +17,7 @@
 from collections.abc import Sequence
 import re
 import sys
+from typing import Any
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -71,11 +72,20 @@ STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFOR
 
 
 class DynamicsNode(GuardedCallbacks, LifecycleNode):
-    """Wires parameters, topics and services to the library; computes nothing itself."""
+    """
+    Wires parameters, topics and services to the library; computes nothing itself.
 
-    def __init__(self) -> None:
-        """Raise RobotDynamicsError where the parameters or the URDF cannot be used."""
-        super().__init__('dynamics')
+    Any executor may spin it; it answers joint states from the first spin on. `destroy_node` ramps
+    the effort to zero, if it is called before the context is shut down.
+    """
+
+    def __init__(self, **node_arguments: Any) -> None:
+        """
+        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
+
+        Raises RobotDynamicsError where the parameters or the URDF cannot be used.
+        """
+        super().__init__('dynamics', **node_arguments)
         with destroyed_unless_made(self):
             self._set_up()
 
@@ -111,10 +121,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             source=lambda state: tuple(state.name))
         if self._settings.values['autostart']:
             self._start()
-
-    def begin(self) -> None:
-        """Hear joint states; called when the process is ready."""
-        self._loop.start()
+        self.call_when_spun(self._loop.start)
 
     def _start(self) -> None:
         self._is_starting = True

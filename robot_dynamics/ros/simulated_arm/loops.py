@@ -26,8 +26,6 @@ import math
 import threading
 import time
 
-from rclpy.guard_condition import GuardCondition
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
@@ -36,7 +34,8 @@ from robot_dynamics.ros.cdr_templates import JointStateDecoder, stamp_bytes, sta
 from robot_dynamics.ros.conversions import stamp_to_ros
 from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.joint_state_reader import JointStateReader
-from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP, LOG_PERIOD
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.rclpy_internals import message_inbox
 from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
 from robot_dynamics.simulation.plant import Measured, Plant
 from rosgraph_msgs.msg import Clock
@@ -66,9 +65,9 @@ class ArmTopics:
         self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
-        self.efforts = node.create_subscription(
-            JointState, 'effort_command', lambda _: None, NEWEST_ONLY,
-            callback_group=LEFT_TO_THE_LOOP)
+        self.inbox = message_inbox(
+            node, JointState, 'effort_command', NEWEST_ONLY, can_wake=True)
+        self.efforts = self.inbox.subscription
 
     @property
     def topic(self) -> str:
@@ -82,7 +81,7 @@ class ArmTopics:
     def take_effort(self) -> tuple[FloatArray, int] | None:
         """Return the newest effort that has arrived and its stamp, or None."""
         try:
-            taken = self.efforts.handle.take_message(JointState, True)
+            taken = self.inbox.take()
             if taken is None:
                 return None
             state = self._decoder.decode(taken[0])
@@ -116,8 +115,6 @@ class _Loop(ABC):
         self.is_paused = False
         """Keep simulated time at its present value; may be set from another thread."""
         self._stopping = threading.Event()
-        self._wake = GuardCondition(lambda: None, None, context=node.context)
-        self._wait_set = rclpy_implementation.WaitSet(1, 1, 0, 0, 0, 0, node.context.handle)
         self._thread = threading.Thread(target=self._guarded_run, name='simulation', daemon=True)
 
     def start(self) -> None:
@@ -127,8 +124,9 @@ class _Loop(ABC):
         """End the thread, before the node is destroyed."""
         self._stopping.set()
         if self._thread.is_alive():
-            self._wake.trigger()
+            self._topics.inbox.wake()
             self._thread.join()
+        self._topics.inbox.close()
 
     def _guarded_run(self) -> None:
         try:
@@ -147,12 +145,9 @@ class _Loop(ABC):
 
     def _wait_for_effort(self, seconds: float) -> bool:
         """Return whether an effort can be taken; wait for it at most so long."""
-        wait_set = self._wait_set
-        wait_set.clear_entities()
-        wait_set.add_subscription(self._topics.efforts.handle)
-        wait_set.add_guard_condition(self._wake.handle)
-        wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
-        return bool(wait_set.get_ready_entities('subscription'))
+        inbox = self._topics.inbox
+        inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        return inbox.is_ready()
 
     def _apply(self, effort: FloatArray) -> None:
         """Apply an effort; log the joint at which the drive clips it most."""

@@ -17,6 +17,7 @@
 from collections.abc import Sequence
 import sys
 import threading
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -147,11 +148,19 @@ USAGE = NodeUsage(
 
 
 class SimulatedArmNode(GuardedCallbacks):
-    """Wires parameters, topics and services to the simulation; computes nothing itself."""
+    """
+    Wires parameters, topics and services to the simulation; computes nothing itself.
 
-    def __init__(self) -> None:
-        """Raise RobotDynamicsError where the parameters or the URDF cannot be used."""
-        super().__init__('simulated_arm')
+    Any executor may spin it; simulated time passes from the first spin on.
+    """
+
+    def __init__(self, **node_arguments: Any) -> None:
+        """
+        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
+
+        Raises RobotDynamicsError where the parameters or the URDF cannot be used.
+        """
+        super().__init__('simulated_arm', **node_arguments)
         with destroyed_unless_made(self):
             self._set_up()
 
@@ -191,11 +200,7 @@ class SimulatedArmNode(GuardedCallbacks):
         self.get_logger().info(
             f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first effort '
             f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
-
-    def begin(self) -> None:
-        """Let time pass; called when the process is ready."""
-        if self._loop is not None:
-            self._loop.start()
+        self.call_when_spun(self._loop.start)
 
     def destroy_node(self) -> None:
         """Stop the simulation, then the rest."""

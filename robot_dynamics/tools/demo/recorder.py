@@ -30,14 +30,13 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.recordings.topics import common_types
-from robot_dynamics.ros.message_loop import LEFT_TO_THE_LOOP
+from robot_dynamics.ros.rclpy_internals import message_inbox
 
 RECEIVE_DEPTH = 2000
 """Messages of one topic that may wait to be drained: seconds, at the rate of a control loop."""
@@ -92,14 +91,7 @@ class _Source:
                          else ReliabilityPolicy.BEST_EFFORT),
             durability=(DurabilityPolicy.TRANSIENT_LOCAL if spec.qos.transient_local
                         else DurabilityPolicy.VOLATILE))
-        self.subscription = node.create_subscription(
-            spec.message_type, spec.name, lambda _: None, qos, raw=True,
-            callback_group=LEFT_TO_THE_LOOP)
-
-    def take(self) -> tuple[bytes, Any] | None:
-        taken: tuple[bytes, Any] | None = self.subscription.handle.take_message(
-            self.spec.message_type, True)
-        return taken
+        self.inbox = message_inbox(node, spec.message_type, spec.name, qos)
 
 
 class Recorder:
@@ -116,7 +108,7 @@ class Recorder:
         far a playback is, under that time instead, stamped ones under their stamp. Raises
         RecordingError where the definition of a type is not known to the writer.
         """
-        self._node, self._writer, self._time_ns = node, writer, time_ns
+        self._writer, self._time_ns = writer, time_ns
         self.span_ns: tuple[float, float] = (-math.inf, math.inf)
         """First and last stamp [ns] of the stamped messages to record; others are discarded."""
         self._sources = [_Source(node, spec) for spec in topics]
@@ -131,23 +123,20 @@ class Recorder:
     def wait(self, topic: str, seconds: float) -> bool:
         """Wait until a message of this topic can be drained; return whether one can."""
         source = next(source for source in self._sources if source.spec.name == topic)
-        wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, self._node.context.handle)
-        wait_set.clear_entities()
-        wait_set.add_subscription(source.subscription.handle)
-        wait_set.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
-        return bool(wait_set.get_ready_entities('subscription'))
+        source.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        return source.inbox.is_ready()
 
     def close(self) -> None:
         """Record what is left, and end the subscriptions."""
         self.drain()
         for source in self._sources:
-            self._node.destroy_subscription(source.subscription)
+            source.inbox.close()
         self._sources.clear()
 
     def _drain(self, source: _Source) -> int:
         count, name = self.counts[source.spec.name], source.spec.name
         before = count.received
-        while (taken := source.take()) is not None:
+        while (taken := source.inbox.take()) is not None:
             data, info = taken
             stamp = _first_stamp_ns(data) if source.spec.stamped else 0
             count.received += 1

@@ -1,0 +1,179 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The nodes in executors of others: real nodes in this process, next to nodes of rclpy."""
+
+from collections import Counter
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import subprocess
+import sys
+import threading
+from typing import Any
+
+from children import TIMEOUT
+from own_process import answer, own_process, OwnProcess, PATIENT, stamps_of
+import pytest
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import NodeProcess, RosClient, wait_until
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
+GRAVITY = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+EXAMPLES = Path(__file__).parents[2] / 'docs' / 'examples'
+EXECUTORS = [SingleThreadedExecutor, MultiThreadedExecutor]
+
+
+@pytest.fixture(params=EXECUTORS)
+def executor(request: pytest.FixtureRequest) -> Any:
+    return request.param
+
+
+@pytest.fixture
+def process() -> Iterator[OwnProcess]:
+    with own_process() as process:
+        yield process
+
+
+@pytest.mark.parametrize('state_thread', [True, False])
+def test_dynamics_answers_joint_states(
+    client: RosClient, process: OwnProcess, executor: Any, state_thread: bool,
+) -> None:
+    node = process.dynamics(state_thread=state_thread)
+    process.other('neighbour')
+    with process.spun(executor):
+        effort = answer(client, process, NAMES, Q).effort
+        stopped = client.call(Trigger, f'{process.namespace}/dynamics/stop')
+    assert list(effort) == pytest.approx(GRAVITY)
+    assert stopped.success
+    assert node.callback_errors == 0
+
+
+def test_a_node_that_changes_its_executor_answers(
+    client: RosClient, process: OwnProcess,
+) -> None:
+    node = process.dynamics()
+    first = SingleThreadedExecutor(context=process.context)
+    first.add_node(node)
+    for _ in range(10):
+        first.spin_once(timeout_sec=0.0)
+    first.remove_node(node)
+    first.shutdown()
+    with process.spun(MultiThreadedExecutor):
+        assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
+
+
+def test_simulated_arm_publishes_states_and_takes_efforts(
+    client: RosClient, process: OwnProcess, executor: Any,
+) -> None:
+    process.simulated_arm(rate=50.0, command_timeout=0.0)
+    with process.spun(executor), client.collect(
+            JointState, f'{process.namespace}/joint_states') as states:
+        first = states.wait_for()
+        efforts = client.publisher(JointState, f'{process.namespace}/effort_command')
+        moved = client.ask(
+            efforts, JointState(name=NAMES, effort=[5.0, 0.0]), states,
+            lambda state: abs(state.position[0] - first.position[0]) > 0.01)
+    assert len(moved.effort) == 2
+
+
+def test_both_and_a_third_node_in_one_executor(
+    client: RosClient, process: OwnProcess, executor: Any,
+) -> None:
+    nodes = process.simulated_arm(rate=50.0), process.dynamics()
+    neighbour, ticks = process.other('neighbour'), Counter[str]()
+    neighbour.create_timer(0.05, lambda: ticks.update(['timer']))
+    neighbour.create_subscription(
+        JointState, 'joint_states', lambda _: ticks.update(['state']), 10)
+    with client.collect(
+            JointState, f'{process.namespace}/dynamics/gravity_compensation') as answers, \
+            client.collect(JointState, f'{process.namespace}/effort_command') as efforts, \
+            process.spun(executor):
+        answers.wait_count(100)
+        efforts.wait_count(50)
+        wait_until(lambda: min(ticks['timer'], ticks['state']) >= 10, 'the neighbour')
+        found = stamps_of(answers), stamps_of(efforts)  # before the effort is ramped out
+    for stamps in found:
+        assert len(set(stamps)) == len(stamps), 'a joint state was answered twice'
+    assert [node.callback_errors for node in nodes] == [0, 0]
+
+
+def test_the_threads_of_both_nodes_end_with_the_nodes(
+    client: RosClient, process: OwnProcess,
+) -> None:
+    before = set(threading.enumerate())
+    process.simulated_arm(rate=50.0)
+    process.dynamics()
+    with process.spun(SingleThreadedExecutor):
+        with client.collect(JointState, f'{process.namespace}/effort_command') as efforts:
+            efforts.wait_for()
+        during = {thread.name for thread in set(threading.enumerate()) - before}
+    assert {'joint_states loop', 'command watch', '~/stop service', 'simulation'} <= during
+    assert set(threading.enumerate()) <= before
+
+
+@pytest.mark.parametrize('threads', [1, 3])
+def test_the_example_of_the_documentation(client: RosClient, threads: int) -> None:
+    namespace = f'/example{threads}'
+    example = NodeProcess(
+        'one_process', {**PATIENT, 'rate': 50.0, 'initial_position': Q}, namespace=namespace,
+        arguments=['--threads', str(threads)], environment={'PYTHONPATH': os.pathsep.join(
+            [str(EXAMPLES), os.environ.get('PYTHONPATH', '')])})
+    with client.collect(
+            JointState, f'{namespace}/dynamics/gravity_compensation') as answers, \
+            client.collect(JointState, f'{namespace}/effort_command') as efforts:
+        with example:
+            answers.wait_count(100)
+            example.wait_for_log(r'monitor.*Positions: \[0\.\d+, -0\.\d+\]')
+            stamps = stamps_of(answers)
+            first = efforts.wait_for()
+        last = efforts.wait_for(lambda effort: not any(effort.effort))
+    assert list(answers.messages[0].effort) == pytest.approx(GRAVITY, rel=1e-3)
+    assert list(first.effort) == pytest.approx(GRAVITY, rel=1e-3)
+    assert len(set(stamps)) == len(stamps), 'a joint state was answered twice'
+    assert len(last.effort) == 2
+
+
+FORGETFUL = """
+import sys
+import rclpy
+from rclpy import executors
+from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
+
+rclpy.init()
+executor = getattr(executors, sys.argv[1])()
+for node in (DynamicsNode(), SimulatedArmNode()):
+    executor.add_node(node)
+for _ in range(30):
+    executor.spin_once(timeout_sec=0.1)
+if sys.argv[2] == 'shutdown':
+    executor.shutdown()
+    rclpy.shutdown()
+print('all done')
+"""
+
+
+@pytest.mark.parametrize('end', ['shutdown', 'nothing'])
+def test_a_process_that_destroys_no_node_ends_in_order(executor: Any, end: str) -> None:
+    done = subprocess.run(
+        [sys.executable, '-c', FORGETFUL, executor.__name__, end],
+        capture_output=True, text=True, timeout=TIMEOUT)
+    assert (done.returncode, done.stdout) == (0, 'all done\n'), done.stderr
+    assert 'Traceback' not in done.stderr

@@ -1,0 +1,399 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Members of rclpy beyond its documented interface that this package uses, and their fallbacks.
+
+A test of a member fails if an update of rclpy has changed it; its message names what is affected.
+A test of a fallback gives the adapter a name that rclpy does not have, and asks real nodes.
+"""
+
+import ast
+from collections.abc import Callable, Iterator
+import functools
+import inspect
+from pathlib import Path
+import re
+import threading
+import time
+from typing import Any
+
+from own_process import answer, own_process, OwnProcess, stamps_of
+import pytest
+from rcl_interfaces.srv import ListParameters
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+import robot_dynamics
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros import rclpy_internals
+from robot_dynamics.ros.answer_delivery import is_discovered
+from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks
+from robot_dynamics.ros.rclpy_internals import (
+    error_type,
+    LEFT_TO_A_THREAD,
+    message_inbox,
+    MessageInbox,
+    parameter_overrides,
+    raw_publish,
+    raw_take,
+    replace_callback,
+    replace_send_response,
+    request_number,
+    send_response,
+    service_with_inbox,
+    subscription_count,
+)
+from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
+from robot_dynamics.ros.spun_inbox import SpunInbox
+from ros_harness import RosClient, TIMEOUT, wait_until
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
+GRAVITY = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+SECOND = 1_000_000_000
+MEMBERS = (
+    'HANDLE', 'PUBLISH_RAW', 'SUBSCRIPTION_COUNT', 'TAKE_MESSAGE', 'TAKE_REQUEST', 'WAIT_SET',
+    'PARAMETER_OVERRIDES', 'SEND_RESPONSE', 'CALLBACK', 'REQUEST_ID', 'IMPLEMENTATION')
+PACKAGE = Path(robot_dynamics.__file__).parent
+IMPLEMENTATION_MODULE = re.compile(r'rclpy\.(impl\b|_)')
+PRIVATE = re.compile('_[a-z]')
+UNDOCUMENTED = {
+    'handle', 'publish_raw', 'take_message', 'service_take_request', 'take_response',
+    'send_response', 'callback', 'srv_type', 'request_id', 'get_ready_entities',
+    'rclpy_implementation'}
+
+
+@pytest.fixture
+def process() -> Iterator[OwnProcess]:
+    with own_process() as process:
+        yield process
+
+
+def is_bound_to(function: Any, entity: Any, name: str) -> bool:
+    """Tell whether this is the method of that name of the C++ object of an entity."""
+    function = getattr(function, 'func', function)  # of a partial
+    return function.__name__ == name and function.__self__ is entity.handle
+
+
+def repeat_until(act: Callable[[], object], is_done: Callable[[], bool]) -> None:
+    """Repeat an action every 50 ms until it has had an effect; fail in the end."""
+    deadline = time.monotonic() + TIMEOUT
+    while not is_done():
+        assert time.monotonic() < deadline, f'no effect in {TIMEOUT:g} s'
+        act()
+        time.sleep(0.05)
+
+
+# ---------------------------------------------------------------------- members
+
+def test_publish_raw(client: RosClient) -> None:
+    publisher = client.node.create_publisher(String, 'raw_publish', 1)
+    publish = raw_publish(publisher)
+    assert is_bound_to(publish, publisher, 'publish_raw'), (
+        'rclpy has no Publisher.handle.publish_raw any more: commands are published by '
+        'Publisher.publish, which takes longer')
+    with client.collect(String, 'raw_publish') as received:
+        message = serialize_message(String(data='bytes'))
+        repeat_until(lambda: publish(message), lambda: bool(received.messages))
+        assert received.messages[0].data == 'bytes', (
+            'Publisher.handle.publish_raw does not publish bytes as they are any more')
+
+
+def test_get_subscription_count(client: RosClient) -> None:
+    publisher = client.node.create_publisher(String, 'subscription_count', 1)
+    count = subscription_count(publisher)
+    assert is_bound_to(count, publisher, 'get_subscription_count'), (
+        'rclpy has no Publisher.handle.get_subscription_count any more: the control path counts '
+        'subscribers by Publisher.get_subscription_count, which takes four times as long')
+    assert count() == 0
+    with client.collect(String, 'subscription_count'):
+        wait_until(lambda: count() == 1, 'a subscriber')
+
+
+def test_wait_set_and_take_message(client: RosClient) -> None:
+    inbox = message_inbox(client.node, String, 'wait_set', QoSProfile(depth=5), can_wake=True)
+    assert type(inbox) is MessageInbox, (
+        'rclpy_implementation.WaitSet, Subscription.handle.take_message or Context.handle is '
+        'gone, or takes other arguments: joint states go through an executor of rclpy')
+    exchange_messages(client, inbox)
+    inbox.close()
+
+
+def arrives_at(inbox: MessageInbox | SpunInbox, nanoseconds: int) -> bool:
+    inbox.wait(nanoseconds)
+    return inbox.is_ready()
+
+
+def exchange_messages(client: RosClient, inbox: MessageInbox | SpunInbox) -> None:
+    """Send three messages to an inbox, take them, and wake a wait."""
+    publisher = client.publisher(String, inbox.subscription.topic_name)
+    assert inbox.take() is None
+    assert not arrives_at(inbox, 0)
+    found: dict[str, None] = {}
+    for word in ('one', 'two', 'three'):
+        repeat_until(
+            lambda: publisher.publish(String(data=word)),  # noqa: B023 (called in this turn)
+            lambda: arrives_at(inbox, SECOND // 10))
+        while (taken := inbox.take()) is not None:
+            data, info = taken
+            found[deserialize_message(data, String).data] = None
+            assert info['received_timestamp'] > 0
+            assert 'publication_sequence_number' in info
+    assert 1 <= len(found) <= 3
+    assert list(found) == [word for word in ('one', 'two', 'three') if word in found]
+    waiter = threading.Thread(target=inbox.wait, args=(600 * SECOND,), daemon=True)
+    waiter.start()
+    inbox.wake()
+    waiter.join(60.0)
+    assert not waiter.is_alive(), 'wake() does not end a wait'
+
+
+def test_take_message_in_the_executor(client: RosClient) -> None:
+    subscription = client.node.create_subscription(
+        String, 'raw_take', lambda _: None, 5, raw=True, callback_group=LEFT_TO_A_THREAD)
+    take = raw_take(subscription, String)
+    assert is_bound_to(take, subscription, 'take_message'), (
+        'rclpy has no Subscription.handle.take_message any more: with state_thread:=false the '
+        'executor delivers outdated joint states, too')
+    publisher, found = client.publisher(String, 'raw_take'), list[bytes]()
+
+    def is_taken() -> bool:
+        taken = take()
+        found.extend([] if taken is None else [taken[0]])
+        return bool(found)
+
+    repeat_until(lambda: publisher.publish(String(data='later')), is_taken)
+    assert deserialize_message(found[0], String).data == 'later'
+
+
+@pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_executors_ask_callback_groups(
+    client: RosClient, process: OwnProcess, executor: Any,
+) -> None:
+    node, stolen, seen = process.other('asking'), list[Any](), list[Any]()
+    topic = f'{process.namespace}/topic'
+    node.create_subscription(String, topic, stolen.append, 5, callback_group=LEFT_TO_A_THREAD)
+    node.create_subscription(String, topic, seen.append, 5)
+    with process.spun(executor):
+        publisher = client.publisher(String, topic, subscribers=2)
+        repeat_until(lambda: publisher.publish(String()), lambda: len(seen) >= 3)
+    assert not stolen, (
+        f'{executor.__name__} does not ask CallbackGroup.can_execute any more: it takes the '
+        'messages that a thread of this package waits for')
+
+
+def test_service_take_request_and_send_response(client: RosClient, process: OwnProcess) -> None:
+    name = f'{process.namespace}/service'
+    service, requests = service_with_inbox(process.other('server'), Trigger, name, lambda *_: None)
+    assert requests is not None, (
+        'rclpy_implementation.WaitSet, Service.handle.service_take_request or Context.handle is '
+        'gone: ~/stop waits until the executor is free')
+    trigger = client.node.create_client(Trigger, name)
+    assert trigger.wait_for_service(60.0)
+    future = trigger.call_async(Trigger.Request())
+    assert requests.wait(60 * SECOND)
+    request, header = requests.take()
+    assert isinstance(request, Trigger.Request)
+    assert request_number(header) == 1, (
+        'the header of a request has no request_id.sequence_number any more: every response '
+        'asks the graph whether its client is discovered')
+    wait_until(lambda: is_discovered(process.nodes[0], service), 'the reader of the response')
+    send_response(service, Trigger.Response(message='taken'), header)
+    wait_until(future.done, 'the response')
+    assert future.result().message == 'taken'
+    assert requests.take() == (None, None)
+
+
+def test_executors_call_the_replaced_send_response(
+    client: RosClient, process: OwnProcess,
+) -> None:
+    name, sent = f'{process.namespace}/replaced', list[Any]()
+    service = process.other('server').create_service(Trigger, name, lambda _, answer: answer)
+
+    def send(message: Any, header: Any) -> None:
+        sent.append(request_number(header))
+        send_response(service, message, header)
+
+    replace_send_response(service, send)
+    with process.spun(SingleThreadedExecutor):
+        client.call(Trigger, name)
+    assert sent == [1], (
+        'executors do not call the attribute send_response of a service any more: responses to '
+        'clients that are not discovered yet are lost')
+
+
+def test_executors_call_the_replaced_callback(client: RosClient, process: OwnProcess) -> None:
+    node, replaced = process.other('wrapped'), list[str]()
+
+    def wrap(srv_type: Any, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(callback)
+        def call(request: Any, response: Any) -> Any:
+            replaced.append(name)
+            return callback(request, response)
+
+        return call
+
+    assert all(replace_callback(service, wrap) for service in node.services), (
+        'services of rclpy have no attribute callback any more: an error in a service of the '
+        'lifecycle ends the node')
+    assert not any(replace_callback(service, wrap) for service in node.services)
+    with process.spun(SingleThreadedExecutor):
+        name = f'{process.namespace}/wrapped/list_parameters'
+        assert client.call(ListParameters, name).result.names
+    assert [name.split('/')[-1] for name in replaced] == ['list_parameters'], (
+        'executors do not call the attribute callback any more')
+
+
+def test_parameter_overrides(process: OwnProcess) -> None:
+    node = Node('overridden', context=process.context, parameter_overrides=[
+        Parameter('unknown', value=1)])
+    assert parameter_overrides(process.add(node)) == ['unknown'], (
+        'rclpy has no Node._parameter_overrides any more: no warning names a parameter that is '
+        'set, but not declared')
+    node.destroy_node()
+
+
+@pytest.mark.parametrize('name', ['RCLError', 'UnknownROSArgsError'])
+def test_errors(name: str) -> None:
+    assert error_type(name).__name__ == name, (
+        f'rclpy_implementation.{name} is gone: any RuntimeError at the start is handled as one')
+    assert issubclass(error_type(name), RuntimeError)
+
+
+# ---------------------------------------------------------------------- fallbacks
+
+@pytest.mark.parametrize('member', MEMBERS)
+def test_without_a_member_joint_states_are_answered(
+    client: RosClient, process: OwnProcess, monkeypatch: pytest.MonkeyPatch, member: str,
+) -> None:
+    monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
+    process.simulated_arm(lock_step=True, real_time_factor=0.1)  # a step for each effort taken
+    name = process.dynamics().get_fully_qualified_name()
+    with process.spun(SingleThreadedExecutor):
+        with client.collect(JointState, f'{name}/gravity_compensation') as answers:
+            wait_until(lambda: len(set(stamps_of(answers))) >= 20, 'answers to 20 joint states')
+        assert client.call(Trigger, f'{name}/stop').success
+        assert client.call(ListParameters, f'{name}/list_parameters').result.names
+
+
+@pytest.mark.parametrize('member', ['HANDLE', 'TAKE_MESSAGE'])
+def test_without_a_member_the_executor_answers_joint_states(
+    client: RosClient, process: OwnProcess, monkeypatch: pytest.MonkeyPatch, member: str,
+) -> None:
+    monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
+    process.dynamics(state_thread=False)
+    with process.spun(SingleThreadedExecutor):
+        assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
+
+
+def test_fallbacks_are_documented_members(
+    client: RosClient, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for member in MEMBERS:
+        monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
+    publisher = client.node.create_publisher(String, 'fallbacks', 1)
+    assert raw_publish(publisher) == publisher.publish
+    assert subscription_count(publisher) == publisher.get_subscription_count
+    subscription = client.node.create_subscription(
+        String, 'fallbacks', lambda _: None, 1, callback_group=LEFT_TO_A_THREAD)
+    publisher.publish(String())
+    assert raw_take(subscription, String)() is None
+    service, requests = service_with_inbox(
+        client.node, Trigger, 'fallback_service', lambda _, answer: answer)
+    assert requests is None
+    assert service.callback_group.can_execute(service)
+    assert not replace_callback(service, lambda *_: None)
+    replace_send_response(service, lambda *_: None)
+    client.call(Trigger, 'fallback_service')
+    assert request_number(object()) is None
+    assert parameter_overrides(client.node) == []
+
+
+def test_without_the_errors_their_base_class_is_caught() -> None:
+    assert error_type('NoSuchError') is RuntimeError
+
+
+def test_without_a_wait_set_messages_arrive_in_a_thread(
+    client: RosClient, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rclpy_internals, 'WAIT_SET', 'no_such_member')
+    inbox = message_inbox(client.node, String, 'fallback', QoSProfile(depth=5), can_wake=True)
+    assert type(inbox) is SpunInbox
+    exchange_messages(client, inbox)
+    inbox.close()
+    assert not [thread for thread in threading.enumerate() if thread.name == 'inbox']
+
+
+# ---------------------------------------------------------------------- the rest of the package
+
+def undocumented(tree: ast.Module) -> list[str]:
+    """Return the uses of members of rclpy that are not documented."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and IMPLEMENTATION_MODULE.match(node.module or ''):
+            found.append(f'line {node.lineno}: from {node.module}')
+        elif isinstance(node, ast.Import):
+            found += [f'line {node.lineno}: import {name.name}' for name in node.names
+                      if IMPLEMENTATION_MODULE.match(name.name)]
+        elif isinstance(node, ast.Attribute) and (
+                node.attr in UNDOCUMENTED
+                or PRIVATE.match(node.attr) and not is_own(node.value)):
+            found.append(f'line {node.lineno}: .{node.attr}')
+    return found
+
+
+def is_own(value: ast.expr) -> bool:
+    return isinstance(value, ast.Name) and value.id in ('self', 'cls')
+
+
+def modules_that_import_rclpy() -> list[Path]:
+    return [path for path in sorted(PACKAGE.rglob('*.py')) if path.name != 'rclpy_internals.py'
+            and re.search(r'^\s*(import|from) rclpy\b', path.read_text('utf-8'), re.MULTILINE)]
+
+
+def test_no_other_module_uses_undocumented_members() -> None:
+    modules = modules_that_import_rclpy()
+    assert len(modules) > 20
+    uses = {str(path.relative_to(PACKAGE)): undocumented(ast.parse(path.read_text('utf-8')))
+            for path in modules}
+    assert {path: found for path, found in uses.items() if found} == {}, (
+        'move these to robot_dynamics/ros/rclpy_internals.py, with a fallback and a test')
+
+
+@pytest.mark.parametrize('code', [
+    'from rclpy.impl.implementation_singleton import rclpy_implementation',
+    'import rclpy._rclpy_pybind11', 'publisher.handle', 'self._subscription.handle.take_message',
+    'node._parameter_overrides', 'super()._wake_executor', 'service.callback'])
+def test_undocumented_members_are_found(code: str) -> None:
+    assert undocumented(ast.parse(code))
+
+
+def test_nodes_name_none_of_their_attributes_as_rclpy_does(process: OwnProcess) -> None:
+    bare = process.add(LifecycleNode('bare', context=process.context))
+    of_rclpy = {name for name in dir(bare) if PRIVATE.match(name)}
+    bare.destroy_node()
+    own = set()
+    for kind in (DynamicsNode, SimulatedArmNode, GuardedCallbacks):
+        own |= set(re.findall(r'self\.(_[a-z]\w*)', inspect.getsource(kind)))
+    assert len(own) > 20
+    assert own & of_rclpy == set()

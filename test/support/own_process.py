@@ -1,0 +1,126 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Nodes of this package in the process of a test, in an executor that the test chooses."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import itertools
+import threading
+from typing import Any
+
+from children import TIMEOUT
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
+from ros_harness import Collector, EXACT, RosClient
+from sensor_msgs.msg import JointState
+
+COUNTER = itertools.count()
+PATIENT = {
+    'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
+    **EXACT}
+"""No faults on a busy machine, as in `NodeProcess`."""
+
+
+class OwnProcess:
+    """A context of this process, with its own namespace, whose nodes an executor spins."""
+
+    def __init__(self, context: Context) -> None:
+        self.context, self.nodes = context, list[Node]()
+        self.namespace = f'/own{next(COUNTER)}'
+
+    def dynamics(self, **parameters: Any) -> DynamicsNode:
+        """Return a node `dynamics`."""
+        return self.add(DynamicsNode(**self._arguments({**PATIENT, **parameters})))
+
+    def simulated_arm(self, **parameters: Any) -> SimulatedArmNode:
+        """Return a node `simulated_arm`."""
+        return self.add(SimulatedArmNode(**self._arguments(parameters)))
+
+    def other(self, name: str) -> Node:
+        """Return a node of rclpy."""
+        return self.add(rclpy.create_node(name, context=self.context, namespace=self.namespace))
+
+    def add(self, node: Any) -> Any:
+        """Return a node that `spun` destroys."""
+        self.nodes.append(node)
+        return node
+
+    def _arguments(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            'context': self.context, 'namespace': self.namespace,
+            'parameter_overrides': [
+                Parameter(name, value=value) for name, value in parameters.items()]}
+
+    @contextmanager
+    def spun(self, make: Callable[..., Executor]) -> Iterator[None]:
+        """Let an executor spin the nodes in a thread until the end of the statement."""
+        executor = make(context=self.context)
+        for node in self.nodes:
+            executor.add_node(node)
+        ended = threading.Event()
+        thread = threading.Thread(target=_spin, args=(executor, ended), daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            executor.wake()
+            thread.join(TIMEOUT)
+            for node in self.nodes:
+                node.destroy_node()
+            executor.shutdown()
+        assert not thread.is_alive()
+
+
+def _spin(executor: Executor, ended: threading.Event) -> None:
+    while not ended.is_set():
+        try:
+            executor.spin_once(timeout_sec=0.2)
+        except ExternalShutdownException:
+            return
+
+
+@contextmanager
+def own_process() -> Iterator[OwnProcess]:
+    """Yield a context for nodes; shut it down at the end."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    try:
+        yield OwnProcess(context)
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
+def answer(
+    client: RosClient, process: OwnProcess, names: Sequence[str], q: Sequence[float],
+) -> Any:
+    """Publish a joint state at rest until its gravity compensation arrives; return that."""
+    with client.collect(
+            JointState, f'{process.namespace}/dynamics/gravity_compensation') as answers:
+        states = client.publisher(JointState, f'{process.namespace}/joint_states')
+        state = JointState(name=list(names), position=list(q), velocity=[0.0] * len(q))
+        state.header.stamp.sec = 1
+        return client.answer_to(states, state, answers)
+
+
+def stamps_of(collector: Collector) -> list[int]:
+    """Return the stamps [ns] of the messages so far."""
+    return [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            for message in collector.messages]
