@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording beside the model: known motions, and the real one of a UR10."""
+"""A recording compared with the model: known motions, and the real one of a UR10."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ from robot_dynamics.recordings.message_encoding import joint_state_messages  # n
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
 from robots import robot_urdf  # noqa: E402
 
-# A warning of numpy is a number that nobody checked.
+# A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
@@ -177,7 +177,7 @@ def test_noise_of_a_damaged_file_is_left_out_and_said(tmp_path):
     assert (analysis.statistics.relative < 2e-3).all()
 
 
-# --- what the effort is --------------------------------------------------------------------------
+# --- the meaning of the effort -------------------------------------------------------------------
 
 def test_motor_currents_are_converted_by_the_parameters(tmp_path):
     motors = make_actuators(MOTION.names, [0.1, 0.2], [50.0, 100.0], rotor_inertia=[1e-4, 2e-4])

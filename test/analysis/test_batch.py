@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Many recordings: processes, kept results, failures, and a Dask cluster."""
+"""Many recordings: processes, cached results, failures, and a Dask cluster."""
 
 from pathlib import Path
 import subprocess
@@ -29,7 +29,7 @@ import tasks
 
 @pytest.fixture
 def bags(tmp_path):
-    """Return a function that writes files of these texts, and a configuration to log calls."""
+    """Return a function that writes files with these texts, and a configuration for the log."""
     def write(*texts):
         paths = [tmp_path / f'b{i}.db3' for i in range(len(texts))]
         for path, text in zip(paths, texts):
@@ -84,7 +84,7 @@ def test_what_is_kept_is_not_done_again_unless_it_changed(bags, configuration, t
     assert run()[0] == [False, False, False]
     assert calls(configuration) == ['b0.db3', 'b1.db3', 'b2.db3']
     resumed, outcomes = run()
-    assert resumed == [True, True, False]  # a failure is tried again
+    assert resumed == [True, True, False]  # a failure is repeated
     np.testing.assert_array_equal(outcomes[0].result['factor'], [0.0, 2.0, 4.0])
     assert outcomes[0].result['size'] == 3
     paths[1].write_text('too')
@@ -121,7 +121,7 @@ def test_a_kept_result_that_does_not_hold_is_done_again(bags, configuration, tmp
 
 
 def test_a_run_that_was_killed_goes_on_where_it_was(bags, configuration, tmp_path):
-    """Two are done, the third is under way when the run gets SIGKILL, workers and all."""
+    """Two are complete, the third is running when the run and its workers get SIGKILL."""
     bags('one', 'two', 'three', 'four')
     program = f"""
 import sys

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What holds the arm, references that are forgotten, and efforts that are no numbers."""
+"""The gravity torque as hold, discarded references, and non-finite efforts."""
 
 from typing import Any
 
@@ -54,7 +54,7 @@ def set_point(q: np.ndarray) -> JointTrajectory:
     return make_trajectory(NAMES, [0.0], [q.tolist()], (), (), NAMES)
 
 
-# --- what holds the arm --------------------------------------------------------------------------
+# --- the hold ------------------------------------------------------------------------------------
 
 @laws
 @given(angles, speeds, angles)
@@ -113,7 +113,7 @@ def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alon
     assert one.update(NOW, Q, ZERO).hold == pytest.approx(weight)
 
 
-# --- a reference that is forgotten ---------------------------------------------------------------
+# --- a discarded reference -----------------------------------------------------------------------
 
 def test_a_reference_that_is_forgotten_is_followed_no_more() -> None:
     one = controller()
@@ -140,7 +140,7 @@ def test_the_next_one_begins_where_the_arm_is() -> None:
     assert reference.position == pytest.approx(away)
 
 
-# --- numbers that are none -----------------------------------------------------------------------
+# --- non-finite numbers --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('size', [1e155, 1e200, 1e300])
 def test_an_effort_that_is_not_finite_is_refused_and_nothing_is_left_of_it(size: float) -> None:

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tracking a segment joint by joint is what the feedback law makes of a sample of it."""
+"""Joint-by-joint tracking of a segment equals the feedback law applied to a sample of it."""
 
 import math
 
@@ -32,7 +32,7 @@ SECOND = 1_000_000_000
 def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     names = [f'joint{j}' for j in range(n)]
     p, v, a = rng.uniform(-3.0, 3.0, (3, 2, n))
-    v[-1] = 0.0  # where it holds
+    v[-1] = 0.0  # the end position is held
     p, v, a = p.tolist(), v.tolist(), a.tolist()
     trajectory = make_trajectory(
         names, (0.0, 2.0), p, v if kind != 'linear' else (), a if kind == 'quintic' else (), names)
@@ -74,7 +74,7 @@ def test_a_segment_is_in_force_from_the_arrival_on_and_before_the_end() -> None:
     assert first is not None
     assert first is late.segment(SECOND - 1)
     assert late.sample(SECOND // 2).position.tolist() == [0.5]
-    assert late.segment(SECOND // 4) is None  # also when the clock goes back
+    assert late.segment(SECOND // 4) is None  # also if the clock jumps back
     second = late.segment(SECOND)
     assert second is not None
     assert second is not first

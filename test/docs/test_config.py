@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The shipped parameter files and launch files are such as the nodes take."""
+"""The nodes accept the shipped parameter files and launch files."""
 
 import ast
 from collections.abc import Callable
@@ -62,7 +62,7 @@ SPECS = {DYNAMICS: DYNAMICS_SPECS, SIMULATED_ARM: SIMULATED_ARM_SPECS}
 
 
 def nodes_on(file: Path, namespace: str, **parameters: str) -> list[NodeProcess]:
-    """Return both nodes under other names, the arm on its brakes, as no effort reaches it."""
+    """Return both nodes with other names; the arm stays on its brakes, as no effort reaches it."""
     return [NodeProcess(
         module, parameters, namespace=namespace, node_name=name,
         arguments=('--ros-args', '--params-file', str(file)), patient=False,
@@ -129,7 +129,7 @@ EXAMPLE = re.compile(r'^( +)# (( *)(\w+):( *\[.*)?)(#.*)?$')
 
 
 def uncommented(text: str) -> str:
-    """Return a parameter file with its examples switched on."""
+    """Return a parameter file with its examples uncommented."""
     return '\n'.join(
         f'{match[1]}{match[2]}' if (match := EXAMPLE.match(line)) else line
         for line in text.splitlines())
@@ -152,7 +152,7 @@ def test_the_examples_in_the_comments_are_taken_too(client: RosClient, tmp_path:
 @pytest.mark.parametrize(
     'path', sorted((ROOT / 'launch').glob('*.launch.py')), ids=lambda path: path.name)
 def test_launch_files(path: Path) -> None:
-    """Where `launch` is installed, they load; they always name executables that are installed."""
+    """Launch files load if `launch` is installed; they always name installed executables."""
     tree = ast.parse(path.read_text(encoding='utf-8'))
     used = {
         keyword.value.value for call in ast.walk(tree) if isinstance(call, ast.Call)
@@ -173,7 +173,7 @@ def test_launch_files(path: Path) -> None:
 @pytest.mark.parametrize(
     'path', sorted((ROOT / 'launch').glob('*.launch.py')), ids=lambda path: path.name)
 def test_launch_files_check_every_file_before_they_make_a_node(path: Path) -> None:
-    """Each argument that names a file is given to its check, and to nothing else."""
+    """Each argument that names a file is passed to its check, and to nothing else."""
     checks = {'params': 'parameter_files', 'robot': 'launched_description'}
     tree = ast.parse(path.read_text(encoding='utf-8'))
     declared = set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", path.read_text('utf-8')))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/safety.md says what is so: every fault that is tried, every default, every figure."""
+"""docs/safety.md matches the code: every tested fault, every default, every figure."""
 
 from collections.abc import Iterator
 import json
@@ -51,7 +51,7 @@ def tables() -> Iterator[list[dict[str, str]]]:
 
 
 def quoted_defaults() -> list[tuple[str, str]]:
-    """Return parameters and what the page says is their default; words for an empty array."""
+    """Return parameters and the defaults on the page; text for an empty array."""
     return [
         (row['parameter'].strip('`'), [*re.findall('`([^`]*)`', row['default']), '[]'][0])
         for table in tables() for row in table if row.get('parameter') and 'default' in row]
@@ -61,7 +61,7 @@ def quoted_defaults() -> list[tuple[str, str]]:
 
 @pytest.fixture(scope='module')
 def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
-    """Return group, injected and expected of each fault that the suite has."""
+    """Return group, injected and expected of each fault of the suite."""
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
     result = children.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
@@ -93,7 +93,7 @@ def test_what_is_written_to_the_page_is_read_again(
     monkeypatch.setattr(fault_table, 'PAGE', page)
     rows = [Row('One', 'a', 'b', 'as expected'), Row('Two', 'a, b', '`c`', 'not run: no network'),
             Row('One', 'c', 'd', '**failed**')]
-    for _ in range(2):  # over whatever stands there
+    for _ in range(2):  # the second time over the first table
         fault_table.write_page(rows)
         assert fault_table.rows_of_page() == [rows[0], rows[2], rows[1]]
     before = TEXT.split(fault_table.BEGIN)[0]

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What ends a reference, on real nodes with default parameters, and what the command is afterwards.
+The end of a reference and the command after it, on real nodes with default parameters.
 
-After each interruption the effort stays near what holds the arm where it is measured, whatever was
-followed before and whatever was sent meanwhile.
+After each interruption the effort stays near the gravity torque of the measured position,
+independent of the reference before the interruption and of messages sent during it.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -54,7 +54,7 @@ URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replac
     '<limit ', f'<limit lower="{-LIMIT}" upper="{LIMIT}" ')
 BODY = ArmDynamics(load_arm(URDF)).rigid_body
 NEAR = 5.0
-"""[N m], by which efforts after an interruption may differ from what holds the arm."""
+"""[N m], the largest difference of efforts after an interruption from the gravity torque."""
 ELSEWHERE = [0.2, 1.1]
 """[rad]: where the arm is moved by hand."""
 FAR = [Q[0] + 1.0, Q[1] - 1.0]
@@ -66,14 +66,14 @@ PAUSE = 0.3
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with default parameters for an arm with limits, as tests leave it."""
+    """Return a node with default parameters for an arm with limits, as left by the last test."""
     with fault_bench(client, '/interruptions', {'robot_description': URDF}) as one:
         yield one
 
 
 @pytest.fixture
 def arm(bench: FaultBench) -> Iterator[FaultBench]:
-    """Return it with the arm at rest at `Q`, which it follows, and tidy up afterwards."""
+    """Return the bench with the arm at rest at `Q` and following `Q`; clean up after the test."""
     bench.set_parameters(command='computed_torque', soften_gains=True)
     bench.check_alive()
     follow(bench, Q)
@@ -81,24 +81,24 @@ def arm(bench: FaultBench) -> Iterator[FaultBench]:
     bench.driver.v = [0.0, 0.0]
     bench.driver.go_on()
     bench.set_parameters(command='computed_torque')
-    bench.set_parameters(command='gravity_compensation')  # a change ends what is followed or held
+    bench.set_parameters(command='gravity_compensation')  # a change ends any reference and hold
     move_by_hand(bench, Q)
     bench.check_alive()
 
 
 def gravity(q: Sequence[float]) -> Any:
-    """Return what holds the arm at q [N m]."""
+    """Return the gravity torque at q [N m]."""
     return BODY.gravity(np.array(q))
 
 
 def follow(bench: FaultBench, q: Sequence[float]) -> None:
-    """Let the node follow a set-point."""
+    """Make the node follow a set-point."""
     bench.set_point(q)
     bench.wait_status('reference', lambda status: status.message == 'following')
 
 
 def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
-    """Let the driver report a motion to q, in steps that an arm can make, and rest there."""
+    """Make the driver report a motion to q, in steps that an arm can make, and then rest at q."""
     begin = np.array(bench.driver.q)
     steps = math.ceil(float(np.abs(np.subtract(q, begin)).max()) / 0.01)
     for k in range(1, steps + 1):
@@ -108,14 +108,14 @@ def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
 
 
 def trajectory_to(q: Sequence[float]) -> JointTrajectory:
-    """Return a trajectory of two points that leads far away in 2 s."""
+    """Return a trajectory of two points with a distant goal, reached in 2 s."""
     return JointTrajectory(joint_names=NAMES, points=[
         JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
         for one, sec in ((Q, 0), (q, 2))])
 
 
 def wait_rejected(bench: FaultBench, reason: str) -> None:
-    """Send a trajectory and a set-point; wait until diagnostics have the reason of a rejection."""
+    """Send a trajectory and a set-point; wait until diagnostics show `reason` as a rejection."""
     before = bench.figure('reference', 'refused')
     bench.trajectories.publish(trajectory_to(FAR))
     bench.set_point(FAR)
@@ -127,7 +127,7 @@ def wait_rejected(bench: FaultBench, reason: str) -> None:
 
 
 def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
-    """Check that all efforts since the last `clear`, and so many, are near what holds the arm."""
+    """Check that at least `count` efforts since the last `clear`, all of them, are near g(q)."""
     messages = bench.efforts.wait_count(count)
     hold = gravity(q)
     for message in messages:
@@ -147,18 +147,18 @@ def test_an_outage(arm: FaultBench) -> None:
     wait_rejected(arm, 'nothing can be followed now: fault state_timeout')
     arm.wait_silent()  # the fault action has ended
     arm.efforts.clear()
-    arm.driver.q = list(ELSEWHERE)  # nothing is known of the motion meanwhile
+    arm.driver.q = list(ELSEWHERE)  # the node has no data on the motion during the outage
     arm.driver.go_on()
     check_held(arm, ELSEWHERE)
     assert arm.next_status('reference').message.startswith('ended early: ')
-    follow(arm, ELSEWHERE)  # a later one is followed
+    follow(arm, ELSEWHERE)  # a later set-point is followed
 
 
 @fault(GROUP, 'a trajectory and a set-point in a fault `position_limit`',
        f'rejected with the fault as the reason; during the fault and after it {HELD}')
 def test_a_position_limit(arm: FaultBench) -> None:
     arm.set_parameters(command='gravity_compensation')
-    arm.set_parameters(command='computed_torque')  # the arm can be moved by hand
+    arm.set_parameters(command='computed_torque')  # allows the test to move the arm by hand
     beyond = [LIMIT + 0.02, Q[1]]
     move_by_hand(arm, beyond)
     assert "position of 'joint1' is 2.5" in arm.wait_fault('position_limit').message
@@ -175,7 +175,7 @@ def test_a_position_limit(arm: FaultBench) -> None:
 @fault(GROUP, 'a trajectory and a set-point before `~/reset_fault` of a latched fault',
        f'rejected with the fault as the reason; before the reset and after it {HELD}')
 def test_a_latched_fault(arm: FaultBench) -> None:
-    arm.set_parameters(soften_gains=False)  # so that the measured velocity is used as it is
+    arm.set_parameters(soften_gains=False)  # so that the measured velocity is used unchanged
     arm.driver.v = [1e200, 1e200]
     arm.wait_fault('non_finite')
     arm.driver.v = [0.0, 0.0]
@@ -233,7 +233,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     arm.efforts.clear()
     arm.set_parameters(command='computed_torque')
     check_held(arm, ELSEWHERE)
-    assert arm.next_status('reference').message == ended  # until the next one
+    assert arm.next_status('reference').message == ended  # until the next reference
     follow(arm, ELSEWHERE)
 
 
@@ -253,7 +253,7 @@ def test_velocities_that_are_absent(arm: FaultBench) -> None:
     arm.efforts.clear()
     arm.driver.go_on()
     with arm.client.collect(JointState, arm.name('reference')) as references:
-        reference = references.wait_for()  # velocities are back, and the position is held
+        reference = references.wait_for()  # velocities are present again: the position is held
     assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
     check_held(arm, ELSEWHERE)
     arm.set_parameters(require_measured_velocities=False)
@@ -262,7 +262,7 @@ def test_velocities_that_are_absent(arm: FaultBench) -> None:
 # --- a planned stop ------------------------------------------------------------------------------
 
 class IdealArm:
-    """Lets the driver report that the arm is where its newest reference is."""
+    """Makes the driver report that the arm is at its newest reference."""
 
     def __init__(self, bench: FaultBench) -> None:
         self._bench = bench
@@ -285,7 +285,7 @@ class IdealArm:
         return message
 
     def wait_moving(self) -> JointState:
-        """Return a reference that moves, from now on."""
+        """Return the next reference with a velocity, from now on."""
         self.references.clear()
         moving: JointState = self.references.wait_for(
             lambda m: np.abs(m.velocity).max() > 0.05, LONG)
@@ -293,7 +293,7 @@ class IdealArm:
         return moving
 
     def check_stopped(self) -> list[float]:
-        """Check that the reference comes to rest without a jump, and stays; return where."""
+        """Check that the reference comes to rest without a jump and stays; return its position."""
         rest = self.references.wait_for(lambda m: not any(m.velocity), LONG)
         count = len(self.references.messages) + 100
         messages = self.references.wait_count(count, LONG)
@@ -376,7 +376,7 @@ def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], 
     try:
         with RosClient('operator') as operator, IdealArm(arm) as ideal:
             assert service.wait_for_service(TIMEOUT)
-            # of its own thread, so that no answer of a batch delays the one of ~/stop
+            # in another thread, so that no answer to a batch delays the answer of ~/stop
             operator.call(Trigger, arm.name('stop'))
             arm.trajectories.publish(slow_trajectory())
             ideal.wait_moving()
@@ -414,7 +414,7 @@ def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
 
 @contextmanager
 def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
-    """Let a stream be over after so many seconds."""
+    """Set the timeout [s] of the set-point stream."""
     bench.set_parameters(reference_timeout=seconds)
     try:
         yield
@@ -497,7 +497,7 @@ def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
     for words, v in (('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
                      ('-20 and 20 rad/s', [-20.0, 20.0]))])
 def test_overspeed(arm: FaultBench, v: list[float]) -> None:
-    # The position does not change with the velocity, so that the default gains do not trust it.
+    # The position does not change with the velocity, so that default gains ignore the velocity.
     arm.set_parameters(soften_gains=False)
     before = arm.known('command', 'faults: overspeed')
     arm.efforts.clear()
@@ -513,7 +513,7 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     arm.driver.v = [0.0, 0.0]
     arm.wait_running()
     wait_until(
-        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'what holds the arm')
+        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'the gravity torque')
     arm.check_efforts()
     assert all((np.abs(m.effort) <= [150.0, 60.0]).all() for m in arm.efforts.messages)
     status = arm.next_status('reference')
@@ -539,7 +539,7 @@ def test_a_following_error(arm: FaultBench) -> None:
     assert 'from its reference, expected at most 0.05 (following_error_limit)' in status.message
     arm.wait_running()
     wait_until(
-        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'what holds the arm')
+        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'the gravity torque')
     assert (arm.efforts.steps() <= RATE * LONGEST_STEP + 1e-6).all()
     arm.efforts.clear()
     check_held(arm, Q)
