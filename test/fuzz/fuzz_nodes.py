@@ -118,7 +118,7 @@ class RunningNodes:
         if words:
             raise RefusalError(words)
         if topic == 'joint_states' and counters.states == answered:
-            raise RefusalError('the state was passed over: it is of other joints')
+            raise RefusalError('the state was ignored: it has other joints')
 
     # ------------------------------------------------------------------ parameters and URDFs
 

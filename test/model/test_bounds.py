@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Numbers that no arm has are refused where they come in, by name, before anything overflows.
+Numbers beyond those of any arm are rejected by name at the interface, before any overflow.
 
-A warning of numpy is a failure here: it is a number that nobody checked.
+A warning of numpy is a failure here: it indicates a number that the code did not check.
 """
 
 import re

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The torque regressor against inverse dynamics, base parameters, and exact merging."""
+"""The torque regressor and inverse dynamics, base parameters, and exact merging."""
 
 from identification_bench import with_inertial_parameters
 import numpy as np
@@ -82,7 +82,7 @@ def test_base_parameters_of_two_links_by_hand():
     base = base_parameters_of(load_arm(default_arm_urdf()))
     assert base.labels[-1] == 'Ia(joint2)'
     by_name = dict(zip(base.labels, base.expressions))
-    # the link's length l1 = 1 carries the mass of the second: Huygens–Steiner
+    # the length l1 = 1 of the first link carries the mass of the second: Huygens–Steiner
     assert by_name['mz(link1)*'] == 'mz(link1) + m(link2)'
     assert by_name['Iyy(link1)*'] == 'Iyy(link1) + m(link2) + Ia(joint1)'
 

@@ -56,7 +56,7 @@ TIMED_OUT = r'\[WARN\].*No valid effort for ([\d.]+) s'
 
 
 class Controller:
-    """Answers each state of the arm with a constant effort, or not at all if it is None."""
+    """Answers each state of the arm with a constant effort; without an effort, does not answer."""
 
     def __init__(self, client: RosClient, namespace: str) -> None:
         self.effort: JointState | None = None

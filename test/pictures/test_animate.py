@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The animation: what stands on the stage and in the bars, and the tool that draws it."""
+"""The animation: the contents of stage and bars, and the tool that draws it."""
 
 from dataclasses import replace
 import re

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pictures of maps, and the tool that draws them."""
+"""The figures of maps, and the tool that draws them."""
 
 import re
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated arm: energy, convergence, friction that sticks, brakes, loads."""
+"""The simulated arm: energy, convergence, stiction, brakes, payloads."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 
 laws = settings(deadline=None, derandomize=True, max_examples=25)
 
-# One link that turns about a vertical axis, so to say: without gravity.
+# One link that is equivalent to one with a vertical axis: without gravity.
 MASS, LENGTH, COM, INERTIA = 2.0, 1.0, 0.5, 0.1
 ABOUT_JOINT = INERTIA + MASS * COM**2
 
@@ -57,7 +57,7 @@ def released(arm: ArmModel, position: object = None, velocity: object = None,
 def exact_motion(
     arm: ArmModel, q: np.ndarray, v: np.ndarray, duration: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state after a free motion, from another integrator at a tight tolerance."""
+    """Return the state after a free motion, from another integrator with a tight tolerance."""
     dynamics, n = ArmDynamics(arm), arm.joint_count
 
     def slope(_: float, x: np.ndarray) -> np.ndarray:
@@ -71,14 +71,14 @@ def exact_motion(
 # --- free motion ---------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('q0', 'v0'), [
-    ((np.pi / 2, 0.0), (0.0, 0.0)),  # let go stretched out, level
-    ((0.3, 0.5), (0.0, 0.0)),  # near upright: falls and turns over
-    ((np.pi - 0.5, 1.0), (6.0, -4.0)),  # thrown
+    ((np.pi / 2, 0.0), (0.0, 0.0)),  # released horizontally outstretched
+    ((0.3, 0.5), (0.0, 0.0)),  # near upright: the arm falls and rotates past the lowest pose
+    ((np.pi - 0.5, 1.0), (6.0, -4.0)),  # with an initial velocity
 ])
 def test_a_free_arm_keeps_its_energy(
     q0: tuple[float, float], v0: tuple[float, float],
 ) -> None:
-    """The relative drift over 60 s at 1 ms is below 1e-6, from the lowest pose and in itself."""
+    """The drift over 60 s at 1 ms is below 1e-6 of the energy, also of that above the lowest."""
     arm = two_link()
     simulation = released(arm, q0, v0)
     at_start = sum(simulation.energy())
@@ -94,7 +94,7 @@ def test_a_free_arm_keeps_its_energy(
 
 @pytest.mark.parametrize(('q0', 'v0', 'tolerance'), [
     ((np.pi - 0.5, 1.0), (3.0, -2.0), 1e-7),
-    ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # turns over, where neighbouring motions part quickly
+    ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # full rotations: neighbouring motions diverge quickly
 ])
 def test_a_free_arm_moves_as_another_integrator_has_it(
     q0: tuple[float, float], v0: tuple[float, float], tolerance: float,
@@ -136,7 +136,7 @@ def test_a_real_arm_keeps_its_energy() -> None:
     at_start = sum(simulation.energy())
     simulation.step(np.zeros(6), 2.0)
     kinetic, potential = simulation.energy()
-    assert kinetic > 10.0  # it fell
+    assert kinetic > 10.0  # the arm fell
     assert kinetic + potential == pytest.approx(at_start, abs=1e-5 * kinetic)
 
 
@@ -213,8 +213,8 @@ def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing() ->
     """
     A small swing about the lowest point loses 2 F_c / (m g r) each half period, then sticks.
 
-    Analytic for a linear restoring torque (J. P. Den Hartog, 1931); the swing is 0.02 rad, so that
-    the pendulum's own torque is linear to 1e-4.
+    Analytic for a linear restoring torque (J. P. Den Hartog, 1931); the amplitude is 0.02 rad, so
+    that the torque of the pendulum is linear to 1e-4.
     """
     friction = 0.02
     arm = load_arm(planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [0.0], [friction]))
@@ -235,7 +235,7 @@ def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing() ->
 
 
 def test_dry_friction_does_not_cost_the_method_its_order() -> None:
-    """The sliding direction changes several times; only where it does, the step is cut."""
+    """The sliding direction changes several times; steps are split only at these changes."""
     arm = load_arm(planar_arm_urdf(
         [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], coulomb_friction=[2.0, 1.0]))
 
@@ -251,7 +251,7 @@ def test_dry_friction_does_not_cost_the_method_its_order() -> None:
 def stiff_solution(
     arm: ArmModel, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray, duration: float,
 ) -> np.ndarray:
-    """Return the end of the motion by an implicit method (Radau IIA), friction included."""
+    """Return the end of the motion from an implicit method (Radau IIA), including friction."""
     dynamics = ArmDynamics(arm)
     n = arm.joint_count
 
@@ -264,7 +264,7 @@ def stiff_solution(
 
 
 def heavily_damped_arm() -> ArmModel:
-    """Return an arm whose last link relaxes ten times a step of 1 ms."""
+    """Return an arm whose last link has ten time constants in a step of 1 ms."""
     return load_arm(planar_arm_urdf(
         [5.0, 0.01], [1.0, 0.1], [0.5, 0.05], [0.1, 1e-5], viscous_friction=[1.0, 0.4]))
 
@@ -278,13 +278,13 @@ def test_stiff_viscous_friction_is_followed_at_a_long_step() -> None:
         simulation = released(arm, q0, v0, max_step=step)
         errors.append(np.abs(np.concatenate(simulation.step(tau, 0.2)) - exact).max())
     assert errors[1] < 1e-5, errors
-    # the order of 2 is not reached where the friction is this stiff
+    # the method does not reach order 2 with friction of this stiffness
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 1.0).all(), errors
 
 
 @pytest.mark.parametrize('static', [(), [0.0, 3.0, 3.0, 100.0, 100.0, 100.0]])
 def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static: object) -> None:
-    """The wrists of the UR10 are held by dry friction; viscous friction would relax them fast."""
+    """Dry friction holds the wrists of the UR10; viscous friction would relax them fast."""
     urdf, viscous, steps = robot_urdf('ur10'), 0.3, (8e-3, 4e-3, 2e-3)
     coulomb = [0.0, 2.0, 2.0, 100.0, 100.0, 100.0] if static else [0.0] * 3 + [100.0] * 3
     arm = load_arm(urdf)
@@ -310,7 +310,7 @@ def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static: object) ->
 
 
 def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away() -> None:
-    """The first link falls; the second one, light and damped, is stuck meanwhile."""
+    """The first link falls; the second one, light and damped, sticks during the fall."""
     arm = heavily_damped_arm()
     arm = arm.with_friction(make_friction(arm.joint_names, [1.0, 0.4], [0.2, 0.012]))
 
@@ -327,14 +327,14 @@ def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away() -> N
 
 
 @pytest.mark.parametrize(('v0', 'tau'), [
-    (0.0, 0.08),  # breaks away, and slides on where friction still falls with speed
-    (0.5, 0.0),  # slows down and comes to rest
-    (1.0, 0.05),  # slows down to a speed at which friction has risen
+    (0.0, 0.08),  # breaks away, and continues while friction decreases with speed
+    (0.5, 0.0),  # decelerates to rest
+    (1.0, 0.05),  # decelerates to a speed with higher friction
 ])
 def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
     v0: float, tau: float,
 ) -> None:
-    """J v̇ = τ − F_v v − [F_c + (F_s − F_c) exp(−(v/v_s)²)], which relaxes 23 times in 2 ms."""
+    """J v̇ = τ − F_v v − [F_c + (F_s − F_c) exp(−(v/v_s)²)], with 23 time constants in 2 ms."""
     J, F_v, F_c, F_s, v_s, duration = 3.5e-5, 0.4, 0.02, 0.04, 0.05, 0.02
     arm = load_arm(
         planar_arm_urdf([0.01], [0.1], [0.05], [1e-5]), gravity=(0.0, 0.0, 0.0))
@@ -355,13 +355,13 @@ def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
         before = sum(simulation.energy())
         q, v = simulation.step(np.array([tau]), duration)
         assert q == pytest.approx(exact[:1], abs=2e-8)
-        assert v == pytest.approx(exact[1:], abs=1e-7 / np.sqrt(J))  # tolerance of a piece
+        assert v == pytest.approx(exact[1:], abs=1e-7 / np.sqrt(J))  # tolerance of a sub-step
         gain = sum(simulation.energy()) - before
         assert simulation.work - simulation.heat == pytest.approx(gain, abs=1e-8)
 
 
 def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates() -> None:
-    """The xArm 7 describes friction that relaxes its wrist 14 times a step."""
+    """The xArm 7 has friction with 14 time constants of its wrist per step."""
     arm = load_arm(robot_urdf('xarm7'))
     assert arm.friction.viscous.min() > 0.0
     assert arm.friction.coulomb.min() > 0.0
@@ -375,7 +375,7 @@ def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates() -> None:
     assert np.abs(simulation.v).max() < 10.0
 
 
-# --- brakes, reset, load, wrench -----------------------------------------------------------------
+# --- brakes, reset, payload, wrench --------------------------------------------------------------
 
 def test_brakes_hold_until_they_are_released() -> None:
     simulation = ArmSimulation(two_link(), (1.0, 0.5))
@@ -412,7 +412,7 @@ def test_the_home_pose_is_within_the_limits() -> None:
     assert (q >= arm.limits.lower).all()
     assert (q <= arm.limits.upper).all()
     outside = (arm.limits.lower > 0.0) | (arm.limits.upper < 0.0)
-    assert outside.any()  # this arm cannot stand at 0
+    assert outside.any()  # 0 is outside the limits of this arm
     assert not q[~outside].any()
 
 
@@ -432,7 +432,7 @@ def test_an_arm_holds_under_the_effort_for_its_load() -> None:
 
 @pytest.mark.parametrize('brakes', [False, True])
 def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
-    """A point mass at the tool brings ½ m |ẋ|² + m g z, and takes it away."""
+    """A point mass at the tool adds ½ m |ẋ|² + m g z; its removal subtracts the same."""
     m, lengths = 2.0, np.array([0.7, 0.4])
     arm = load_arm(planar_arm_urdf([3.0, 2.0], lengths, [0.3, 0.2], [0.1, 0.05]))
     payload = make_payload('tool0', m)
@@ -471,7 +471,7 @@ def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
 def test_the_energy_of_a_geared_arm_does_not_depend_on_how_axes_point(
     axis: str, kind: str,
 ) -> None:
-    """A free arm keeps its energy, rotors included."""
+    """An arm without friction keeps its energy, rotors included."""
     urdf = planar_arm_urdf([1.0, 0.8], [2.0, 1.0], [0.5, 0.4], [0.1, 0.05]).replace(
         '<axis xyz="0 1 0"', f'<axis xyz="{axis}"').replace('"continuous"', f'"{kind}"').replace(
         '<limit ', '<limit lower="-100" upper="100" ')
@@ -501,7 +501,7 @@ def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:
     assert np.abs(simulation.q - q0).max() > 0.01
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     ({'position': (1.0,)}, 'initial_position has 1 values, expected 2'),
@@ -520,7 +520,7 @@ def test_an_arm_flung_to_infinity_says_so() -> None:
         simulation.step(np.array([1e200, -1e200]), 1.0)
 
 
-# Two joints about one axis, with nothing in between: each turns the bob, but M is singular.
+# Two joints about one axis without a mass in between: each moves the bob, but M is singular.
 TWO_FOR_ONE_MOTION = """
 <robot name="r">
   <link name="base"/>
@@ -556,16 +556,16 @@ def test_a_motion_without_inertia_is_refused_with_any_friction(
 
 
 def test_a_joint_that_moves_no_mass_is_named() -> None:
-    # the bob as a point on its axis
+    # the bob is a point on its axis
     urdf = TWO_FOR_ONE_MOTION.format(viscous=0.0, coulomb=0.0).replace('="1" ixy', '="0" ixy')
-    ArmSimulation(load_arm(urdf)).check_inertia()  # it still has an inertia about that axis
+    ArmSimulation(load_arm(urdf)).check_inertia()  # the inertia about that axis remains
     with pytest.raises(ModelError, match=r"joints \['one', 'other'\] of robot 'r' move no mass"):
         ArmSimulation(load_arm(urdf.replace('izz="1"', 'izz="0"'))).check_inertia()
 
 
 @pytest.mark.parametrize('viscous', [1.0, 5000.0])
 def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
-    # a push at the tip that the stiff and the soft way of integration both have to account for
+    # a push at the tip that both the stiff and the non-stiff integration have to include
     arm = load_arm(
         planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [0.0]),
         gravity=(0.0, 0.0, 0.0))
@@ -573,7 +573,7 @@ def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
     push = ExternalWrench('tool0', np.array([50.0, 0.0, 0.0]), np.zeros(3))
     for _ in range(400):
         simulation.step(np.zeros(1), 0.005, [push])
-    # The push stays across the link: its moment is the same all the way.
+    # The push stays normal to the link: its moment is constant during the motion.
     work = 50.0 * LENGTH * float(simulation.q[0])
     kinetic, _ = simulation.energy()
     assert work > 0.1

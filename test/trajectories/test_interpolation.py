@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The laws of joint trajectories: interpolation, take-over, precision, and every refusal."""
+"""Properties of joint trajectories: interpolation, replacement, precision, and rejections."""
 
 import array
 from itertools import pairwise
@@ -158,7 +158,7 @@ def test_a_segment_without_length_is_refused(t1):
         sample_segment(1.0, 1.0, point([0.0]), t1, point([1.0]))
 
 
-# A trajectory in force -------------------------------------------------------------------------
+# Active trajectories ---------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('fields', 'continuous'), [
     (1, (True, False, True)),  # linear: the acceleration is zero on both sides
@@ -275,7 +275,7 @@ def test_what_a_sample_shares_cannot_be_written():
             row[0] = 1.0
 
 
-# Taking over -----------------------------------------------------------------------------------
+# Replacement -----------------------------------------------------------------------------------
 
 @laws
 @given(span=st.integers(1, 4 * SECOND), delay=st.integers(0, SECOND))
@@ -433,7 +433,7 @@ def test_a_negative_age_is_refused():
         TrajectoryFollower(JOINTS, set_point_max_age=-1.0)
 
 
-# What is accepted and refused ------------------------------------------------------------------
+# Validation ------------------------------------------------------------------------------------
 
 @laws
 @given(order=st.permutations(range(4)), fields=st.integers(1, 3), span=st.integers(0, 3 * SECOND))
@@ -566,7 +566,7 @@ def test_the_index_in_a_refusal_is_the_senders():
         trajectory(v=((0.0, 0.0), (0.3, 0.0)), names=('elbow', 'shoulder'))
 
 
-# Making trajectories ---------------------------------------------------------------------------
+# Generation of trajectories --------------------------------------------------------------------
 
 @laws
 @given(q0=vectors, q1=vectors, T=spans, s=st.floats(0.0, 1.0))
@@ -594,7 +594,7 @@ def test_point_to_point_refuses_a_duration_that_is_none(duration):
 
 
 def segment_polynomials(path: JointTrajectory, joint: int) -> list[np.polynomial.Polynomial]:
-    """Return one polynomial of the time from its begin per segment, from samples of it."""
+    """Return one polynomial of the time since the start per segment, fitted to samples."""
     found = []
     for p0, p1 in pairwise(path.points):
         T = p1.time_from_start - p0.time_from_start

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What can be drawn of a URDF: shapes, places, colours, and the files of meshes."""
+"""Visual elements of a URDF: shapes, poses, colours, and mesh files."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -35,7 +35,7 @@ def visuals_of(inside, outside=''):
 
 
 def one(geometry, more='', outside=''):
-    """Return the only visual of a link that has this one."""
+    """Return the only visual of a link with this geometry."""
     (visual,) = visuals_of(
         f'<visual>{more}<geometry>{geometry}</geometry></visual>', outside)
     return visual
@@ -106,7 +106,7 @@ def test_a_namespace_changes_nothing():
     assert (visual.link, visual.shape, visual.colour) == ('a', Sphere(0.1), (1.0, 0.0, 0.0, 1.0))
 
 
-# --- places --------------------------------------------------------------------------------------
+# --- poses ---------------------------------------------------------------------------------------
 
 @settings(deadline=None, derandomize=True)
 @given(st.tuples(LENGTHS, LENGTHS, LENGTHS), st.tuples(ANGLES, ANGLES, ANGLES))
