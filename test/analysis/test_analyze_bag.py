@@ -82,7 +82,7 @@ def test_the_console(directory, capsys):
     assert 'Lost:' not in out
 
 
-def test_what_is_lost_is_printed(directory, capsys):
+def test_losses_are_printed(directory, capsys):
     status, out, _ = run(directory, capsys, directory / 'bags' / 'cut', '--cutoff', '5')
     assert status == 0
     assert 'Lost:\n  cut.db3: cut off' in out
@@ -165,7 +165,7 @@ def test_the_terms_are_a_recording_on_the_original_stamps(written):
         residual.effort[inside], (MOTION.tau - terms['effort'])[inside], atol=0.1)
 
 
-def test_the_same_again_is_taken_from_before(directory, written, capsys):
+def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys):
     status, out, _ = run(
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
     assert status == 0

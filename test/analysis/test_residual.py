@@ -96,7 +96,7 @@ def test_parts_merge_to_the_whole(sizes, seed):
                 getattr(merged, field), getattr(whole, field), rtol=1e-9, atol=1e-9)
 
 
-def test_what_does_not_fit_is_refused():
+def test_mismatched_inputs_are_rejected():
     values = np.zeros((3, 2))
     with pytest.raises(InvalidInputError, match=r'\(3, 2\) and \(2, 2\)'):
         residual_statistics(values, values[:2], ('a', 'b'))

@@ -59,7 +59,7 @@ def test_default_gains_are_critically_damped() -> None:
     assert (gains.kp > 0.0).all()
 
 
-def test_kp_and_kd_take_precedence_each_by_itself() -> None:
+def test_kp_and_kd_take_precedence_separately() -> None:
     gains = make_gains(NAMES, [10.0], [0.5], kp=[1.0, 2.0, 3.0])
     assert gains.kp.tolist() == [1.0, 2.0, 3.0]
     assert gains.kd.tolist() == [10.0] * 3
@@ -122,7 +122,7 @@ def test_half_a_turn_is_positive() -> None:
     assert wrap_to_pi(np.array([np.pi, -np.pi])).tolist() == [np.pi, np.pi]
 
 
-def test_only_continuous_joints_take_the_short_way_round() -> None:
+def test_only_continuous_joints_take_the_shortest_angular_distance() -> None:
     feedback = ErrorFeedback(
         make_gains(NAMES), ('continuous', 'revolute', 'prismatic'))
     reference, q = np.array([3.0, 3.0, 30.0]), np.array([-3.0, -3.0, -30.0])

@@ -219,7 +219,7 @@ def test_a_trajectory_starts_at_its_stamp() -> None:
         assert reference.position == pytest.approx(expected)
 
 
-def test_a_trajectory_that_is_over_is_refused_and_the_one_in_force_goes_on() -> None:
+def test_an_ended_trajectory_is_rejected_and_the_active_one_continues() -> None:
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([1.0, 0.2]), 0)
@@ -231,7 +231,7 @@ def test_a_trajectory_that_is_over_is_refused_and_the_one_in_force_goes_on() -> 
     assert reference.position.tolist() == [1.0, 0.2]
 
 
-def test_a_replacement_goes_on_from_the_reference_in_force() -> None:
+def test_a_replacement_continues_from_the_active_reference() -> None:
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
@@ -257,7 +257,7 @@ def test_stamps_that_go_backwards_hold_the_start() -> None:
     assert reference.position == pytest.approx(Q)
 
 
-def test_a_continuous_joint_takes_the_short_way() -> None:
+def test_a_continuous_joint_takes_the_shortest_angular_distance() -> None:
     controller = make_controller()
     q = np.array([3.1, 0.0])
     controller.update(NOW, q, ZERO)
@@ -322,7 +322,7 @@ def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
     assert done == [(LOAD,)]
 
 
-def test_a_transition_that_is_replaced_goes_on_from_where_it_was() -> None:
+def test_a_replaced_transition_continues_from_its_present_payload() -> None:
     controller = make_controller()
     done: list[tuple[Payload, ...]] = []
     controller.set_payloads([LOAD], 2.0, done.append)

@@ -133,7 +133,7 @@ def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
 
 @laws
 @given(STEPS)
-def test_only_what_pushes_on_is_held_back(step: Step) -> None:
+def test_only_a_push_past_the_limit_is_reduced(step: Step) -> None:
     """With a rate that allows any step: exactly to the gravity torque; other efforts unchanged."""
     one = guard(rate=1e9)
     one.last = np.zeros(N)
@@ -146,7 +146,7 @@ def test_only_what_pushes_on_is_held_back(step: Step) -> None:
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_push_that_stands_at_the_margin_is_gone_after_push_over_rate(sign: float) -> None:
+def test_a_constant_push_at_the_margin_ends_after_push_over_rate(sign: float) -> None:
     """100 N·m more than the gravity torque: 0.1 s at 1000 N·m/s, then the gravity torque."""
     one, hold = guard(), np.array([30.0, -20.0])
     one.last = hold + sign * 100.0

@@ -39,7 +39,7 @@ EFFORTS = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3)
 
 @settings(deadline=None, derandomize=True)
 @given(proportional=EFFORTS, damping=EFFORTS, rate=st.floats(1e-3, 1e5))
-def test_it_is_the_largest_scale_that_the_rate_lets_through(
+def test_the_scale_is_the_largest_within_the_rate_limit(
     proportional: list[float], damping: list[float], rate: float,
 ) -> None:
     P, D = np.array(proportional), np.array(damping)
@@ -95,7 +95,7 @@ def final_error(
     ([1.0, 0.5], 2.0, {'rate': 300.0}),
     ([2.0, 1.0], 0.5, {'frequency': 60.0}),
 ])
-def test_an_arm_arrives_whatever_its_set_point(
+def test_an_arm_arrives_at_any_set_point(
     goal: list[float], duration: float, options: dict[str, float],
 ) -> None:
     """One point without velocities: the reference is a line, and its velocity has a step."""

@@ -85,7 +85,7 @@ def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
     assert '0.0625 s (state_timeout)' in one.fault.words
 
 
-def test_a_good_state_puts_the_timeout_off_and_one_that_comes_again_does_not() -> None:
+def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not() -> None:
     one = running()
     answer(one, START + 0.04)
     assert one.tick(START + 0.09) is None

@@ -79,13 +79,13 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(
     assert sorted(listed) == sorted(collected)
 
 
-def test_every_row_says_what_was_seen_and_none_that_it_failed() -> None:
+def test_every_row_has_an_observation_and_no_failure() -> None:
     rows = rows_of_page()
     assert rows
     assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
 
 
-def test_what_is_written_to_the_page_is_read_again(
+def test_rows_written_to_the_page_are_read_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     page = tmp_path / 'safety.md'

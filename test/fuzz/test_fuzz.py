@@ -228,7 +228,7 @@ def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counte
 
 
 @pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
-def test_whatever_arrives_is_answered_or_refused(target: Target, nodes: RunningNodes) -> None:
+def test_any_input_is_answered_or_rejected(target: Target, nodes: RunningNodes) -> None:
     feed(target, nodes, 0, SHORT_EXAMPLES)
 
 

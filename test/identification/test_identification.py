@@ -162,7 +162,7 @@ def test_never_worse_than_the_urdf_with_friction(seed):
         assert change.max() < np.log(1.1)
 
 
-def test_where_the_urdf_is_right_it_is_believed():
+def test_a_correct_urdf_is_confirmed():
     states = moves_with_pauses(ARM, 50.0, 20.0)
     effort = rigid_effort(ARM, states) + smooth_friction(states.v)
     found = identify(ARM, [recorded(ARM, states, effort, noise=1.0)])
@@ -266,7 +266,7 @@ def test_without_effort_there_is_nothing_to_identify():
 
 
 @pytest.mark.filterwarnings('error')
-def test_a_joint_without_effort_says_nothing():
+def test_a_joint_without_effort_gives_no_information():
     states = fourier_motion(ARM, 100.0, 20.0)
     effort = rigid_effort(changed_arm(ARM, 0.2), states) + smooth_friction(states.v)
     effort[:, 1] = 0.0

@@ -150,7 +150,7 @@ def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
     ('resistance', [float('nan')], r'actuator.resistance\[0\] is nan'),
     ('rotor_inertia', [1.0, 2.0], r'actuator.rotor_inertia has 2 values, expected 1'),
 ])
-def test_what_cannot_be_is_refused_by_name(field: str, value: list[float], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         motor(**{field: value})
 

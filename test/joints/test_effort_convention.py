@@ -65,7 +65,7 @@ def test_a_measured_effort_is_taken_to_the_joint_side(kind: str, expected: list[
 
 
 @pytest.mark.parametrize('kind', ['joint_torque', 'motor_torque', 'motor_current'])
-def test_what_a_robot_reports_at_rest_comes_back(kind: str) -> None:
+def test_the_reported_effort_at_rest_is_converted_back(kind: str) -> None:
     reported = measured_from_joint(kind, EFFORT, ZERO, G, motors())
     back = joint_effort_at_rest(kind, np.tile(reported, (3, 1)), motors())
     assert back == pytest.approx(np.tile(EFFORT, (3, 1)))
@@ -105,7 +105,7 @@ def test_the_expected_ratio_of_gravity(
      "'motor_current', but there are no actuators: expected actuator.torque_constant and"),
     (('motor_torque', [], False), r"or one of \['joint_torque', .*'none'\]"),
 ])
-def test_what_does_not_fit_is_refused_by_name(arguments: Any, words: str) -> None:
+def test_mismatched_inputs_are_rejected_by_name(arguments: Any, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         make_effort_convention(*arguments)
 

@@ -102,7 +102,7 @@ def test_the_sigmoid_of_identification() -> None:
     ('viscous', [1.0, 2.0, 3.0], 'friction.viscous has 3 values, expected 2'),
     ('offset', [float('nan')], r'friction.offset\[0\] is nan, expected a finite number'),
 ])
-def test_what_cannot_be_is_refused_by_name(field: str, value: list[float], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     parameters = {'coulomb': [1.0], field: value}
     with pytest.raises(InvalidInputError, match=words):
         make_friction(NAMES, **parameters)

@@ -70,7 +70,7 @@ def test_the_load_comes_back(v1, v2, load1, load2):
 
 @laws
 @given(st.lists(values, min_size=6, max_size=6))
-def test_forward_dynamics_undoes_inverse_dynamics(numbers):
+def test_forward_dynamics_inverts_inverse_dynamics(numbers):
     q, v, a = np.array(numbers).reshape(3, 2)
     v = v + np.where(v == 0.0, 0.1, 0.0)
     dynamics = ArmDynamics(arm_with_gears())
@@ -96,7 +96,7 @@ def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
     ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
     ('effort_offset', [1.0, 2.0, 3.0], 'friction.effort_offset has 3 values, expected 2'),
 ])
-def test_what_cannot_be_is_refused_by_name(field, value, words):
+def test_invalid_values_are_rejected_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
         gears(**{field: value})
 

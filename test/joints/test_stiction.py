@@ -55,7 +55,7 @@ def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
 
 @laws
 @given(st.integers(0, 2**32 - 1), st.integers(2, 7))
-def test_what_starts_to_slide_goes_the_way_that_friction_resists(seed: int, n: int) -> None:
+def test_a_joint_starts_to_slide_against_friction(seed: int, n: int) -> None:
     M, _, effort, coulomb = random_case(seed, n)
     modes = choose_modes(M, np.zeros(n), 2.0 * effort, coulomb, coulomb)
     sliding = 2.0 * effort - modes.direction * coulomb

@@ -167,7 +167,7 @@ def test_there_is_no_friction_at_rest():
 
 # --- gravity, links, immutability ----------------------------------------------------------------
 
-def test_gravity_is_that_of_the_earth_unless_said_otherwise():
+def test_gravity_is_that_of_the_earth_by_default():
     npt.assert_array_equal(load_arm(arm_urdf()).pinocchio_model.gravity.linear, [0, 0, -9.81])
     moon = load_arm(arm_urdf(), gravity=(0.1, 0.2, -1.6))
     npt.assert_array_equal(moon.pinocchio_model.gravity.linear, [0.1, 0.2, -1.6])

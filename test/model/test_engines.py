@@ -60,7 +60,7 @@ def test_the_default_robots_have_every_kind_of_joint():
 
 
 @on_robots
-def test_mends_what_no_engine_takes_and_nothing_else(robot):
+def test_the_description_corrects_only_implausible_links(robot):
     assert implausible_links(robot_urdf(robot)) == IMPLAUSIBLE.get(robot, set())
     assert implausible_links(description(robot)) == set()
 

@@ -128,7 +128,7 @@ def test_an_arm_without_dry_friction_is_not_held() -> None:
     assert a.all()
 
 
-def test_where_nothing_has_mass_it_says_so() -> None:
+def test_an_arm_without_mass_is_reported() -> None:
     bare = """<robot name="r"><link name="base"/><link name="hand"/>
       <joint name="j" type="continuous"><parent link="base"/><child link="hand"/>
         <dynamics friction="1"/></joint></robot>"""

@@ -171,7 +171,7 @@ def test_new_loads_take_the_place_of_old_ones(seed):
         npt.assert_array_equal(value, wanted)
 
 
-def test_a_payload_at_the_base_is_not_felt():
+def test_a_payload_at_the_base_has_no_effect():
     arm = load_arm(GRIPPER_ARM)
     loaded = arm.with_payloads([make_payload('base', 50.0, (1, 2, 3))])
     *ours, potential = everything(loaded, 0)

@@ -146,7 +146,7 @@ def test_a_block_left_out_shares_no_sample_and_no_neighbour_with_the_others():
             r2.sum(axis=0) - r2[left:right].sum(axis=0), rel=1e-10)
 
 
-def test_what_does_not_fit_is_refused():
+def test_mismatched_inputs_are_rejected():
     with pytest.raises(InvalidInputError, match='there is no recording to merge'):
         merge([])
     with pytest.raises(InvalidInputError, match='cannot be merged, expected the same joints'):

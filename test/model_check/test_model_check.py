@@ -78,7 +78,7 @@ def test_nothing_is_found_on_the_arm_that_the_cases_vary():
     assert check_model(arm_of()) == []
 
 
-def test_what_does_not_move_is_not_looked_at():
+def test_fixed_links_are_not_checked():
     fixed = link_behind(inertial(0.0), 'fixed', 'stand', 'base')
     root = '<link name="base"><inertial><mass value="9"/>' \
         '<inertia ixx="1" iyy="1" izz="9" ixy="0" ixz="0" iyz="0"/></inertial></link>'
@@ -158,7 +158,7 @@ def test_one_cause_is_one_kind_of_error(name):
     assert errors_of(check_model(urdf), [check]) == []
 
 
-def test_what_just_suffices_is_no_finding():
+def test_a_value_at_the_bound_is_no_finding():
     weight = 9.81 * 0.4
     strong = arm_of(inertial(xyz='0 0 0.4'),
                     f'<limit lower="-2" upper="2" effort="{weight + 1e-6}" velocity="2"/>')
@@ -196,7 +196,7 @@ def test_locked_joints_lose_no_mass():
     assert check_model(urdf, load_arm(urdf, names), search=QUICK) == []
 
 
-def test_a_refusal_says_how_to_accept():
+def test_a_rejection_names_the_parameter_that_accepts_the_model():
     findings = check_model(CASES['no mass behind a joint'][0])
     with pytest.raises(ModelError, match=r"mass: joint 'to_hand' .*ignore_checks: \[mass\]"):
         refuse_errors(findings)

@@ -93,7 +93,7 @@ def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
     assert timing.look(START + 2.0 * WINDOW) == Timing()  # no event since
 
 
-def test_after_a_silence_nothing_is_late_until_something_is_usual() -> None:
+def test_after_a_pause_no_event_is_late_until_an_interval_is_known() -> None:
     timing = timing_of(START + np.arange(1, 201) * 0.005)
     timing.look(START + WINDOW)
     timing.look(START + 2.0 * WINDOW)

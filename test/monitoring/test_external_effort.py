@@ -142,7 +142,7 @@ def test_before_the_push_there_is_nothing() -> None:
     assert np.abs(run(arm, arm, 1e-3, 0.3, push_at=1.0).estimates).max() < 1e-3
 
 
-def test_friction_that_the_model_lacks_is_taken_for_environment() -> None:
+def test_friction_missing_in_the_model_is_estimated_as_external() -> None:
     bare = three_links()
     arm = bare.with_friction(make_friction(bare.joint_names, [1.5, 0.8, 0.3]))
     seen = run(arm, arm, 1e-3, 0.2, push_at=1.0)
@@ -159,7 +159,7 @@ def test_a_load_that_the_model_has_too_makes_no_step() -> None:
     assert np.abs(off).max() < 5e-3
 
 
-def test_a_restart_forgets() -> None:
+def test_a_restart_resets_the_estimate() -> None:
     observer = ExternalEffort(ArmDynamics(three_links()), BANDWIDTH)
     state = START, np.zeros(3), np.zeros(3)
     assert observer.update(1e-3, *state) is None

@@ -184,7 +184,7 @@ def test_in_a_pose_without_gravity_it_does_not_decide(g: list[float]) -> None:
     assert verdict_of(check, G, G, start=20.0).agrees  # a better hold follows
 
 
-def test_noise_is_averaged_and_drowns_a_small_load() -> None:
+def test_noise_is_averaged_and_hides_a_small_load() -> None:
     verdict = verdict_of(make_check(), 2.0 * G, G, noise=1.0)
     assert verdict.ratio == pytest.approx(1.0, abs=0.02)
     check = make_check()
@@ -206,7 +206,7 @@ def test_it_takes_half_a_second_and_twenty_states() -> None:
 @pytest.mark.parametrize('moves', [
     {'v': np.array([0.0, 0.1])}, {'q': [0.8, 0.51], 'v': None}, {'start': 5.0},
     {'command': None}])
-def test_motion_a_new_command_or_time_that_goes_back_begins_anew(moves: dict[str, Any]) -> None:
+def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves: dict[str, Any]) -> None:
     check, changed = make_check(), {'command': G, 'start': 10.4, **moves}
     command = changed.pop('command')
     assert hold(check, G, G, 0.4) is None
@@ -228,7 +228,7 @@ def test_a_step_within_the_window_is_not_averaged() -> None:
 
 
 @pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
-def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
+def test_late_efforts_in_a_window_are_ignored(late: float) -> None:
     """The first states of a hold report the effort before the first command."""
     check = make_check()
     assert hold(check, ZERO, G, late) is None
@@ -239,7 +239,7 @@ def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
 
 # --- brakes and missing efforts ------------------------------------------------------------------
 
-def test_an_arm_on_its_brakes_says_nothing_without_a_command() -> None:
+def test_an_arm_on_its_brakes_without_a_command_gives_no_verdict() -> None:
     for semantics in (EffortConvention(), EffortConvention(robot_compensates=GRAVITY)):
         check = make_check(semantics)
         assert hold(check, ZERO, None, 30.0) is None

@@ -104,7 +104,7 @@ def test_states_that_move_as_fast_as_they_may_follow_each_other(
         assert not judgement.restart
 
 
-def test_a_stamp_that_comes_again_is_no_news_whatever_it_says() -> None:
+def test_a_repeated_stamp_is_no_new_state_for_any_content() -> None:
     one = started()
     for q in (Q, Q + 1.0):
         assert one.judge(0.0, 0.01, q) == StateVerdict(False)
@@ -249,7 +249,7 @@ def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
         assert '0.2 s (state_max_age)' in str(error)
 
 
-def test_a_state_that_is_refused_for_its_age_leaves_no_trace() -> None:
+def test_a_state_rejected_for_its_age_has_no_side_effect() -> None:
     one = started()
     one.refusal(0.1, 0.5, q=Q + 1.0)
     assert one.judge(0.01, q=Q) == StateVerdict(True, 0.01)
@@ -346,7 +346,7 @@ def test_a_clock_of_this_computer_that_is_set_moves_no_reference() -> None:
 # --- resets --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('crowd', [True, False])
-def test_after_a_long_silence_anything_is_a_first_state(crowd: bool) -> None:
+def test_after_a_long_pause_any_state_is_a_first_state(crowd: bool) -> None:
     one = started()
     one.crowd = crowd
     assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == StateVerdict(True, None, 'first state')
@@ -368,7 +368,7 @@ def test_refused_states_do_not_keep_the_memory_alive() -> None:
 
 @laws
 @given(st.floats(-1e5, 1e5))
-def test_a_clock_that_is_set_while_stamps_follow_it_starts_anew_or_goes_on(jump: float) -> None:
+def test_a_clock_that_is_set_with_the_stamps_resets_or_continues(jump: float) -> None:
     """The jump of the clock never causes a rejection, nor a step back in time."""
     assume(abs(jump) > 1e-3)
     one = started()
@@ -381,7 +381,7 @@ def test_a_clock_that_is_set_while_stamps_follow_it_starts_anew_or_goes_on(jump:
         assert judgement == StateVerdict(True, None, 'first state')
 
 
-def test_stamps_far_ahead_start_anew() -> None:
+def test_stamps_far_ahead_reset_the_time() -> None:
     one = Watched(max_age=0.0)
     one.judge(0.0)
     assert one.judge(LONGEST_GAP + 1.0, 0.01) == StateVerdict(True, None, 'stamp jumped ahead')
@@ -406,7 +406,7 @@ def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
         bare(one, 0, 1.11, Q + 1.0)
 
 
-def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
+def test_a_simulation_that_begins_at_0_continues_without_a_reset() -> None:
     """The first stamp, 0, counts as missing; times counted from the clock then count from 0."""
     one = Watched()
     first = bare(one, 0, 1.0)
@@ -417,7 +417,7 @@ def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
     assert third.dt == pytest.approx(PERIOD)
 
 
-def test_stamps_of_today_after_states_without_start_anew() -> None:
+def test_present_stamps_after_states_without_stamps_reset_the_time() -> None:
     one = Watched()
     bare(one, 0, 1.0)
     assert one.judge(1.1) == StateVerdict(True, None, 'first state')

@@ -73,7 +73,7 @@ def test_a_joint_without_an_end_may_jump_by_a_turn() -> None:
     assert found == pytest.approx(np.array([1.0, 1.0]), abs=1e-6)
 
 
-def test_after_a_pause_or_a_step_back_it_begins_anew() -> None:
+def test_a_pause_or_a_step_back_in_time_resets_the_estimate() -> None:
     estimate = VelocityEstimate(np.array([False]))
     for stamp in (0, SECOND // 100):
         estimate.update(stamp, np.array([0.0]))

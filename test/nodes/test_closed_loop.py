@@ -224,7 +224,7 @@ def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any
 
 
 @pytest.mark.parametrize(('noise', 'bound'), [(0.0, 0.01), (1e-4, 0.01)])
-def test_positions_alone_are_enough_to_follow(
+def test_positions_without_velocities_suffice_for_tracking(
     client: RosClient, noise: float, bound: float,
 ) -> None:
     """Velocities are estimated, with the default parameters, without and with noise."""

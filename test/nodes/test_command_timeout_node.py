@@ -145,7 +145,7 @@ def model() -> ArmModel:
 
 # --- efforts that end ----------------------------------------------------------------------------
 
-def test_the_arm_stands_when_efforts_end_and_says_so(arm: Driven) -> None:
+def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> None:
     arm.move()
     arm.command(None)
     standing = wait_standing(arm.states)
@@ -213,7 +213,7 @@ def test_a_reset_waits_for_a_first_effort_again(arm: Driven, client: RosClient) 
 
 # --- the duration of the timeout -----------------------------------------------------------------
 
-def test_with_0_the_last_effort_acts_for_ever(client: RosClient) -> None:
+def test_with_0_the_last_effort_acts_indefinitely(client: RosClient) -> None:
     with NodeProcess(SIMULATED_ARM, {**ARM, 'command_timeout': 0.0}, namespace='/ever') as node:
         arm = Driven(client, node, '/ever')
         arm.move()

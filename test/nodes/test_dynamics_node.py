@@ -124,7 +124,7 @@ def test_the_command_for_a_state_carries_its_stamp(bench: Bench) -> None:
 
 @pytest.mark.parametrize('stamp', [
     Time(sec=1_790_000_000, nanosec=987_654_321), Time(sec=2**31 - 1, nanosec=999_999_999)])
-def test_every_nanosecond_of_a_stamp_comes_back(bench: Bench, stamp: Time) -> None:
+def test_every_nanosecond_of_a_stamp_is_preserved(bench: Bench, stamp: Time) -> None:
     state = bench.state()
     state.header.stamp = stamp
     assert bench.command(state).header.stamp == stamp
@@ -166,7 +166,7 @@ def test_a_bad_state_is_dropped_alone_and_reported(
         message.header.stamp == bad.header.stamp for message in bench.efforts.messages)
 
 
-def test_states_of_other_joints_are_passed_over(bench: Bench) -> None:
+def test_states_of_other_joints_are_ignored(bench: Bench) -> None:
     other = bench.state(names=['left', 'right'])
     bench.states.publish(other)
     assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
@@ -293,7 +293,7 @@ def test_a_trajectory_moves_with_the_stamps_of_the_states(tracking: Bench) -> No
                 m.header.stamp == stamp and m.effort == pytest.approx(wanted)))
 
 
-def test_a_continuous_joint_takes_the_short_way_round(tracking: Bench) -> None:
+def test_a_continuous_joint_takes_the_shortest_angular_distance(tracking: Bench) -> None:
     tracking.follow(JointTrajectoryPoint(positions=[Q[0] + 4 * np.pi + 0.01, Q[1] - 2 * np.pi]))
     wanted = expected_torque(Q, V, [Q[0] + 0.01, Q[1]])
     tracking.client.ask(

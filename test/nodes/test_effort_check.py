@@ -146,7 +146,7 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
     assert states.messages[-1].effort == pytest.approx(G, abs=1e-3)
 
 
-def test_a_new_model_is_checked_anew(client: RosClient) -> None:
+def test_a_new_model_is_checked_again(client: RosClient) -> None:
     descriptions = client.publisher(String, '/second/robot_description', LATCHED, 0)
     other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
     with both('/second', {}, {}) as node:
@@ -160,7 +160,7 @@ def test_a_new_model_is_checked_anew(client: RosClient) -> None:
 
 # --- wrong declarations --------------------------------------------------------------------------
 
-def test_a_robot_that_holds_itself_is_found_before_anything_is_commanded(
+def test_a_self_compensating_robot_is_found_before_the_first_command(
     client: RosClient,
 ) -> None:
     """As in a start with a real robot: command none, while the robot's own controller holds it."""
@@ -211,7 +211,7 @@ def test_an_effort_that_is_another_one_is_found(
     assert words in line
 
 
-def test_a_current_that_was_taken_for_a_torque_is_found() -> None:
+def test_a_current_interpreted_as_a_torque_is_found() -> None:
     motors = {**MOTORS, 'actuator.efficiency': [1.0]}
     with both('/current', motors, {**motors, 'measured_effort': 'motor_current'}) as node:
         line = node.wait_for_log(WARNED, LONG)

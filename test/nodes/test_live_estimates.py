@@ -161,7 +161,7 @@ def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArra
     return fits
 
 
-def test_what_is_missing_is_reported_and_estimates_begin_anew(client: RosClient) -> None:
+def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> None:
     def begun(steps: int) -> Any:
         return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
 

@@ -63,7 +63,7 @@ def dynamics() -> ArmDynamics:
     return ArmDynamics(arm.with_actuators(make_actuators(NAMES, **MOTORS)))
 
 
-def test_inverse_dynamics_tells_what_it_asks_of_the_motors(
+def test_inverse_dynamics_reports_the_load_of_the_motors(
         client: RosClient, dynamics: ArmDynamics) -> None:
     answer = client.call(InverseDynamics, '/dynamics/inverse_dynamics', InverseDynamics.Request(
         joint_names=NAMES[::-1], position=Q[::-1], velocity=V[::-1], acceleration=A[::-1]))

@@ -174,7 +174,7 @@ def test_without_a_stream_of_set_points_there_is_none(
     check_stream(bench, references)
 
 
-def test_a_fault_forgets_it(bench: FaultBench, references: Collector) -> None:
+def test_a_fault_discards_the_reference(bench: FaultBench, references: Collector) -> None:
     moment = time.time_ns()
     bench.set_point(GOAL)  # a single set-point is held until another event ends the reference
     check_followed(references, moment)

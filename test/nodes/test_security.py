@@ -86,7 +86,7 @@ def test_one_node_alone_may_publish_effort_command() -> None:
     ((), 'SECURITY ERROR|security'),
     (FILES, "doesn't have the security libraries|SECURITY|security"),
 ])
-def test_security_that_is_asked_for_and_cannot_be_had_ends_the_node(
+def test_a_node_without_the_required_security_ends(
     tmp_path: Path, files: tuple[str, ...], words: str,
 ) -> None:
     """No node starts unprotected: a node ends if keys are missing or invalid."""

@@ -277,7 +277,7 @@ def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) ->
         assert words in equation.message
 
 
-def test_within_the_limits_there_is_nothing_to_say(planar: Served) -> None:
+def test_within_the_limits_there_is_no_warning(planar: Served) -> None:
     for service, fields in (
             ('inverse_dynamics', {}), ('manipulator_equation', {}),
             ('forward_dynamics', {'effort': [0.0, 0.0]})):
@@ -352,7 +352,7 @@ def test_a_request_that_cannot_be_answered_is_refused_by_name(
     assert response == empty  # no field is filled in
 
 
-def test_the_control_path_goes_on_between_bad_requests(
+def test_the_control_path_continues_between_bad_requests(
     planar: Served, client: RosClient,
 ) -> None:
     states = client.publisher(JointState, '/planar/joint_states', 1)
@@ -436,7 +436,7 @@ def test_a_transition_takes_the_time_of_the_joint_states(
 
 # --- a node without a model ----------------------------------------------------------------------
 
-def test_before_the_model_every_service_says_so(client: RosClient) -> None:
+def test_before_the_model_every_service_reports_it(client: RosClient) -> None:
     with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
         for service, kind in SERVICES.items():
             response = client.call(kind, f'/empty/dynamics/{service}')

@@ -270,7 +270,7 @@ def test_noise_is_on_what_is_measured_alone() -> None:
         assert plant.simulation.q.tolist() == START
 
 
-def test_wall_time_goes_on_by_itself(client: RosClient) -> None:
+def test_wall_time_advances_without_efforts(client: RosClient) -> None:
     parameters = {'rate': 200.0, 'initial_position': START}
     with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall'), \
             client.collect(JointState, '/wall/joint_states') as states:

@@ -192,7 +192,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[
 
 @pytest.mark.parametrize('name', [
     pytest.param(name, marks=mark) for name, mark in FAULTS.items()])
-def test_it_says_in_one_line_why_it_cannot_start(
+def test_a_node_that_cannot_start_logs_one_line(
     ends: dict[str, tuple[int, list[str]]], name: str,
 ) -> None:
     status, output = ends[name]
@@ -306,7 +306,7 @@ def test_a_xacro_file_is_expanded(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
-def test_a_bad_xacro_file_says_so(tmp_path: Path) -> None:
+def test_a_bad_xacro_file_is_reported(tmp_path: Path) -> None:
     file = tmp_path / 'arm.urdf.xacro'
     file.write_text(XACRO.replace('${mass}', '${no_such_property}'), encoding='utf-8')
     node = NodeProcess(DYNAMICS, {'robot_description_file': str(file)}).launch()

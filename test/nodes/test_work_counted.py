@@ -197,7 +197,7 @@ def test_one_call_of_pinocchio_for_one_question(pinocchio_calls: Counter[str], n
         assert pinocchio_calls == {name: 1}
 
 
-def test_a_frictionless_arm_pays_for_no_friction(pinocchio_calls: Counter[str]) -> None:
+def test_a_frictionless_arm_has_no_calls_for_friction(pinocchio_calls: Counter[str]) -> None:
     dynamics = ArmDynamics(load_arm(chain(JOINTS))).unchecked
     q, v, a = state(JOINTS)
     assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10

@@ -158,7 +158,7 @@ def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
     assert 0.1 < (pixels.min(axis=2) < 0.9).mean() < 0.95
 
 
-def test_without_arguments_it_says_where_the_picture_is(tmp_path, monkeypatch, capsys):
+def test_without_arguments_the_path_of_the_picture_is_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main([]) == 0
     path = tmp_path / 'out' / 'planar_arm_gravity.png'

@@ -270,14 +270,14 @@ def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
      'planar_urdf: viscous_friction has 1 values, expected 2, '
      "one for each of ['joint1', 'joint2']\n"),
 ])
-def test_tool_says_in_one_line_what_is_wrong(arguments, message, capsys):
+def test_tool_reports_errors_in_one_line(arguments, message, capsys):
     assert main(arguments) == 2
     captured = capsys.readouterr()
     assert captured.err == message
     assert captured.out == ''
 
 
-def test_tool_says_where_it_cannot_write(tmp_path, capsys):
+def test_tool_reports_the_path_that_it_cannot_write(tmp_path, capsys):
     assert main(['-o', str(tmp_path / 'missing' / 'arm.urdf')]) == 1
     err = capsys.readouterr().err
     assert err.startswith('planar_urdf: cannot write ')

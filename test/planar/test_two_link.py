@@ -188,7 +188,7 @@ def test_power_of_the_torques_is_the_rate_of_the_energy(arm, q, v, a):
 
 @law
 @given(**states)
-def test_forward_dynamics_undoes_inverse_dynamics(arm, q, v, a):
+def test_forward_dynamics_inverts_inverse_dynamics(arm, q, v, a):
     tau = planar.inverse_dynamics(arm, q, v, a)
     M = planar.mass_matrix(arm, q)
     found = planar.forward_dynamics(arm, q, v, tau)

@@ -182,7 +182,7 @@ def test_an_empty_file(copied, form):
         Recording(path)
 
 
-def test_an_empty_file_beside_whole_ones(tmp_path):
+def test_an_empty_file_next_to_complete_ones(tmp_path):
     path = write_split(tmp_path / 'bag', MESSAGES, 3)
     (path / 'bag_2.mcap').write_bytes(b'')
     series, losses, _ = read(path)
@@ -264,7 +264,7 @@ def test_a_chunk_that_fails_its_checksum_is_left_out(tmp_path):
     assert losses[-1].lost_messages == 10_000 - left
 
 
-def test_without_any_message_left_it_is_said_why(copied):
+def test_without_any_readable_message_the_reason_is_reported(copied):
     path = copied('mcap')
     stored_file(path).write_bytes(stored_file(path).read_bytes()[:300])
     with pytest.raises(RecordingError, match=r'can.* be read.*mcap\.mcap: cut off'):
@@ -342,7 +342,7 @@ def spoil_and_read(path, seed):
 
 @pytest.mark.parametrize('form', FORMATS)
 @pytest.mark.parametrize('seed', range(2))
-def test_whatever_hits_a_recording_is_answered(copied, form, seed):
+def test_any_damage_of_a_recording_is_handled(copied, form, seed):
     spoil_and_read(copied(form), seed)
 
 

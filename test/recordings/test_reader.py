@@ -314,7 +314,7 @@ def test_a_message_that_cannot_be_decoded_is_refused(tmp_path, definition, words
             list(opened.messages('/long'))
 
 
-def test_a_fault_of_the_program_is_not_taken_for_damage(recording, monkeypatch):
+def test_an_error_of_the_program_is_not_reported_as_damage(recording, monkeypatch):
     with Recording(recording) as opened:
         monkeypatch.setattr(opened._types, '_own', None)
         with pytest.raises(AttributeError, match='fielddefs'):

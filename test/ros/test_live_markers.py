@@ -118,7 +118,7 @@ def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
     assert [text.x, text.z] == pytest.approx([ELBOW[0], ELBOW[2]])
 
 
-def test_without_measured_efforts_nobody_is_warned(client: RosClient, robot: Robot) -> None:
+def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: Robot) -> None:
     def status(message: DiagnosticArray) -> DiagnosticStatus:
         return next(s for s in message.status if s.name.endswith(': estimates'))
 

@@ -103,7 +103,7 @@ def test_the_largest_age_of_a_sample_may_be_set() -> None:
     assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
 
 
-def test_time_that_begins_anew_forgets_the_samples() -> None:
+def test_a_reset_of_time_discards_the_samples() -> None:
     assembly = StateAssembly(NAMES)
     for k in range(10, 13):
         assembly.take(message(k * PERIOD, ['a', 'c']))

@@ -514,7 +514,7 @@ def test_bad_arguments_are_refused_by_name(arguments: dict[str, object], words: 
 
 
 @pytest.mark.filterwarnings('error::RuntimeWarning')
-def test_an_arm_flung_to_infinity_says_so() -> None:
+def test_a_diverged_arm_is_reported() -> None:
     simulation = released(two_link(), (1.0, 0.5))
     with pytest.raises(InvalidInputError, match='no finite solution'):
         simulation.step(np.array([1e200, -1e200]), 1.0)

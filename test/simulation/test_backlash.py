@@ -114,7 +114,7 @@ def test_the_gap_holds_in_long_steps(restitution: float) -> None:
 
 
 @pytest.mark.parametrize('n', [1, 2, 3])
-def test_an_arm_that_is_let_go_leans_on_its_gears(n: int) -> None:
+def test_a_released_arm_rests_on_its_gears(n: int) -> None:
     arm, at_rest = geared(links(n), backlash=[0.02]), np.array([0.4, -0.7, 0.5])[:n]
     simulation = released(arm, at_rest)
     weight = ArmDynamics(arm).rigid_body.gravity(at_rest)
@@ -328,6 +328,6 @@ def test_motors_with_inductance_are_coupled_with_order_two() -> None:
     ({'rotor_inertia': [0.0]},
      "actuator.rotor_inertia of 'joint1' is 0, expected a number > 0 where there is backlash"),
 ])
-def test_what_cannot_be_is_refused_by_name(changes: dict[str, list[float]], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(changes: dict[str, list[float]], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         one_link(**changes)

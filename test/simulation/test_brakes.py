@@ -66,7 +66,7 @@ def moving(arm: ArmModel) -> ArmSimulation:
 
 
 @ARMS
-def test_everything_stands_where_it_is(make_arm: Callable[[], ArmModel]) -> None:
+def test_every_joint_and_motor_stops_in_place(make_arm: Callable[[], ArmModel]) -> None:
     simulation = moving(make_arm())
     q, theta = simulation.state.position, simulation.motor_state.position
     simulation.brake()
@@ -116,7 +116,7 @@ def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmMo
 
 
 @pytest.mark.parametrize('make_arm', [bare, rubbing, driven])
-def test_it_goes_on_as_one_that_starts_there(make_arm: Callable[[], ArmModel]) -> None:
+def test_it_continues_like_an_arm_that_starts_there(make_arm: Callable[[], ArmModel]) -> None:
     """At rest, with its motors without current and with initial friction states."""
     simulation = moving(make_arm())
     simulation.brake()

@@ -64,7 +64,7 @@ def test_with_a_timeout_of_0_nothing_is_ever_missed() -> None:
     assert steps_until_over(received_once(0.0), PERIOD) == 0
 
 
-def test_each_command_begins_anew() -> None:
+def test_each_command_restarts_the_timeout() -> None:
     commands = received_once()
     for _ in range(50):
         for _ in range(ENOUGH - 2):
@@ -192,7 +192,7 @@ def test_an_arm_without_brakes_falls() -> None:
     assert plant.simulation.q.tolist() == twin.q.tolist()
 
 
-def test_what_a_robot_adds_by_itself_it_goes_on_adding() -> None:
+def test_the_compensation_of_the_robot_continues() -> None:
     plant = robot(brakes=False, robot_compensates=['gravity'])
     plant.take_effort(np.zeros(2))
     assert times_out(plant)

@@ -216,7 +216,7 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) ->
     assert drifts[0] > 30.0 * drifts[1] > 300.0 * drifts[2] > 0.0
 
 
-def test_what_sticks_here_creeps_there_at_the_rate_of_its_softness() -> None:
+def test_a_sticking_joint_creeps_in_mujoco_at_the_rate_of_its_softness() -> None:
     """In the steady state R f = −b v: v = (1 − d)/d τ / (M b), b = 2 / (d T_c) from `solref`."""
     M, torque, loss = 0.1 + 2.0 * 0.25, 1.0, [2.0]
     urdf = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])

@@ -163,7 +163,7 @@ def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> N
     assert np.abs(expected).max() > 1.0
 
 
-def test_forward_dynamics_undoes_inverse_dynamics_beside_a_joint_at_rest() -> None:
+def test_forward_dynamics_inverts_inverse_dynamics_with_a_joint_at_rest() -> None:
     """Joint 2 sticks, joint 1 slides: the load of joint 2 is its effort less dry friction."""
     arm = geared(load=[0.5, 0.5])
     q, v, a = np.array([0.4, -0.3]), np.array([0.2, 0.0]), np.array([3.0, 0.0])

@@ -127,7 +127,7 @@ def closed_loop(tmp_path_factory):
     return directory / 'here', out, err
 
 
-def test_it_tracks_and_says_so(closed_loop):
+def test_it_tracks_and_reports_the_errors(closed_loop):
     _, out, _ = closed_loop
     errors = errors_of(out)
     assert set(errors) == {'joint1', 'joint2'}
@@ -390,7 +390,7 @@ def test_a_directory_in_use_gets_one_of_its_own_inside(tmp_path):
 
 # --- components ----------------------------------------------------------------------------------
 
-def test_what_the_user_has_set_about_domains_stays():
+def test_domain_settings_of_the_user_are_kept():
     assert choose_domain({
         'ROS_DOMAIN_ID': '7', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}) == {}
     chosen = choose_domain({})

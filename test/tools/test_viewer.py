@@ -177,7 +177,7 @@ def test_values_are_found_by_name():
     assert values_of(arm, JointState(name=['joint1'], position=[1.0])) is None
 
 
-def test_what_is_not_ok_is_said_by_its_name():
+def test_a_status_that_is_not_ok_is_shown_by_its_name():
     levels = [getattr(DiagnosticStatus, name) for name in ('OK', 'WARN', 'ERROR', 'STALE')]
     message = DiagnosticArray(status=[
         DiagnosticStatus(name=f'/left/dynamics: part {i}', message=f'why {i}', level=level)
@@ -409,7 +409,7 @@ def test_a_plot_shows_the_last_seconds(plot):
     assert np.array(plot._handle.data).shape == (3, 0)
 
 
-def test_a_plot_begins_anew_where_time_goes_back(plot):
+def test_a_plot_restarts_if_time_goes_back(plot):
     for time, value in ((7.0, 1.0), (8.0, 2.0), (8.0, 9.0), (3.0, 4.0), (3.5, 5.0)):
         plot.add(time, [value, value])
     plot.show(3.5)

@@ -115,7 +115,7 @@ def test_without_its_meshes_an_arm_is_a_stick_figure(browser, tmp_path):
 
 # --- viewer and demo -----------------------------------------------------------------------------
 
-def test_the_demo_waits_for_the_page_and_goes_on_after_the_motion(browser, tmp_path):
+def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp_path):
     environment = {
         name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'}
     command = [

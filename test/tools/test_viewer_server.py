@@ -358,7 +358,7 @@ def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(clie
             page.wait_for('**elsewhere**', without=[str(file)])
 
 
-def test_a_robot_that_is_named_is_shown_whatever_others_say(client, tmp_path):
+def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
     (tmp_path / 'arm.urdf').write_text(one_link('named'))
     other = NodeProcess(DYNAMICS, {'robot_description': one_link('other')}, namespace='/named')
     with described(client, '/named') as publish, \
@@ -413,7 +413,7 @@ def test_help_needs_no_library():
     assert all(f'--{option}' in done.stdout for option in ('host', 'port', 'robot', 'dynamics'))
 
 
-def test_without_viser_one_line_says_how_to_get_it():
+def test_without_viser_one_line_names_the_installation():
     check_one_line(run('--port', '0', without=['viser']), 1, 'pip install viser')
 
 

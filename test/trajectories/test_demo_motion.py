@@ -130,7 +130,7 @@ def test_an_arm_near_its_limits_still_moves_below_them():
     check_limits(arm, motion, 5.0)
 
 
-def test_what_cannot_be_is_refused():
+def test_invalid_values_are_rejected():
     arm = arm_called(DEFAULT)
     with pytest.raises(InvalidInputError, match=r'duration is 0\.1'):
         make_reference_motion(arm, 0.1)

@@ -170,7 +170,7 @@ def test_the_condition_number_is_that_of_the_base_regressor(dynamics: ArmDynamic
     assert condition(Motion(q, v, a)) >= 1e8
 
 
-def test_rounded_angles_of_a_urdf_tell_no_parameters() -> None:
+def test_rounded_angles_of_a_urdf_excite_no_parameters() -> None:
     """The xArm 7 turns its axes by 1.5708, which differs from π/2 by 4e-6."""
     arm = load_arm(robot_urdf('xarm7'))
     q, v, a = np.random.default_rng(0).normal(size=(3, 100, 7))
@@ -282,7 +282,7 @@ def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
     (['--urdf', 'none.urdf'], 'none.urdf'),
     (['--start', '0', 'nan'], 'start'),
 ])
-def test_the_tool_says_what_is_wrong(
+def test_the_tool_reports_errors(
     arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -60,7 +60,7 @@ def test_an_element_is_taken_away_with_its_line():
     assert with_elements(URDF, {}, {}) == URDF.replace(' encoding="latin-1"', '') + '\n'
 
 
-def test_what_is_no_xml_is_refused():
+def test_invalid_xml_is_rejected():
     with pytest.raises(ModelError, match='is no XML'):
         with_elements('<robot>', {}, {})
 

@@ -141,7 +141,7 @@ def test_other_elements_are_passed_over():
 @pytest.mark.parametrize('prefix', [
     '\n\n  ', '<?xml version="1.0"?>', '<?xml version="1.0" encoding="utf-8"?>\n',
     '<!-- made by hand -->'])
-def test_what_stands_before_the_robot_is_passed_over(prefix):
+def test_text_before_the_robot_element_is_ignored(prefix):
     assert parse_urdf(prefix + robot(LINKS + JOINT)).link_names == ('base', 'arm')
 
 
@@ -428,7 +428,7 @@ def test_message_on(case):
 @pytest.mark.parametrize('text', [
     '/opt/robots/arm.urdf', '<robot name="bot"><link name="a"></robot>', '{"robot": "bot"}',
     '<robot name="bot"/><robot name="bot"/>', '<robot name="\x00"/>'])
-def test_message_on_what_is_no_xml(text):
+def test_message_on_invalid_xml(text):
     message = refusal(text)
     assert message.startswith('robot_description is not well-formed XML (')
     assert message.endswith(f'), expected a URDF; it begins with {text[:40]!r}')

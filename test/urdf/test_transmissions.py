@@ -69,12 +69,12 @@ def test_that_of_ros2_control_is_found_too() -> None:
     f'<actuator name="m">{reduction(50)}</actuator>',
     f'{JOINT1}<actuator name="m"/>',
 ])
-def test_what_states_no_joints_own_ratio_is_passed_over(inside: str) -> None:
+def test_transmissions_without_a_ratio_of_one_joint_are_ignored(inside: str) -> None:
     assert arm_with(transmission(inside)).gear_ratios == {}
 
 
 @pytest.mark.parametrize('text', ['fifty', '', '0', '0.0', 'nan', 'inf', '50 60'])
-def test_a_reduction_that_is_none_is_refused_by_joint_and_text(text: str) -> None:
+def test_an_invalid_reduction_is_rejected_by_joint_and_text(text: str) -> None:
     arm = arm_with(transmission(f'{JOINT1}<actuator name="m">{reduction(text)}</actuator>'))
     with pytest.raises(ModelError, match=re.escape(
             f"transmission of joint 'joint1': mechanicalReduction is {text!r}, expected")):
