@@ -19,120 +19,49 @@ After each interruption the effort stays near the gravity torque of the measured
 independent of the reference before the interruption and of messages sent during it.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-import math
-import time
-from typing import Any
+from collections.abc import Iterator
 
-from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, RATE, SetPoints, wait_states
+from fault_bench import FaultBench, figure_of, G, Q
+from fault_stimuli import altered, RATE, wait_states
 from fault_table import fault
-from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
+from interruption_bench import (
+    check_held,
+    ELSEWHERE,
+    follow,
+    following,
+    gravity,
+    GROUP,
+    HELD,
+    interruption_bench,
+    LIMIT,
+    move_by_hand,
+    wait_rejected,
+)
+from lifecycle_bench import ACTIVATE, DEACTIVATE
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_interfaces.srv import InverseDynamicsBatch
-from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
+from ros_harness import RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-GROUP = 'Interruptions of a reference'
-HELD = 'the effort stays within 5 N m of what holds the arm where it is measured'
-LIMIT = 2.5
-"""[rad]: position limits of both joints."""
-URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
-    '<limit ', f'<limit lower="{-LIMIT}" upper="{LIMIT}" ')
-BODY = ArmDynamics(load_arm(URDF)).rigid_body
-NEAR = 5.0
-"""[N m], the largest difference of efforts after an interruption from the gravity torque."""
-ELSEWHERE = [0.2, 1.1]
-"""[rad]: where the arm is moved by hand."""
-FAR = [Q[0] + 1.0, Q[1] - 1.0]
-STREAM = {'reference_timeout': 60.0}
-"""During a stream: no pause of it on a loaded machine ends it."""
-PAUSE = 0.3
-"""[s] of `reference_timeout` once a stream has ended."""
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node with default parameters for an arm with limits, as left by the last test."""
-    with fault_bench(client, '/interruptions', {'robot_description': URDF}) as one:
+    with interruption_bench(client, '/interruptions') as one:
         yield one
 
 
 @pytest.fixture
 def arm(bench: FaultBench) -> Iterator[FaultBench]:
-    """Return the bench with the arm at rest at `Q` and following `Q`; clean up after the test."""
-    bench.set_parameters(command='computed_torque', soften_gains=True)
-    bench.check_alive()
-    follow(bench, Q)
-    yield bench
-    bench.driver.v = [0.0, 0.0]
-    bench.driver.go_on()
-    bench.set_parameters(command='computed_torque')
-    bench.set_parameters(command='gravity_compensation')  # a change ends any reference and hold
-    move_by_hand(bench, Q)
-    bench.check_alive()
-
-
-def gravity(q: Sequence[float]) -> Any:
-    """Return the gravity torque at q [N m]."""
-    return BODY.gravity(np.array(q))
-
-
-def follow(bench: FaultBench, q: Sequence[float]) -> None:
-    """Make the node follow a set-point."""
-    bench.set_point(q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
-
-
-def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
-    """Make the driver report a motion to q, in steps that an arm can make, and then rest at q."""
-    begin = np.array(bench.driver.q)
-    steps = math.ceil(float(np.abs(np.subtract(q, begin)).max()) / 0.01)
-    for k in range(1, steps + 1):
-        bench.driver.q = (begin + k / steps * np.subtract(q, begin)).tolist()
-        wait_states(bench, 1)
-    wait_states(bench, 2)
-
-
-def trajectory_to(q: Sequence[float]) -> JointTrajectory:
-    """Return a trajectory of two points with a distant goal, reached in 2 s."""
-    return JointTrajectory(joint_names=NAMES, points=[
-        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
-        for one, sec in ((Q, 0), (q, 2))])
-
-
-def wait_rejected(bench: FaultBench, reason: str) -> None:
-    """Send a trajectory and a set-point; wait until diagnostics show `reason` as a rejection."""
-    before = bench.figure('reference', 'refused')
-    bench.trajectories.publish(trajectory_to(FAR))
-    bench.set_point(FAR)
-    status = bench.wait_status(
-        'reference', lambda status: figure_of(status, 'refused') >= before + 2)
-    assert status.level == DiagnosticStatus.WARN
-    refusal, = (v.value for v in status.values if v.key == 'refusal of the latest')
-    assert reason in refusal
-
-
-def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
-    """Check that at least `count` efforts since the last `clear`, all of them, are near g(q)."""
-    messages = bench.efforts.wait_count(count)
-    hold = gravity(q)
-    for message in messages:
-        assert (np.abs(message.effort - hold) <= NEAR).all(), message
-    assert messages[-1].effort == pytest.approx(hold, abs=1e-6)
+    """Return the bench with the arm at rest at `Q` and following `Q`."""
+    with following(bench) as one:
+        yield one
 
 
 # --- trajectories that are sent while nothing can be followed ------------------------------------
@@ -257,196 +186,6 @@ def test_velocities_that_are_absent(arm: FaultBench) -> None:
     assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
     check_held(arm, ELSEWHERE)
     arm.set_parameters(require_measured_velocities=False)
-
-
-# --- a planned stop ------------------------------------------------------------------------------
-
-class IdealArm:
-    """Makes the driver report that the arm is at its newest reference."""
-
-    def __init__(self, bench: FaultBench) -> None:
-        self._bench = bench
-        self.references: Collector = bench.client.collect(JointState, bench.name('reference'))
-        self.references.wait_matched()
-
-    def __enter__(self) -> 'IdealArm':
-        self._bench.driver.change = self._track
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bench.driver.q = self._track(self._bench.driver.message()).position.tolist()
-        self._bench.driver.go_on()
-        self.references.close()
-
-    def _track(self, message: JointState) -> JointState:
-        newest = self.references.messages[-1:]
-        for reference in newest:
-            message.position, message.velocity = reference.position, reference.velocity
-        return message
-
-    def wait_moving(self) -> JointState:
-        """Return the next reference with a velocity, from now on."""
-        self.references.clear()
-        moving: JointState = self.references.wait_for(
-            lambda m: np.abs(m.velocity).max() > 0.05, LONG)
-        self.references.clear()
-        return moving
-
-    def check_stopped(self) -> list[float]:
-        """Check that the reference comes to rest without a jump and stays; return its position."""
-        rest = self.references.wait_for(lambda m: not any(m.velocity), LONG)
-        count = len(self.references.messages) + 100
-        messages = self.references.wait_count(count, LONG)
-        there = next(i for i, m in enumerate(messages) if m is rest)
-        for message in messages[there:]:
-            assert not any(message.velocity)
-            assert message.position == pytest.approx(rest.position, abs=1e-12)
-        for one, other in zip(messages, messages[1:]):
-            dt = 1e-9 * (nanoseconds_of(other.header.stamp) - nanoseconds_of(one.header.stamp))
-            step = np.abs(np.subtract(other.position, one.position))
-            assert (step <= 5.0 * dt + 1e-6).all()  # half the velocity limit
-        return list(rest.position)
-
-
-def stop(bench: FaultBench) -> Any:
-    """Call `~/stop`; return the response."""
-    response = bench.client.call(Trigger, bench.name('stop'))
-    assert response.success
-    return response
-
-
-def is_between(q: Sequence[float], one: Sequence[float], other: Sequence[float]) -> bool:
-    """Return whether a position is on the straight path between two others, not at its end."""
-    fraction = np.subtract(q, one) / np.subtract(other, one)
-    return bool(np.ptp(fraction) < 1e-3 and 0.0 < fraction[0] < 0.99)
-
-
-SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]
-
-
-def slow_trajectory() -> JointTrajectory:
-    """Return a trajectory of a straight path that takes longer than any test should."""
-    return JointTrajectory(joint_names=NAMES, points=[
-        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
-        for one, sec in ((Q, 0), (SLOW_GOAL, 10))])
-
-
-@fault(GROUP, '`~/stop` while a trajectory is followed',
-       'a planned stop on its path, then the position is held, reported until the next reference')
-def test_stop_on_a_trajectory(arm: FaultBench) -> None:
-    with IdealArm(arm) as ideal:
-        arm.trajectories.publish(slow_trajectory())
-        ideal.wait_moving()
-        response = stop(arm)
-        assert response.message == 'stopping along the reference, then holding the position'
-        where = ideal.check_stopped()
-        assert is_between(where, Q, SLOW_GOAL)
-        arm.efforts.clear()
-        check_held(arm, where)
-        status = arm.next_status('reference')
-        assert status.level == DiagnosticStatus.WARN
-        assert status.message == 'ended early: ~/stop was called'
-        follow(arm, where)  # the next reference
-
-
-@fault(GROUP, '`~/stop` without a reference', 'a planned stop from the measured state; it is held')
-def test_stop_without_a_reference(arm: FaultBench) -> None:
-    arm.set_parameters(command='gravity_compensation')
-    move_by_hand(arm, ELSEWHERE)
-    response = stop(arm)
-    assert response.message == (
-        'stopping from the measured state, then holding the position')
-    arm.efforts.clear()
-    arm.efforts.wait_for(
-        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
-    with arm.client.collect(JointState, arm.name('reference')) as references:
-        reference = references.wait_for()
-    assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
-
-
-BATCHES, SAMPLES = 20, 100_000
-
-
-@fault(GROUP, '`~/stop` while 20 batches of 100,000 samples are computed',
-       'answered, and acts, before the batches are')
-def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], Any]) -> None:
-    node = arm.client.node
-    service = node.create_client(InverseDynamicsBatch, arm.name('inverse_dynamics_batch'))
-    answered: list[float] = []
-    try:
-        with RosClient('operator') as operator, IdealArm(arm) as ideal:
-            assert service.wait_for_service(TIMEOUT)
-            # in another thread, so that no answer to a batch delays the answer of ~/stop
-            operator.call(Trigger, arm.name('stop'))
-            arm.trajectories.publish(slow_trajectory())
-            ideal.wait_moving()
-            request = InverseDynamicsBatch.Request(position=np.zeros(2 * SAMPLES))
-            for _ in range(BATCHES):
-                service.call_async(request).add_done_callback(
-                    lambda _: answered.append(time.monotonic()))
-            begun = time.monotonic()
-            response = operator.call(Trigger, arm.name('stop'))
-            seconds, before = time.monotonic() - begun, len(answered)
-            assert response.success
-            assert response.message.startswith('stopping along the reference')
-            wait_until(lambda: len(answered) > before, 'the answer of a later batch', LONG)
-            ideal.check_stopped()
-            seen(f'in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
-    finally:
-        node.destroy_client(service)
-
-
-@fault(GROUP, '`~/stop` while the node is unconfigured or inactive',
-       '`success` true, and the message explains that there is nothing to stop')
-def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
-    with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
-        words = 'nothing to stop: the node is not active'
-        assert one.state() == 'unconfigured'
-        assert stop(one).message == words
-        assert one.change(CONFIGURE)
-        assert stop(one).message == words
-        assert one.change(ACTIVATE)
-        one.check_alive()
-        assert one.change(DEACTIVATE)
-        assert stop(one).message == words
-        one.check_silent()
-
-
-@contextmanager
-def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
-    """Set the timeout [s] of the set-point stream."""
-    bench.set_parameters(reference_timeout=seconds)
-    try:
-        yield
-    finally:
-        bench.set_parameters(reference_timeout=0.1)
-
-
-@fault(GROUP, 'a stream of set-points, each a little further on, that pauses',
-       'a planned stop, then the position is held, reported and counted')
-def test_a_stream_that_pauses(arm: FaultBench) -> None:
-    before = arm.known('reference', 'streams that paused')
-    begin, sent = time.monotonic(), [Q]
-
-    def next_pose() -> list[float]:
-        way = min(0.3 * (time.monotonic() - begin), 0.8)
-        sent.append([Q[0] + way, Q[1] + way])
-        return sent[-1]
-
-    with IdealArm(arm) as ideal, stream_timeout(arm, 60.0):
-        with SetPoints(arm, next_pose) as stream:
-            ideal.wait_moving()
-            wait_until(lambda: stream.sent >= 10, 'ten set-points')
-        arm.set_parameters(reference_timeout=PAUSE)
-        status = arm.wait_status(
-            'reference', lambda status: figure_of(status, 'streams that paused') > before)
-        assert status.level == DiagnosticStatus.WARN
-        assert status.message == (
-            'ended early: the stream of set-points paused for more than reference_timeout')
-        where = ideal.check_stopped()
-        assert all(begin < q <= end + 1e-6 for begin, q, end in zip(Q, where, sent[-1]))
-        arm.efforts.clear()
-        check_held(arm, where)
 
 
 # --- faults --------------------------------------------------------------------------------------
