@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Benchmarks: ratios, measured side by side in one run; absolute times are the machine's own."""
+"""Benchmarks: ratios measured side by side in one run; absolute times depend on the machine."""

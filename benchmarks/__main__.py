@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-`scripts/bench [NAME …]`: run the benchmarks that are named, or all but the long ones.
+`scripts/bench [NAME …]`: run the named benchmarks, or all except the long ones.
 
-Options that follow `safe_motion` are its own. The status is 1 if a benchmark ends with it.
+Options after `safe_motion` are passed to that benchmark. The exit status is 1 if a benchmark
+exits with status 1.
 """
 
 import argparse
@@ -30,7 +31,7 @@ from benchmarks.catalogue import BENCHMARKS, LONG_BENCHMARKS
 
 
 class Both(io.TextIOBase):
-    """Keeps what is printed, and lets it through."""
+    """Stores the printed text and forwards it to another stream."""
 
     def __init__(self, through: TextIO) -> None:
         self._through, self.text = through, ''

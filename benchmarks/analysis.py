@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Analysis of recordings, in samples a second and core: reading, filter, terms, residual.
+Analysis of recordings, in samples per second and core: reading, filter, terms, residual.
 
-Written are recordings of joint states as a driver sends them, position, velocity and effort of
-seven joints; each is analysed by one process that is bound to one core. Its steps are told in
-processor time, which others on the machine do not add to.
+The benchmark writes recordings of joint states as a driver publishes them: position, velocity and
+effort of seven joints. One process, bound to one core, analyses each recording. The times of the
+steps are processor times, which other processes on the machine do not increase.
 """
 
 import os
@@ -47,7 +47,7 @@ FORMATS = {
 
 
 def main() -> None:
-    """Print the times a sample, and the throughput."""
+    """Print the times per sample and the throughput."""
     urdf = chain_urdf(JOINTS)
     messages = _messages(urdf)
     settings = AnalysisSettings(urdf)
@@ -78,7 +78,7 @@ def _print_steps(name: str, bag: Path, settings: AnalysisSettings) -> None:
 
 
 def _print_many(bag: Path, settings: AnalysisSettings) -> None:
-    """Print what the task takes on many recordings, by one process and by one a core."""
+    """Print the time of the task on many recordings, with one process and with one per core."""
     task = AnalysisTask(settings)
     print(f'{BAGS} of the MCAP recordings, each a task, by processes:')
     for processes in sorted({1, os.cpu_count() or 1}):
@@ -92,7 +92,7 @@ def _print_many(bag: Path, settings: AnalysisSettings) -> None:
 
 
 def _processor_seconds() -> float:
-    """Return the processor time of this process, and of those that it started and that ended."""
+    """Return the processor time [s] of this process and of its child processes that ended."""
     return sum(os.times()[:4])
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-`inverse_dynamics_batch` beside a bare service that echoes its bytes, and the bare engine.
+`inverse_dynamics_batch` compared with a bare service that echoes its bytes, and with Pinocchio.
 
-A request of megabytes goes in fragments, of which some are lost where they come faster than they
-are taken, and sent again 10 ms later. That strikes some of the calls, to either service, so that
-medians jump by such steps; the fastest calls had no such loss.
+The middleware sends a request of megabytes in fragments. If fragments arrive faster than the
+receiver takes them, some are lost and sent again 10 ms later. This loss affects some of the calls
+to either service, so that medians jump by steps of 10 ms; the fastest calls had no such loss.
 """
 
 from collections.abc import Callable
@@ -50,7 +50,7 @@ TIMEOUT = 60.0
 
 
 class Echo(Node):
-    """Services that send back as many bytes, and do nothing else."""
+    """Services that return as many bytes as `dynamics` does, and compute nothing."""
 
     def __init__(self) -> None:
         super().__init__('echo')
@@ -73,7 +73,7 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 class Client:
-    """Calls a service and waits for the answer."""
+    """Calls a service and waits for the response."""
 
     def __init__(self, node: Node, kind: Any, name: str) -> None:
         self._client = node.create_client(kind, name)
@@ -145,7 +145,7 @@ def _trajectory(ours: Client, echo: Client, names: list[str]) -> None:
 
 
 def run_echo() -> None:
-    """Be the bare echo node."""
+    """Run the bare echo node in this process."""
     rclpy.init()
     try:
         rclpy.spin(Echo())

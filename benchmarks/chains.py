@@ -15,8 +15,8 @@
 """
 Generated arms that every engine reads: revolute chains in space, with full inertias.
 
-Every joint turns about the z axis of its frame, which is turned at random against the one before.
-There are neither meshes nor limits in reach, nor friction.
+Every joint turns about the z axis of its frame; each frame has a random orientation relative to
+the frame before. The arms have no meshes and no friction, and no motion reaches a limit.
 """
 
 from typing import NamedTuple
@@ -48,7 +48,7 @@ def spatial_chain(n: int, seed: int = 0) -> list[ChainLink]:
 
 
 def _random_link(rng: np.random.Generator) -> ChainLink:
-    # The inertia of masses at points, so that a body can have it.
+    # The inertia of point masses, so that the inertia is physically possible.
     masses = rng.uniform(0.1, 0.5, 6)
     points = rng.uniform(-0.1, 0.1, (6, 3))
     mass = float(masses.sum())

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Joint state in, effort out: `dynamics_node` beside a bare rclpy node that echoes the message.
+Joint state in, effort out: `dynamics_node` compared with a bare rclpy node that echoes messages.
 
-Both are processes of their own; this one sends each a joint state every 2 ms in turn and waits for
-the answer, on a wait set of its own and with bytes, so that little of the round trip is its own.
-The floor is the echo done likewise: no executor, no message made. What the node adds to it is its
-work.
+Each node is a separate process. This process sends each of them a joint state every 2 ms in turn
+and waits for the answer on a separate wait set. It takes messages as bytes, so that it contributes
+little to the round trip. The floor is an echo node that also works without an executor and without
+message objects. The difference between a node and the floor is the work of the node.
 """
 
 from collections.abc import Callable, Mapping
@@ -62,14 +62,14 @@ TURN = 200_000_000
 
 
 class RawSubscription:
-    """A subscription that is waited on alone, and whose messages are taken as bytes."""
+    """A subscription with a separate wait set, which returns messages as bytes."""
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile | int) -> None:
         self._subscription = node.create_subscription(JointState, topic, lambda _: None, qos)
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
 
     def take(self, timeout_ns: int = TURN) -> bytes | None:
-        """Wait, and return a message as bytes, or None where none came."""
+        """Wait, and return a message as bytes, or None if none arrived."""
         self._wait_set.clear_entities()
         self._wait_set.add_subscription(self._subscription.handle)
         self._wait_set.wait(timeout_ns)
@@ -87,7 +87,7 @@ class Asker:
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
 
     def ask(self) -> float | None:
-        """Return the round trip [s], None where no answer came."""
+        """Return the round trip [s], or None if no answer arrived."""
         stamp = struct.pack('<iI', *divmod(time.time_ns(), 1_000_000_000))
         self._data[STAMP] = stamp
         data = bytes(self._data)
@@ -100,14 +100,14 @@ class Asker:
         return None
 
     def connect(self) -> None:
-        """Ask until an answer comes; raise TimeoutError where none does."""
+        """Ask until an answer arrives; raise TimeoutError if none does."""
         deadline = time.monotonic() + TIMEOUT
         while self.ask() is None:
             if time.monotonic() > deadline:
                 raise TimeoutError(f'no answer in {TIMEOUT:g} s')
 
     def series(self) -> list[float]:
-        """Return the round trips of one series at RATE; what got no answer is left out."""
+        """Return the round trips [s] of one series at RATE, without states that got no answer."""
         found = []
         next_time = time.perf_counter()
         for _ in range(MESSAGES):
@@ -120,7 +120,7 @@ class Asker:
 
 
 def follow_on(node: Node) -> None:
-    """Give `dynamics` a trajectory that does not end, so that it computes torques."""
+    """Send `dynamics` a trajectory that does not end, so that it computes torques."""
     publisher = node.create_publisher(JointTrajectory, 'dynamics/joint_trajectory', 1)
     trajectory = JointTrajectory(joint_names=NAMES)
     for seconds, place in ((1, 0.1), (100_000, 0.2)):
@@ -131,7 +131,7 @@ def follow_on(node: Node) -> None:
     deadline = time.monotonic() + TIMEOUT
     while not publisher.get_subscription_count():
         if time.monotonic() > deadline:
-            raise TimeoutError(f'nobody hears trajectories after {TIMEOUT:g} s')
+            raise TimeoutError(f'no node subscribes to trajectories after {TIMEOUT:g} s')
         time.sleep(0.01)
     publisher.publish(trajectory)
 
@@ -169,10 +169,10 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
         deadline = time.monotonic() + TIMEOUT
         while not node.count_subscribers('dynamics/markers'):
             if time.monotonic() > deadline:
-                raise TimeoutError(f'nobody watches after {TIMEOUT:g} s')
+                raise TimeoutError(f'the watcher does not subscribe within {TIMEOUT:g} s')
             time.sleep(0.01)
-        print('the same, while somebody hears ~/markers, ~/terms and ~/reference, as the viewer '
-              'does:')
+        print('the same, with the subscriptions of the viewer to ~/markers, ~/terms and '
+              '~/reference:')
         _side_by_side(askers, ids)
 
 
@@ -195,17 +195,17 @@ def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
               f'{per_message[name] / per_message["bare echo"]:.2f}')
 
 
-# ---------------------------------------------------------------------------------- the others
+# ---------------------------------------------------------------------------- the other nodes
 
 def echo(node: Node) -> None:
-    """Do the least that an rclpy node with an executor can do."""
+    """Echo with the least work that an rclpy node with an executor needs."""
     out = node.create_publisher(JointState, 'echo/out', 1)
     node.create_subscription(JointState, 'echo/in', out.publish, STATES)
     rclpy.spin(node)
 
 
 def floor(node: Node) -> None:
-    """Do the least that Python can do."""
+    """Echo with the least work that Python needs."""
     out = node.create_publisher(JointState, 'floor/out', 1)
     states = RawSubscription(node, 'floor/in', STATES)
     while node.context.ok():
@@ -215,7 +215,7 @@ def floor(node: Node) -> None:
 
 
 def watcher(node: Node) -> None:
-    """Hear what the viewer hears, as often."""
+    """Subscribe to the topics of the viewer, and take messages as often as the viewer does."""
     viewer = ViewerNode(node, 'dynamics', 'simulated_arm')
     while node.context.ok():
         viewer.receive()
@@ -226,7 +226,7 @@ NODES: dict[str, Callable[[Node], None]] = {'echo': echo, 'floor': floor, 'watch
 
 
 def run(name: str) -> None:
-    """Be one of the nodes beside which ours is measured."""
+    """Run one of the nodes with which `dynamics_node` is compared."""
     rclpy.init()
     try:
         NODES[name](rclpy.create_node(name))

@@ -15,9 +15,10 @@
 """
 The control path while another process calls services: round trips without and with them.
 
-The same calls are also put to a node that answers them with nothing but an echo, and to a second
-`dynamics` that gets no joint states. What these two do to the control path is what sharing the
-cores costs; what the first `dynamics` adds to that is what serving in the same process costs.
+The benchmark also calls the same services of a node that only echoes, and of a second `dynamics`
+that receives no joint states. The effect of these two nodes on the control path is the cost of
+sharing the cores. The additional effect of calls to the first `dynamics` is the cost of serving
+in the same process.
 """
 
 from collections.abc import Callable, Iterator
@@ -90,7 +91,7 @@ def requests() -> dict[str, Any]:
 
 
 class Echo(Node):
-    """Answers the same calls with as many numbers, and computes nothing."""
+    """Answers the same calls with as many numbers, without computing them."""
 
     def __init__(self) -> None:
         super().__init__('echo')
@@ -126,7 +127,7 @@ class Echo(Node):
 
 
 def run_echo() -> None:
-    """Be the echo."""
+    """Run the echo node in this process."""
     rclpy.init()
     try:
         rclpy.spin(Echo())
@@ -166,7 +167,7 @@ class Caller:
 
 
 def run_caller() -> None:
-    """Call the node that was last named on the standard input, none after an empty line."""
+    """Call the node last named on the standard input; call none after an empty line."""
     with bench_node('caller') as node:
         callers = {target: Caller(node, target) for target in TARGETS.values()}
         print('ready', flush=True)
@@ -191,7 +192,7 @@ def run_caller() -> None:
 
 @contextmanager
 def calling() -> Iterator[Callable[[str], None]]:
-    """Give what names the node to be called, '' for none; print at the end what was answered."""
+    """Yield a function that names the node to call, '' for none; print the answers at the end."""
     with subprocess.Popen(
             module('benchmarks.disturbance', 'caller'), stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, text=True, bufsize=1) as process:
@@ -268,7 +269,7 @@ def _measure(asker: Asker, call: Callable[[str], None], pids: dict[str, int]) ->
 
 
 def _percentage(p99: dict[str, float], name: str) -> float:
-    """Return how much [%] of what calls add here they add elsewhere too."""
+    """Return the increase of p99 by calls to `name` [% of the increase by calls to `dynamics`]."""
     return 100.0 * (p99[name] - p99[ALONE]) / (p99[SERVED] - p99[ALONE])
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Other engines, each asked the same four questions in the quickest way that it offers to Python.
+Other engines: the same four quantities, each by the fastest call that the engine offers to Python.
 
-Arrays go in and come out, and the state is a new one each time: what has to be copied, reset or
-computed before counts. Nothing here uses `robot_dynamics`. A function that makes the `Calls` of an
-engine raises ImportError where the engine is not installed.
+Arguments and results are arrays, and each call has a new state: the time includes copies, resets
+and preparatory computations. This module does not use `robot_dynamics`. A function that makes the
+`Calls` of an engine raises ImportError if the engine is not installed.
 """
 
 from collections.abc import Callable, Iterator
@@ -42,7 +42,7 @@ _KEPT: list[Any] = []
 
 
 class Calls(NamedTuple):
-    """The questions to an engine: efforts (n,), M (n, n), accelerations (n,)."""
+    """The calls of an engine: efforts (n,), M (n, n), accelerations (n,)."""
 
     engine: str
     inverse_dynamics: Callable[[Array, Array, Array], Any]
@@ -53,7 +53,7 @@ class Calls(NamedTuple):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep away what engines print as they are loaded: build times, warnings."""
+    """Suppress what engines print while they are loaded: build times, warnings."""
     sys.stdout.flush()
     kept = {stream: os.dup(stream) for stream in (1, 2)}
     with open(os.devnull, 'wb') as nowhere:
@@ -75,7 +75,7 @@ def _named(name: str, distribution: str) -> str:
 
 
 def pinocchio(links: list[ChainLink]) -> Calls:
-    """Return the bare calls of Pinocchio; crba fills both halves of M, as of version 3."""
+    """Return the bare calls of Pinocchio; since version 3, crba fills both halves of M."""
     pin = importlib.import_module('pinocchio')
     model = pin.buildModelFromXML(chain_urdf(links))
     data = model.createData()
@@ -89,10 +89,10 @@ def pinocchio(links: list[ChainLink]) -> Calls:
 
 def mujoco(links: list[ChainLink]) -> Calls:
     """
-    Return the calls of MuJoCo 4, constraints off.
+    Return the calls of MuJoCo 4 with constraints disabled.
 
-    Stage by stage, but for mj_forward: mj_inverse, which runs these stages among others, takes
-    longer, and the stages of forward dynamics called one by one do too.
+    Inverse quantities call single stages, because mj_inverse runs more stages and takes longer.
+    Forward dynamics calls mj_forward, because its stages take longer if called one by one.
     """
     mj = importlib.import_module('mujoco')
     if int(mj.mj_versionString().split('.')[0]) < 4:
@@ -100,7 +100,7 @@ def mujoco(links: list[ChainLink]) -> Calls:
     model = mj.MjModel.from_xml_string(chain_urdf(links))
     model.opt.disableflags = mj.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mj.MjData(model)
-    # Views of the engine's own memory.
+    # Views of the memory of MuJoCo.
     qpos, qvel, qacc, applied = data.qpos, data.qvel, data.qacc, data.qfrc_applied
     n = model.nv
 
@@ -178,7 +178,7 @@ def drake(links: list[ChainLink]) -> Calls:
 
 
 def pybullet(links: list[ChainLink]) -> Calls:
-    """Return the calls of PyBullet, which takes lists and gives tuples; M is solved for q̈."""
+    """Return the calls of PyBullet, which takes lists and returns tuples; q̈ by solving with M."""
     with _quiet(), tempfile.TemporaryDirectory() as directory:
         bullet = importlib.import_module('pybullet')
         client = bullet.connect(bullet.DIRECT)
@@ -213,7 +213,7 @@ def pybullet(links: list[ChainLink]) -> Calls:
 
 
 def kdl(links: list[ChainLink]) -> Calls:
-    """Return the calls of KDL, whose arrays are filled and read one by one; M is solved for q̈."""
+    """Return the calls of KDL, with arrays copied number by number; q̈ by solving with M."""
     module = importlib.import_module('PyKDL')
     chain, n = _kdl_chain(module, links), len(links)
     _KEPT.append(chain)
@@ -270,7 +270,7 @@ def robotics_toolbox(links: list[ChainLink]) -> Calls:
     """
     Return the calls of the Robotics Toolbox for Python.
 
-    A robot from a URDF is computed in Python there; only one by DH parameters in C++.
+    The toolbox computes a robot from a URDF in Python, and only one from DH parameters in C++.
     """
     with _quiet():
         toolbox = importlib.import_module('roboticstoolbox')
@@ -283,7 +283,7 @@ def robotics_toolbox(links: list[ChainLink]) -> Calls:
 
 
 class Peer(NamedTuple):
-    """An engine, and how to install it where it is not."""
+    """An engine, and how to install it."""
 
     name: str
     make: Callable[[list[ChainLink]], Calls]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What each quantity of rigid bodies costs as an arm gets more joints, through the library."""
+"""Cost of each rigid-body quantity over the number of joints of an arm, with the library."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -37,7 +37,7 @@ Times = Mapping[str, FloatArray]
 
 
 class LinearFit(NamedTuple):
-    """a + b n, and the share R² of the variance that it explains."""
+    """A straight line a + b n, and the share R² of the variance that the line explains."""
 
     a: float
     b: float
@@ -45,7 +45,7 @@ class LinearFit(NamedTuple):
 
 
 def linear_fit(times: FloatArray) -> LinearFit:
-    """Return the straight line with the least squares through the times at JOINTS."""
+    """Return the least-squares line through the times at JOINTS."""
     n = np.array(JOINTS, dtype=np.float64)
     b, a = np.polyfit(n, times, 1)
     residual = times - (a + b * n)
@@ -53,14 +53,14 @@ def linear_fit(times: FloatArray) -> LinearFit:
 
 
 def exponent(times: FloatArray) -> float:
-    """Return p of times ~ n^p from LONG joints on: the slope of a line through logarithms."""
+    """Return p of times ~ n^p for LONG or more joints: the slope of a line through logarithms."""
     n = np.array(JOINTS, dtype=np.float64)
     long = n >= LONG
     return float(np.polyfit(np.log(n[long]), np.log(times[long]), 1)[0])
 
 
 def _calls(n: int) -> dict[str, tuple[Callable[..., object], Sequence[tuple[Any, ...]]]]:
-    """Return the quantities of a chain of n joints, with states to ask them at."""
+    """Return the calls for each quantity of a chain of n joints, and states as arguments."""
     body = UncheckedRigidBody(load_arm(chain_urdf(spatial_chain(n))))
     states = [tuple(state) for state in np.random.default_rng(n).uniform(-1, 1, (STATES, 3, n))]
     positions = [state[:1] for state in states]
@@ -76,23 +76,23 @@ def _calls(n: int) -> dict[str, tuple[Callable[..., object], Sequence[tuple[Any,
 
 
 def measure() -> Times:
-    """Return the medians of rounds in turn over the quantities of one chain."""
+    """Return the medians of interleaved rounds over the quantities of each chain."""
     rows = [medians(_calls(n), ROUNDS) for n in JOINTS]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def main() -> None:
-    """Print µs a call and the fits."""
+    """Print µs per call and the fits."""
     report(measure())
 
 
 def report(times: Times) -> None:
-    """Print what was measured; docs/pictures/growth.py draws it too."""
-    print(f'{"µs a call":18}' + ''.join(f'{joints:9}' for joints in JOINTS) + ' joints')
+    """Print the measured times; docs/pictures/growth.py plots the same times."""
+    print(f'{"µs per call":18}' + ''.join(f'{joints:9}' for joints in JOINTS) + ' joints')
     for name, values in times.items():
         print(f'{name:18}' + ''.join(f'{1e6 * value:9.1f}' for value in values))
     line = linear_fit(times[INVERSE_DYNAMICS])
-    print(f'{INVERSE_DYNAMICS}: {1e6 * line.a:.1f} µs + {1e6 * line.b:.3f} µs a joint, '
+    print(f'{INVERSE_DYNAMICS}: {1e6 * line.a:.1f} µs + {1e6 * line.b:.3f} µs per joint, '
           f'R² = {line.r_squared:.4f}')
     powers = ', '.join(f'{name} {exponent(values):.2f}' for name, values in times.items())
     print(f'exponents from {LONG} to {JOINTS[-1]} joints: {powers}')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the library costs on top of Pinocchio, called from Python on the same arm and states."""
+"""Cost of the library in addition to Pinocchio, called from Python on the same arm and states."""
 
 from collections.abc import Callable
 import statistics
@@ -37,14 +37,14 @@ def seconds_per_call(call: Callable[[], object]) -> float:
 
 
 def side_by_side(ours: Callable[[], object], raw: Callable[[], object]) -> tuple[float, float]:
-    """Return the medians [s] of rounds in turn, so that a slow moment hits both."""
+    """Return the medians [s] of interleaved rounds, so that a slow moment affects both."""
     rounds = [(seconds_per_call(ours), seconds_per_call(raw)) for _ in range(ROUNDS)]
     mine, theirs = zip(*rounds)
     return statistics.median(mine), statistics.median(theirs)
 
 
 def main() -> None:
-    """Print µs a call and ratios for a generated arm of seven joints."""
+    """Print µs per call and ratios for a generated arm of seven joints."""
     ones = [1.0] * JOINTS
     arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * JOINTS, [0.1] * JOINTS))
     dynamics, model = ArmDynamics(arm).unchecked, arm.pinocchio_model

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The closed loop in lock-step: as fast as `simulated_arm` and `dynamics` answer each other."""
+"""Speed of the closed loop of `simulated_arm` and `dynamics` in lock-step."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -39,7 +39,7 @@ WARM_UP = 1.0
 
 class StampReader:
     """
-    Reads the newest joint state when it is asked, and nothing in between.
+    Takes the newest joint state on request, and no messages in between.
 
     An executor that took every message would compete with the nodes for the processors.
     """
@@ -50,7 +50,7 @@ class StampReader:
             JointState, 'joint_states', lambda _: None, newest)
 
     def after(self, stamp: float) -> tuple[float, float]:
-        """Return the next stamp beyond this one, and the time it was read, both [s]."""
+        """Return the first stamp after `stamp`, and the time at which it was read, both [s]."""
         deadline = time.monotonic() + TIMEOUT
         while time.monotonic() < deadline:
             taken = self._states.handle.take_message(JointState, False)
@@ -72,7 +72,7 @@ def _reader() -> Iterator[StampReader]:
 
 
 def times_real_time(urdf: str, parameters: Mapping[str, object], rate: float) -> float:
-    """Return simulated seconds a second, the median over windows; states have this rate [Hz]."""
+    """Return simulated seconds per second, the median over windows, for states of `rate` [Hz]."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory, 'arm.urdf')
         path.write_text(urdf, encoding='utf-8')

@@ -13,15 +13,16 @@
 # limitations under the License.
 
 """
-What a closed loop of `simulated_arm` and `dynamics` did, heard from outside with little cost.
+Observation of a closed loop of `simulated_arm` and `dynamics` from outside, at little cost.
 
-When a message was published stands in its source timestamp, written by its publisher. So the
-listener need not wake up for a message: it leaves all in the queue of the middleware, takes them
-ten times a second as bytes, and reads them when the run is over. It asks for no acknowledgements
-(best effort).
+The publisher writes the time of publication into the source timestamp of a message. Therefore the
+listener need not wake up for each message: it leaves messages in the queue of the middleware,
+takes them ten times per second as bytes, and decodes them after the run. Its subscriptions request
+no acknowledgements (best effort).
 
-A joint state carries the effort that acted since the state before, bit by bit as it was
-commanded. That tells whether the effort for a state came to the arm within its period.
+A joint state contains the effort that acted since the previous state, bit for bit as it was
+commanded. By this effort the listener decides whether the effort for a state arrived at the arm
+within its period.
 """
 
 import time
@@ -37,7 +38,7 @@ from sensor_msgs.msg import JointState
 
 DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 TAKE_PERIOD, NAP = 0.1, 0.005
-"""[s]; a nap that ends late tells that the computer let nobody wake up in time just then."""
+"""[s]; a nap that ends late shows that the computer could not wake up processes in time."""
 
 
 class Received(NamedTuple):
@@ -49,7 +50,7 @@ class Received(NamedTuple):
 
 
 class Topic:
-    """Keeps the bytes of each `sensor_msgs/JointState`, and when it was published."""
+    """Stores the bytes and the time of publication of each `sensor_msgs/JointState`."""
 
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
@@ -59,14 +60,14 @@ class Topic:
         self._sent: list[int] = []
 
     def take(self) -> int:
-        """Take what has arrived; return how many messages were heard so far."""
+        """Take the messages that have arrived; return how many were received so far."""
         while (taken := self._subscription.handle.take_message(JointState, True)) is not None:
             self._messages.append(taken[0])
             self._sent.append(taken[1]['source_timestamp'])
         return len(self._sent)
 
     def close(self) -> None:
-        """Hear no more."""
+        """Destroy the subscription."""
         self._node.destroy_subscription(self._subscription)
 
     def newest_stamp(self) -> int:
@@ -78,7 +79,7 @@ class Topic:
         return self._sent[-1]
 
     def received(self) -> Received:
-        """Return what was heard so far."""
+        """Return the messages received so far."""
         decoder = JointStateDecoder()
         states = [decoder.decode(data) for data in self._messages]
         return Received(
@@ -87,7 +88,7 @@ class Topic:
 
 
 class LoopListener:
-    """Hears the joint states and the efforts of a closed loop."""
+    """Receives the joint states and the efforts of a closed loop."""
 
     def __init__(self, node: Node) -> None:
         self._states = Topic(node, 'joint_states')
@@ -95,7 +96,7 @@ class LoopListener:
         self._clocks: list[tuple[int, int]] = []
 
     def listen(self, seconds: float) -> FloatArray:
-        """Take what arrives for so long; return by how much [s] each of its naps ended late."""
+        """Take messages for `seconds`; return by how much [s] each nap ended late."""
         late = []
         now = time.monotonic()
         end, take_at = now + seconds, now + TAKE_PERIOD
@@ -112,12 +113,12 @@ class LoopListener:
         return np.array(late)
 
     def close(self) -> None:
-        """Hear no more."""
+        """Destroy both subscriptions."""
         self._states.close()
         self._efforts.close()
 
     def connect(self, timeout: float) -> None:
-        """Return once both topics are heard; raise TimeoutError."""
+        """Return once messages of both topics arrive; raise TimeoutError if they do not."""
         deadline = time.monotonic() + timeout
         while not (self._states.take() and self._efforts.take()):
             if time.monotonic() > deadline:
@@ -125,7 +126,7 @@ class LoopListener:
             self.listen(TAKE_PERIOD)
 
     def lag(self) -> float:
-        """Return how much later [s] than it was due the newest joint state was published."""
+        """Return by how much [s] the newest joint state was published after its due time."""
         return 1e-9 * (self._states.newest_sent() - self._states.newest_stamp())
 
     def newest_stamp(self) -> int:
@@ -133,14 +134,14 @@ class LoopListener:
         return self._states.newest_stamp()
 
     def cycles(self, after: int, period: int, count: int) -> 'Cycles':
-        """Return what became of the `count` cycles of `period` [ns] after a stamp [ns]."""
+        """Return the outcomes of the `count` cycles of `period` [ns] after a stamp [ns]."""
         clocks = np.array(self._clocks, dtype=np.int64)
         gained = np.diff(clocks - clocks[0], axis=1)[:, 0]  # steady clock, less that of the stamps
 
         def table(received: Received) -> tuple[FloatArray, FloatArray]:
             number = (received.stamp - after) // period - 1
             wanted = (number >= 0) & (number <= count)
-            # The first of those with one stamp counts: later ones are repetitions.
+            # Of several messages with one stamp the first counts: later ones are repetitions.
             number, order = np.unique(number[wanted], return_index=True)
             sent = np.full(count + 1, np.nan)
             effort = np.full((count + 1, received.effort.shape[1]), np.nan)
@@ -156,15 +157,14 @@ class LoopListener:
 
 class Cycles:
     """
-    What became of the cycles of a time [s], each `period` [s] long by the wall clock.
+    Outcomes of the cycles of a run, each `period` [s] long by the wall clock.
 
-    A cycle is missed where no joint state was published in it, or where the effort for its state
-    was not published before the next state. An arm that was held up for ten periods misses ten;
-    the states that it publishes quicker than usual to catch up are late, but miss nothing.
+    A cycle is missed if no joint state was published in it, or if the effort for its state was
+    not published before the next state. An arm that was delayed by ten periods misses ten cycles;
+    the states that it then publishes faster than usual to catch up are late, but not missed.
 
-    An effort is behind where the next state tells that another effort acted until then: it was
-    published before the next state, but came to the arm when the period was over already, and
-    acts a period later.
+    An effort is behind if the next state contains another effort: the effort was published before
+    the next state, but arrived at the arm after the end of the period, and acts a period later.
     """
 
     def __init__(
@@ -172,7 +172,7 @@ class Cycles:
         effort: FloatArray,
     ) -> None:
         """
-        Take times [s] and efforts of one state more than there are cycles, NaN for none.
+        Store times [s] and efforts of one state more than there are cycles; NaN if missing.
 
         State k is due k + 1 periods after time 0.
         """
@@ -192,12 +192,12 @@ class Cycles:
 
     @property
     def missed_fraction(self) -> float:
-        """Return the share of cycles that were missed."""
+        """Return the fraction of missed cycles."""
         return self.missed / self.count
 
 
 def _cycles_with(times: FloatArray, period: float, count: int) -> int:
-    """Return in how many of the periods there is a time; usual ones are in their middle."""
+    """Return how many periods contain a time; a regular time is in the middle of its period."""
     found = times[np.isfinite(times)]
     if not len(found):
         return 0
@@ -207,7 +207,7 @@ def _cycles_with(times: FloatArray, period: float, count: int) -> int:
 
 
 def in_microseconds(times: FloatArray) -> str:
-    """Return percentiles of times [s] in words, those that are NaN left out."""
+    """Return the percentiles of times [s] as text; times that are NaN are ignored."""
     found: Any = 1e6 * times[np.isfinite(times)]
     if not len(found):
         return 'none'

@@ -15,8 +15,9 @@
 """
 Memory of `dynamics` and `simulated_arm` in the closed loop: at rest, and after many messages.
 
-In lock-step each state waits for its effort, so that an hour of states at 500 Hz passes as fast as
-the nodes answer each other: in ten to twenty minutes. At rest is just after the first effort.
+In lock-step each state waits for its effort, and simulated time runs as fast as the nodes answer
+each other: an hour of states at 500 Hz takes ten to twenty minutes. "At rest" is the time just
+after the first effort.
 """
 
 from pathlib import Path
@@ -51,21 +52,21 @@ TIMEOUT = 30.0
 
 
 class Memory(NamedTuple):
-    """Of one process [bytes]: in RAM, and of that what no other process shares."""
+    """Memory of one process in RAM [bytes], and the part that no other process shares."""
 
     resident: int
     private: int
 
 
 def memory_of(pid: int) -> Memory:
-    """Return what Linux tells of a process."""
+    """Return the memory of a process as Linux reports it."""
     text = Path(f'/proc/{pid}/smaps_rollup').read_text(encoding='ascii')
     found = {name: 1024 * int(kb) for name, kb in re.findall(r'^(\w+):\s+(\d+) kB', text, re.M)}
     return Memory(found['Rss'], found['Private_Clean'] + found['Private_Dirty'])
 
 
 class Progress:
-    """Tells how many states the loop has been through, by the stamp of the newest effort."""
+    """Counts the states that the loop has processed, by the stamp of the newest effort."""
 
     def __init__(self, node: Node) -> None:
         self._subscription = node.create_subscription(
@@ -75,7 +76,11 @@ class Progress:
         self._states = 0
 
     def wait_for(self, states: int) -> int:
-        """Return once at least so many states are answered; raise TimeoutError if it stops."""
+        """
+        Return once the loop has answered at least this number of states.
+
+        Raises TimeoutError if the loop stops.
+        """
         received_at = time.monotonic()
         while self._states < states:
             taken = self._subscription.handle.take_message(JointState, True)
@@ -118,7 +123,7 @@ def _report(states: int) -> None:
                 count = progress.wait_for(round(fraction * states))
                 _print_row(
                     str(count), {name: memory_of(pid) for name, pid in pids.items()}, rest)
-            print(f'  {states / (time.monotonic() - begin):.0f} states a second')
+            print(f'  {states / (time.monotonic() - begin):.0f} states per second')
 
 
 def _print_row(when: str, found: dict[str, Memory], rest: dict[str, Memory]) -> None:

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where the time of one message of `dynamics_node` goes, from taking it to publishing its answers.
+Profile of one message in `dynamics_node`, from taking the message to publishing its answers.
 
-The node's own functions are timed while it follows a trajectory at 500 Hz, and once more while the
-same state is given to it again and again: what the processor has at hand costs a fraction of what
-it has to fetch after two idle milliseconds.
+The benchmark times the functions of the node while the node follows a trajectory at 500 Hz, and
+again while the node processes one state repeatedly without pause: data in the caches of the
+processor cost a fraction of data that it has to fetch after two idle milliseconds.
 """
 
 from collections.abc import Callable
@@ -62,7 +62,7 @@ STEPS = (
 
 
 class Stopwatch:
-    """Times of functions that are wrapped."""
+    """Times of wrapped functions."""
 
     def __init__(self) -> None:
         self.times: dict[str, list[float]] = {words: [] for words, *_ in STEPS}
@@ -86,7 +86,7 @@ class Stopwatch:
         return timed
 
     def take_medians(self) -> dict[str, float]:
-        """Return the medians of the later half of each, and forget all."""
+        """Return the medians of the second half of the times of each function; clear all times."""
         found = {words: statistics.median(times[len(times) // 2:])
                  for words, times in self.times.items() if times}
         for times in self.times.values():
@@ -95,7 +95,7 @@ class Stopwatch:
 
 
 def main() -> None:
-    """Print µs by step."""
+    """Print µs per step."""
     with tempfile.TemporaryDirectory() as directory, arm_file(JOINTS) as urdf:
         path = Path(directory, 'times.json')
         command = node_command(DYNAMICS, {
@@ -123,10 +123,10 @@ def _drive() -> None:
         rclpy.try_shutdown()
 
 
-# ---------------------------------------------------------------------------- the node's process
+# ----------------------------------------------------------------------- the process of the node
 
 def _measure_in(path: Path) -> None:
-    """Time the steps in this process, and write the medians when enough messages came."""
+    """Time the steps in this process; write the medians once enough messages have arrived."""
     from robot_dynamics.ros.message_loop import MessageLoop
 
     stopwatch = Stopwatch()
@@ -147,7 +147,7 @@ def _measure_in(path: Path) -> None:
 
 
 def _repeat(loop: Any, data: bytes) -> None:
-    """Give a state to the control path again and again, with the stamp of now."""
+    """Pass a state to the control path repeatedly, with the current time as its stamp."""
     state = bytearray(data)
     for _ in range(HOT_MESSAGES):
         state[4:12] = struct.pack('<iI', *divmod(time.time_ns(), 1_000_000_000))

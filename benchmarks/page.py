@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-docs/performance.md: what each benchmark printed, put between its marks.
+docs/performance.md: the output of each benchmark, inserted between its marks.
 
 A benchmark NAME has its place between `<!-- NAME -->` and `<!-- end -->`.
 """
@@ -35,7 +35,7 @@ def names() -> list[str]:
 
 
 def write(name: str, printed: str) -> None:
-    """Put what a benchmark printed in its place; raise ValueError where it has none."""
+    """Insert the output of a benchmark in its place; raise ValueError if it has no place."""
     text = PAGE.read_text(encoding='utf-8')
     mark = f'<!-- {name} -->\n'
     if mark not in text:
@@ -47,7 +47,7 @@ def write(name: str, printed: str) -> None:
 
 
 def machine() -> str:
-    """Return what it was measured on."""
+    """Return a description of the machine and of its software."""
     libraries = ', '.join(f'{name} {version(name)}' for name in ('numpy', 'pin'))
     return (f'{_processor()}, {os.cpu_count()} cores; CPython {platform.python_version()}, '
             f'{libraries}')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The library beside other engines, called from Python on the same arm and states."""
+"""The library compared with other engines, called from Python on the same arm and states."""
 
 from typing import Any
 
@@ -39,14 +39,14 @@ SAME = (OURS, 'Pinocchio')
 
 
 def library(links: list[ChainLink]) -> Calls:
-    """Return the library's answers for rigid bodies, which is what the peers are asked for."""
+    """Return the calls of the library for rigid bodies, the quantities of all other engines."""
     body = UncheckedRigidBody(load_arm(chain_urdf(links)))
     return Calls(
         OURS, body.inverse_dynamics, body.gravity, body.mass_matrix, body.forward_dynamics)
 
 
 def library_with_friction(links: list[ChainLink]) -> Calls:
-    """Return the library's answers with the friction of the arm, which is none here."""
+    """Return the calls of the library with its friction model; all coefficients are zero here."""
     dynamics = UncheckedArmDynamics(load_arm(chain_urdf(links)))
     body = dynamics.rigid_body
     return Calls(
@@ -55,7 +55,7 @@ def library_with_friction(links: list[ChainLink]) -> Calls:
 
 
 def installed(links: list[ChainLink]) -> tuple[list[Calls], list[str]]:
-    """Return the engines that are here, and a line for each that is not."""
+    """Return the calls of the installed engines, and a line for each engine not installed."""
     found, missing = [library(links), library_with_friction(links)], []
     for peer in PEERS:
         try:
@@ -66,7 +66,7 @@ def installed(links: list[ChainLink]) -> tuple[list[Calls], list[str]]:
 
 
 def largest_difference(engine: Calls, ours: Calls, states: FloatArray) -> float:
-    """Return how far an engine's answers are from ours, relative to their largest number."""
+    """Return the largest difference to the library, relative to the largest number of a result."""
     found = []
     for state in states:
         for quantity in QUANTITIES:
@@ -74,7 +74,7 @@ def largest_difference(engine: Calls, ours: Calls, states: FloatArray) -> float:
             expected = np.asarray(getattr(ours, quantity)(*arguments))
             difference = np.asarray(getattr(engine, quantity)(*arguments)) - expected
             found.append(np.abs(difference).max() / np.abs(expected).max())
-    return float(np.max(found))  # NaN where there is one
+    return float(np.max(found))  # NaN if any number is NaN
 
 
 def _arguments(quantity: str, state: FloatArray) -> tuple[Any, ...]:
@@ -82,7 +82,7 @@ def _arguments(quantity: str, state: FloatArray) -> tuple[Any, ...]:
 
 
 def main() -> None:
-    """Print the differences, and µs a call with the ratios to ours."""
+    """Print the differences, and µs per call with the ratios to the library."""
     links = spatial_chain(JOINTS)
     engines, missing = installed(links)
     states = np.random.default_rng(0).uniform(-1.0, 1.0, (STATES, 3, JOINTS))
@@ -115,7 +115,7 @@ def _print_times(engines: list[Calls], states: FloatArray) -> None:
 
 def _print_table(engines: list[Calls], times: dict[str, dict[str, float]]) -> None:
     heads = ''.join(f'{quantity.replace("_", " "):>21}' for quantity in QUANTITIES)
-    print(f'{"µs a call, and × ours":30}{heads}')
+    print(f'{"µs per call, and × ours":30}{heads}')
     for engine in engines:
         cells = [
             f'{1e6 * found[engine.engine]:11.2f} {found[engine.engine] / found[OURS]:7.2f} ×'

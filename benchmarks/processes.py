@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Nodes as processes of their own, for benchmarks that speak ROS."""
+"""Nodes in separate processes, for benchmarks that use ROS."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -28,12 +28,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from robot_dynamics.planar.urdf import planar_arm_urdf
 
-# Whatever else runs here must neither hear nor be heard.
+# Nodes on other machines must not exchange messages with the benchmarks.
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
 
 LONGEST_END = 10.0
-"""[s] that a process gets to end by itself."""
+"""[s] that a process has to end before it is killed."""
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 
@@ -57,7 +57,7 @@ def module(name: str, *arguments: str) -> list[str]:
 
 @contextmanager
 def arm_file(n: int) -> Iterator[str]:
-    """Give a URDF file of an arm of n joints."""
+    """Yield the path of a URDF file of an arm of n joints."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory, 'arm.urdf')
         path.write_text(chain_urdf(n), encoding='utf-8')
@@ -72,7 +72,7 @@ def node_command(node: str, parameters: Mapping[str, object]) -> list[str]:
 
 @contextmanager
 def running(commands: Mapping[str, Sequence[str]]) -> Iterator[dict[str, int]]:
-    """Run processes; give their ids by name, and end them all."""
+    """Run processes; yield their ids by name, and end them all."""
     processes = {name: subprocess.Popen(command) for name, command in commands.items()}
     try:
         yield {name: process.pid for name, process in processes.items()}
@@ -82,7 +82,7 @@ def running(commands: Mapping[str, Sequence[str]]) -> Iterator[dict[str, int]]:
 
 
 def _end(process: 'subprocess.Popen[bytes]') -> None:
-    """End a process, by force where it takes too long: Fast DDS may hang when others end too."""
+    """End a process; kill it after LONGEST_END: Fast DDS may hang if other processes end too."""
     process.terminate()
     try:
         process.wait(LONGEST_END)
@@ -93,7 +93,7 @@ def _end(process: 'subprocess.Popen[bytes]') -> None:
 
 @contextmanager
 def on_two_cores() -> Iterator[None]:
-    """Keep this process and those that it starts on two cores, where there are more."""
+    """Bind this process and its child processes to two cores, if there are more."""
     cores = os.sched_getaffinity(0)
     os.sched_setaffinity(0, sorted(cores)[:2])
     try:
@@ -104,7 +104,7 @@ def on_two_cores() -> Iterator[None]:
 
 @contextmanager
 def bench_node(name: str = 'bench') -> Iterator[Node]:
-    """Give a node of this process, which spins in a thread."""
+    """Yield a node of this process, which spins in a thread."""
     rclpy.init()
     node = rclpy.create_node(name)
     executor = SingleThreadedExecutor()

@@ -15,10 +15,10 @@
 """
 The closed loop of `simulated_arm` and `dynamics` in wall time: missed cycles, jitter, latency.
 
-Both are processes of their own, and with this one, which listens (`loop_listener`), have two cores
-together. A cycle counts as missed where no state was published in it, or where its state had no
-effort before the next state; what the listener missed counts as missed by the loop. The arm is
-given time to catch up what it lags behind after the start, before cycles count.
+Both nodes are separate processes. They share two cores with this process, which records their
+messages (`loop_listener`). A cycle counts as missed if no state was published in it, or if its
+state had no effort before the next state; messages that the listener missed count as missed by the
+loop. Cycles count only once the arm has caught up with its lag after the start.
 """
 
 from collections.abc import Iterator
@@ -63,7 +63,7 @@ TIMEOUT = 30.0
 
 
 def main() -> None:
-    """Print what became of the cycles at RATE, and the highest rate that holds."""
+    """Print the outcomes of the cycles at RATE, and the highest rate that the loop sustains."""
     with on_two_cores(), arm_file(JOINTS) as urdf:
         gaps = watch(WATCHED)
         print(f'The machine itself, two cores for {WATCHED:g} s: processes that only read the '
@@ -84,7 +84,7 @@ def _measure(node: Node, urdf: str) -> None:
 @contextmanager
 def closed_loop(node: Node, urdf: str, rate: float, seconds: float) -> Iterator[
         tuple[LoopListener, dict[str, int]]]:
-    """Give a listener to the running loop, which follows a motion, and the process ids."""
+    """Yield a listener to the running loop, which follows a motion, and the process ids."""
     with running({
             'dynamics': node_command(DYNAMICS, {'robot_description_file': urdf}),
             'simulated_arm': node_command(SIMULATED_ARM, {
@@ -100,7 +100,7 @@ def closed_loop(node: Node, urdf: str, rate: float, seconds: float) -> Iterator[
 
 
 class Run(NamedTuple):
-    """What a run showed: its cycles, cores that each process used, and naps a period late."""
+    """Result of a run: its cycles, the cores used per process, and naps a period or more late."""
 
     cycles: Cycles
     cores: dict[str, float]
@@ -108,7 +108,7 @@ class Run(NamedTuple):
 
 
 def measure(node: Node, urdf: str, rate: float, seconds: float) -> Run:
-    """Return what a run of the loop shows."""
+    """Return the result of a run of the loop."""
     with closed_loop(node, urdf, rate, seconds + 20.0) as (listener, pids):
         processes = {**pids, 'listener': os.getpid()}
         begin = time.monotonic()
@@ -150,7 +150,7 @@ def _report(node: Node, urdf: str) -> None:
 
 
 def highest_rate(node: Node, urdf: str) -> float:
-    """Return the highest rate [Hz] that holds, by doubling and bisection; 0 for none."""
+    """Return the highest sustained rate [Hz], by doubling and bisection; 0 without one."""
     low, high = 0.0, RATE
     while _holds(node, urdf, high):
         low, high = high, min(2.0 * high, HIGHEST_RATE)

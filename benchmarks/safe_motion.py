@@ -57,7 +57,7 @@ from robot_dynamics.reporting.figures import (
 )
 
 QUICK = 20
-"""`--quick` takes every so many-th case."""
+"""`--quick` without a number runs one case of this many."""
 SHOWN = 10
 """Bad runs that are listed."""
 STYLES = dict(zip(ARMS, (
@@ -115,7 +115,7 @@ def _installed(names: Sequence[str]) -> list[str]:
 
 
 def run_all(cases: Sequence[Case], jobs: int) -> list[Run]:
-    """Return the outcomes of all cases, in their order; progress goes to stderr."""
+    """Return the outcomes of all cases, in their order; report the progress on stderr."""
     if jobs == 1:
         return list(_with_progress(map(run, cases), len(cases)))
     with multiprocessing.Pool(jobs) as pool:
@@ -180,7 +180,7 @@ def _row(name: str, outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _print_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table as aligned text that is Markdown, too."""
+    """Print a table as aligned text that is also valid Markdown."""
     widths = [max(map(len, column)) for column in zip(heads, *rows)]
     rule = [f'{"-" * (width - 1)}{":" if i else "-"}' for i, width in enumerate(widths)]
     print()
@@ -191,7 +191,7 @@ def _print_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def write_csv(runs: Sequence[Run], path: Path) -> None:
-    """Write a row per run: the case, the verdicts and the numbers behind them."""
+    """Write one row per run: the case, the verdicts and the numbers that they depend on."""
     with path.open('w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file)
         writer.writerow((*Case._fields, *Outcome._fields))

@@ -119,7 +119,7 @@ class Case(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A trajectory, and when it is sent [s]."""
+    """A trajectory, and the time [s] at which it is sent."""
 
     time: float
     trajectory: JointTrajectory
@@ -135,10 +135,10 @@ class Push(NamedTuple):
 
 class Motion(NamedTuple):
     """
-    What an arm is asked for in a case.
+    The requested motion of an arm in a case.
 
-    `start` and `goal` (n,) [rad]; `end` [s] is when the last message takes its last effect, or
-    when the push ends.
+    `start` and `goal` (n,) [rad]; `end` [s] is the time at which the motion by the last message
+    ends, or the push ends.
     """
 
     start: FloatArray
@@ -149,7 +149,7 @@ class Motion(NamedTuple):
 
 
 def all_cases(arms: Sequence[str] = ARMS) -> list[Case]:
-    """Return all combinations for these arms, in an order that is random and always the same."""
+    """Return all combinations for these arms, in a random order that is always the same."""
     cases = [Case(*values) for values in itertools.product(
         arms, MOTIONS, SIZES, PERIODS, DELAYS, (False, True))]
     order = np.random.default_rng(0).permutation(len(cases))
@@ -173,7 +173,7 @@ def _description(name: str) -> Path:
 
 
 def _prefixes() -> Iterator[Path]:
-    """Yield where the package may be: its wheel, ROS installations."""
+    """Yield the directories that may contain the package: its wheel, ROS installations."""
     with suppress(metadata.PackageNotFoundError):
         yield Path(str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
     yield from (Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p)
@@ -214,7 +214,7 @@ def _set_point(arm: ArmModel, q: FloatArray) -> JointTrajectory:
 def _duration(
     arm: ArmModel, start: FloatArray, goal: FloatArray, peak: float, least: float,
 ) -> float:
-    """Return how long [s] the way takes within SPEED; `peak` is the largest by the mean speed."""
+    """Return the duration [s] of a path within SPEED; `peak` is largest divided by mean speed."""
     body, friction = ArmDynamics(arm).rigid_body, arm.friction
     gravity = np.max([
         np.abs(body.gravity(start + s * (goal - start))) for s in np.linspace(0.0, 1.0)], axis=0)

@@ -15,8 +15,8 @@
 """
 One run of `safe_motion`: the control loop of `dynamics` without ROS, the plant, the verdicts.
 
-Bounds with velocity noise are wider by what the noise alone does to an ideal loop: a double
-integrator with the default gains. The true state of the plant is judged, not the measured one.
+Bounds with velocity noise are wider by the effect of the noise on an ideal loop: a double
+integrator with the default gains. Verdicts use the true state of the plant, not the measured one.
 """
 
 from collections import deque
@@ -99,7 +99,7 @@ NOISE_MARGINS = {
 
 
 class ControlLoop:
-    """The control path of `dynamics` at its default parameters; the only user of its objects."""
+    """The control path of `dynamics` with its default parameters, without ROS."""
 
     def __init__(self, arm: ArmModel) -> None:
         limits, effort = arm.limits, arm.limits.effort
@@ -119,12 +119,12 @@ class ControlLoop:
         """Names of the faults so far."""
 
     def send(self, trajectory: JointTrajectory, stamp_ns: int = 0) -> None:
-        """Follow a trajectory from `stamp_ns`, 0 for now; nothing is followed in a fault."""
+        """Follow a trajectory from `stamp_ns` on, 0 for now; in a fault, ignore the trajectory."""
         if self._supervisor.mode is Mode.RUNNING:
             self._controller.follow(trajectory, stamp_ns)
 
     def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> FloatArray | None:
-        """Return the effort (n,) that answers a measured state, None if none is published."""
+        """Return the effort (n,) for a measured state, or None if the loop publishes none."""
         controller, supervisor = self._controller, self._supervisor
         output = controller.answer(stamp_ns, q, v)
         dt = None if self._last_stamp is None else 1e-9 * (stamp_ns - self._last_stamp)
@@ -153,7 +153,7 @@ class ControlLoop:
 
     @property
     def reference(self) -> Reference | None:
-        """The reference at the last state, None if nothing is followed."""
+        """The reference at the last state, or None if no trajectory is followed."""
         return None if self._sample is None else self._sample()
 
     def _look_for_faults(self) -> None:
@@ -208,7 +208,7 @@ class Plant:
 
 
 class Trace(NamedTuple):
-    """What a run showed: the true q and v, (m, n) each, one row per ms; how it ended."""
+    """Result of a run: the true q and v, (m, n) each, one row per ms; the end of the run."""
 
     q: FloatArray
     v: FloatArray
@@ -218,12 +218,12 @@ class Trace(NamedTuple):
 
 
 def simulate(case: Case) -> Trace:
-    """Return what the arm does in a case."""
+    """Simulate a case; return the motion of the arm."""
     arm, motion, period = arm_named(case.arm), motion_of(case), PERIODS[case.rate]
     rng, limit = np.random.default_rng(case.seed), arm.limits.effort
     loop, plant = ControlLoop(arm), Plant(arm, motion.start)
     messages, pending = deque(motion.messages), deque[tuple[int, FloatArray]]()
-    effort: FloatArray | None = None  # brakes hold the arm until the first one
+    effort: FloatArray | None = None  # brakes hold the arm until the first effort
     states, end, diverges = [(plant.q, plant.v)], LONGEST, False
     for k in range(round(LONGEST / STEP)):
         t, stamp = STEP * k, FIRST_STAMP + MS * k
@@ -254,7 +254,7 @@ def simulate(case: Case) -> Trace:
 def _measured(
     case: Case, plant: Plant, rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Return the measured position and velocity, (n,), as the case has them."""
+    """Return the measured position and velocity, (n,), with the noise of the case."""
     n = len(plant.q)
     if case.has_velocity:
         return plant.q, plant.v + (rng.normal(0.0, NOISE, n) if case.noisy else 0.0)
@@ -275,11 +275,12 @@ def _has_ended(reference: Reference | None, motion: Motion) -> bool:
 
 class Outcome(NamedTuple):
     """
-    The verdicts on a run, the numbers behind them, and its cost.
+    The verdicts on a run, the numbers that they depend on, and its cost.
 
     `amplitude`, `overshoot` and `distance` [rad]; `velocity_ratio` is the largest |v|/v_max;
     `simulated` and `seconds` [s] of simulated and of wall time. `misses` means that the arm did
-    not arrive, or follows nothing any more; pushes are not judged for it, nor for overshoot.
+    not arrive, or no longer follows the motion. Runs with pushes have no verdict on `misses` and
+    on overshoot.
     """
 
     oscillates: bool
@@ -297,7 +298,7 @@ class Outcome(NamedTuple):
 
     @property
     def verdicts(self) -> tuple[bool, ...]:
-        """Whether the run is bad, by each of `VERDICTS`."""
+        """Whether the run is bad, for each of `VERDICTS`."""
         return (self.oscillates, self.overshoots, self.too_fast, self.past_limit, self.misses)
 
     @property
@@ -310,7 +311,7 @@ Run = tuple[Case, Outcome]
 
 
 def run(case: Case) -> Run:
-    """Simulate and judge a case; an error of the library names the case."""
+    """Simulate and judge a case; add the case to the message of an error of the library."""
     start = time.perf_counter()
     try:
         trace = simulate(case)
@@ -320,7 +321,7 @@ def run(case: Case) -> Run:
 
 
 def judge(case: Case, trace: Trace, seconds: float) -> Outcome:
-    """Return the verdicts on what a run showed."""
+    """Return the verdicts on the trace of a run."""
     limits, motion = arm_named(case.arm).limits, motion_of(case)
     margin = NOISE_MARGINS[case.rate] if case.noisy else NO_MARGIN
     q, v, last = trace.q, trace.v, trace.q[-JUDGED:]

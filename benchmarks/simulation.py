@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How fast an arm is simulated: without ROS, beside other engines, and in lock-step."""
+"""Speed of the simulation: without ROS, compared with other engines, and in lock-step."""
 
 from collections.abc import Callable, Mapping
 import importlib
@@ -70,17 +70,17 @@ class State(NamedTuple):
 
 
 class Stepper(Protocol):
-    """A simulated arm that takes one step a period."""
+    """A simulated arm that takes one step per period."""
 
     def state(self) -> State:
-        """Return what a controller sees."""
+        """Return the state that a controller receives."""
 
     def step(self, tau: FloatArray) -> object:
-        """Go on by PERIOD under the effort tau."""
+        """Simulate one PERIOD under the effort tau (n,)."""
 
 
 class Library:
-    """The library: Runge–Kutta of order 5, and events where there is friction or backlash."""
+    """The library: Runge–Kutta of order 5, with events if there is friction or backlash."""
 
     def __init__(self, arm: ArmModel) -> None:
         self._simulation = ArmSimulation(arm, max_step=PERIOD)
@@ -94,7 +94,7 @@ class Library:
 
 
 class BareEngine:
-    """One aba of Pinocchio a period, and a step of the semi-implicit Euler method in numpy."""
+    """One aba of Pinocchio per period, and one step of the semi-implicit Euler method in numpy."""
 
     def __init__(self, arm: ArmModel) -> None:
         self._model = arm.pinocchio_model
@@ -112,10 +112,10 @@ class BareEngine:
 
 class Mujoco:
     """
-    MuJoCo's mj_step, contacts and limits off, by its Euler method or that of Runge and Kutta.
+    MuJoCo's mj_step without contacts and limits, with its Euler or Runge–Kutta integrator.
 
-    Of friction and motors it gets what it has: damping, dry friction without Stribeck's, rotors'
-    inertia. Raises ImportError without MuJoCo.
+    The model has the friction and motor terms that MuJoCo offers: damping, dry friction without
+    the Stribeck effect, rotor inertia. Raises ImportError without MuJoCo.
     """
 
     def __init__(self, arm: ArmModel, method: str = 'EULER') -> None:
@@ -141,7 +141,7 @@ class Mujoco:
 
 
 def arms() -> dict[str, ArmModel]:
-    """Return the same arm with more and more of what real joints have."""
+    """Return the same arm with an increasing number of effects of real joints."""
     rigid = load_arm(URDF)
     names = rigid.joint_names
     rough = rigid.with_friction(make_friction(names, **_arrays(FRICTION)))
@@ -158,7 +158,7 @@ def _arrays(values: Mapping[str, list[float]]) -> dict[str, Any]:
 
 
 def steps_per_second(arm: ArmModel, stepper: Stepper) -> float:
-    """Return the steps that a second of computing gives, efforts not counted."""
+    """Return the steps per second of computing, without the time for computing efforts."""
     dynamics = ArmDynamics(arm)
     frequency = np.asarray(2.0 * np.pi * (0.5 + 0.05 * np.arange(JOINTS)), dtype=np.float64)
     spent, steps = 0.0, round(SECONDS / PERIOD)
@@ -190,7 +190,7 @@ def _effort(
 
 
 def main() -> None:
-    """Print steps a second, each the median of rounds in turn, and the closed loop's speed."""
+    """Print steps per second, medians of interleaved rounds, and the speed of the closed loop."""
     known = arms()
     rows: dict[str, tuple[ArmModel, Callable[[ArmModel], Stepper]]] = {
         name: (arm, Library) for name, arm in known.items()}
@@ -208,7 +208,7 @@ def main() -> None:
             speeds[name].append(steps_per_second(arm, make(arm)))
     print(f'{JOINTS} joints, steps of {1e3 * PERIOD:g} ms; the library takes its own by '
           'Runge–Kutta of order 5, with six accelerations each:')
-    print(f'{"":28}{"steps a second":>16}{"× real time":>14}{"× rigid bodies":>16}')
+    print(f'{"":28}{"steps per second":>16}{"× real time":>14}{"× rigid bodies":>16}')
     medians = {name: float(np.median(values)) for name, values in speeds.items()}
     for name, speed in medians.items():
         print(f'{name:28}{speed:16.0f}{PERIOD * speed:14.1f}{speed / medians[RIGID]:16.2f}')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A slow motion for `dynamics` to follow, so that every effort differs from the one before."""
+"""A slow motion for `dynamics` to follow, so that every effort differs from the previous one."""
 
 import math
 import threading
@@ -40,7 +40,7 @@ def hanging(joints: int) -> list[float]:
 
 
 def slow_motion(joints: int, seconds: float) -> JointTrajectory:
-    """Return a sine of at least so many seconds that begins and ends at rest, hanging."""
+    """Return a sine of at least `seconds` that begins and ends at rest, hanging straight down."""
     step = max(SHORTEST_STEP, seconds / MOST_POINTS)
     rate = 2.0 * math.pi / (POINTS_A_TURN * step)
     trajectory = JointTrajectory(joint_names=[f'joint{i + 1}' for i in range(joints)])
@@ -58,9 +58,9 @@ def slow_motion(joints: int, seconds: float) -> JointTrajectory:
 
 def follow_slow_motion(node: Node, joints: int, seconds: float) -> None:
     """
-    Let `dynamics` follow a slow motion of so many seconds; return once it does.
+    Make `dynamics` follow a slow motion of `seconds`; return once `dynamics` follows it.
 
-    `node` has to spin. Raises TimeoutError where nothing is followed.
+    `node` has to spin. Raises TimeoutError if `dynamics` follows no motion.
     """
     follows = threading.Event()
     publisher = node.create_publisher(JointTrajectory, 'dynamics/joint_trajectory', 1)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From the start of the process `dynamics_node` to its first effort, and where the time goes."""
+"""Time from the start of the process `dynamics_node` to its first effort, and its shares."""
 
 import statistics
 import subprocess
@@ -31,7 +31,7 @@ IMPORTS = ('numpy', 'pinocchio', 'rclpy', DYNAMICS)
 
 
 class Driver:
-    """Streams joint states at 500 Hz and hears of the first effort."""
+    """Publishes joint states at 500 Hz and waits for the first effort."""
 
     def __init__(self, node: Node) -> None:
         names = [f'joint{i + 1}' for i in range(JOINTS)]
@@ -51,7 +51,7 @@ class Driver:
 
 
 def main() -> None:
-    """Print the median, and that of the imports alone."""
+    """Print the median time, and the median time of the imports only."""
     with arm_file(JOINTS) as urdf, bench_node() as node:
         driver = Driver(node)
         command = node_command(DYNAMICS, {'robot_description_file': urdf})

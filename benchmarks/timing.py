@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Times of short calls, taken in rounds in turn, so that a slow moment hits all that compare."""
+"""Times of short calls, measured in interleaved rounds, so that a slow moment affects all."""
 
 from collections.abc import Callable, Mapping, Sequence
 import statistics
@@ -27,7 +27,7 @@ ROUND = 4e-3
 def seconds_per_call(
     call: Callable[..., object], states: Sequence[tuple[Any, ...]], passes: int,
 ) -> float:
-    """Return the mean time [s] of a call over all states, so many times."""
+    """Return the mean time [s] of a call over all states and repetitions."""
     start = time.perf_counter()
     for _ in range(passes):
         for state in states:
@@ -38,7 +38,7 @@ def seconds_per_call(
 def medians(
     calls: Mapping[str, tuple[Callable[..., object], Sequence[tuple[Any, ...]]]], rounds: int,
 ) -> dict[str, float]:
-    """Return the median time [s] of each call on its states, all in each round."""
+    """Return the median time [s] of each call on its states; each round makes all calls."""
     passes = {}
     for name, (call, states) in calls.items():
         seconds_per_call(call, states, 1)  # warms up

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the computer takes away from a process that never waits: gaps in which it does not run.
+Gaps in which the computer does not run a process that never waits.
 
-On a shared machine another may have the core for milliseconds. No program misses fewer cycles than
-this one, which does nothing but read the clock, on each core at the same time.
+On a shared machine another process may occupy the core for milliseconds. This program only reads
+the clock, on each core at the same time. Therefore no program misses fewer cycles.
 """
 
 import json
@@ -33,13 +33,13 @@ SHORTEST = 2e-4
 
 
 class Gaps(NamedTuple):
-    """Gaps [s] of all the cores, and the time [s] that these watched together."""
+    """Gaps [s] of all cores, and the observed time [s], summed over the cores."""
 
     gaps: list[float]
     watched: float
 
     def missed(self, period: float) -> float:
-        """Return the share of periods [s] that lay in gaps."""
+        """Return the fraction of periods [s] that were in gaps."""
         return sum(gap // period for gap in self.gaps) / (self.watched / period)
 
     @property
@@ -49,7 +49,7 @@ class Gaps(NamedTuple):
 
 
 def watch(seconds: float) -> Gaps:
-    """Keep all the cores of this process busy for so long, and return their gaps."""
+    """Keep all cores of this process busy for `seconds`, and return their gaps."""
     cores = sorted(os.sched_getaffinity(0))
     witnesses = [
         subprocess.Popen(module('benchmarks.witness', str(core), str(seconds)),
@@ -59,7 +59,7 @@ def watch(seconds: float) -> Gaps:
 
 
 def main(core: int, seconds: float) -> None:
-    """Read the clock on one core for so long; print the gaps."""
+    """Read the clock on one core for `seconds`; print the gaps."""
     os.sched_setaffinity(0, {core})
     gaps = []
     before = time.perf_counter()

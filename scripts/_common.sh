@@ -1,4 +1,4 @@
-# Shared by the scripts beside it; not a command.
+# Shared by the scripts of this directory; not a command.
 # shellcheck shell=bash
 
 root=${root:?}

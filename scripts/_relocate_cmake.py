@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Point the CMake files of the ROS wheels in a virtual environment to this machine's headers.
+Make the CMake files of the ROS wheels in a virtual environment refer to this machine's headers.
 
-The wheels were built elsewhere, and their exports name that machine's include directories of
-Python and numpy. Each file that changes is written anew: uv may have linked it to its cache, which
-other virtual environments share. Usage: _relocate_cmake.py VIRTUAL_ENVIRONMENT
+The wheels were built on another machine, and their exports name the include directories of Python
+and numpy of that machine. Each file that changes is replaced by a new file: uv may have linked the
+file to its cache, which other virtual environments share.
+Usage: _relocate_cmake.py VIRTUAL_ENVIRONMENT
 """
 
 import os

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-What all tests share: a domain of their own for everything that speaks ROS, and fixtures for it.
+Shared by all tests: a separate ROS domain, and fixtures for ROS.
 
-Modules that import anything of ROS are skipped, with the reason in words, where there is none.
+Without ROS, modules that import a ROS package are skipped; the reason is reported.
 """
 
 from collections.abc import Generator, Iterator
@@ -36,10 +36,10 @@ from suite_header import SuiteHeader, Tool
 if TYPE_CHECKING:
     from ros_harness import RosClient
 
-# Test runs that go on at the same time, and whatever else runs here, must not hear each other.
-# LOCALHOST takes shared memory and UDP in any case; with another range UDP will do.
+# Concurrent test runs and other nodes of this machine must not exchange messages.
+# LOCALHOST uses shared memory and UDP in any case; with other ranges UDP suffices.
 os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
-if 'PYTEST_XDIST_WORKER' in os.environ:  # which got that of the process that started it
+if 'PYTEST_XDIST_WORKER' in os.environ:  # a worker inherits the domain of its parent process
     os.environ['ROS_DOMAIN_ID'] = str(os.getpid() % 100 + 1)
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
@@ -63,13 +63,13 @@ IMPORTS_ROS = re.compile(
 
 
 def absent_for_ros() -> list[str]:
-    """Return what cannot be imported; a directory of that name alone is no package."""
+    """Return the modules that cannot be imported; a directory of that name is not a package."""
     specs = {name: find_spec(name) for name in NEEDED_FOR_ROS}
     return [name for name, spec in specs.items() if spec is None or spec.origin is None]
 
 
 class ModuleWithoutRos(pytest.Module):
-    """Stands for a test module that cannot even be imported here."""
+    """Replaces a test module that cannot be imported here."""
 
     def collect(self) -> Iterator[pytest.Item]:
         reason = f'{self.path.name} needs ROS, and {absent_for_ros()} cannot be imported'
@@ -136,7 +136,7 @@ def pytest_runtest_makereport(
 
 
 def say_once(item: pytest.Item, error: BaseException, report: pytest.TestReport) -> None:
-    """Leave the log of a shared fixture that failed to the first test that needed it."""
+    """Keep the log of a failed shared fixture only in the report of the first test."""
     _, first = item.config.stash[BROKEN].setdefault(id(error), (error, item.nodeid))
     if first != item.nodeid:
         report.longrepr = f'A fixture failed, as the report of {first} shows.'
@@ -154,13 +154,13 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def seen(record_property: Any) -> Any:
-    """Return a function that adds words to what the table of faults says was seen."""
+    """Return a function that adds text to the observation in the table of faults."""
     return lambda words: record_property('seen', words)
 
 
 @pytest.fixture(scope='module')
 def client() -> Iterator['RosClient']:
-    """Return a ROS node of the tests, which spins in a thread of its own."""
+    """Return a ROS node of the tests, which spins in a separate thread."""
     from ros_harness import RosClient
     with RosClient() as ros_client:
         yield ros_client

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `import robot_dynamics` offers, and what it loads."""
+"""The names that `import robot_dynamics` provides, and the modules that it loads."""
 
 import ast
 from configparser import ConfigParser

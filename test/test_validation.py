@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the checks of input accept, and what they say when they refuse."""
+"""Checks of input: accepted values, and the messages of rejections."""
 
 import array
 
@@ -39,7 +39,7 @@ reals = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def refusal(check, *arguments, **more):
-    """Return what a check says when it refuses; it has to refuse."""
+    """Return the message of a check that rejects; fail if it accepts."""
     with pytest.raises(InvalidInputError) as caught:
         check(*arguments, **more)
     assert isinstance(caught.value, ValueError)

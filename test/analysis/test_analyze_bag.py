@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tool `analyze_bag`: what it prints, what it writes, how it ends."""
+"""The tool `analyze_bag`: its output, its files, its exit status."""
 
 import csv
 from html.parser import HTMLParser
@@ -38,7 +38,7 @@ JOINTS = ('joint1', 'joint2')
 
 @pytest.fixture(scope='module')
 def directory(tmp_path_factory):
-    """Return a folder: a URDF, a whole recording, a cut one, an empty one, and a lone file."""
+    """Return a folder: a URDF, a complete, a truncated and an empty recording, and a text file."""
     path = tmp_path_factory.mktemp('analyze')
     (path / 'arm.urdf').write_text(default_arm_urdf())
     write_recording(path / 'bags' / 'whole', MOTION.messages())
@@ -60,7 +60,7 @@ def written(directory):
 
 
 def run(directory, capsys, *arguments):
-    """Return the exit status, and what was printed and complained of."""
+    """Return the exit status, the output and the error output."""
     status = main([*map(str, arguments), '--urdf', str(directory / 'arm.urdf')])
     return status, *capsys.readouterr()
 
@@ -68,7 +68,7 @@ def run(directory, capsys, *arguments):
 def test_the_console(directory, capsys):
     status, out, err = run(directory, capsys, directory / 'bags' / 'whole')
     assert status == 0
-    assert err == ''  # nothing moves where there is no terminal
+    assert err == ''  # no progress display without a terminal
     lines = out.splitlines()
     head = next(i for i, line in enumerate(lines) if line.startswith('joint '))
     for line, name, rms in zip(lines[head + 1:], JOINTS, np.sqrt(np.mean(MOTION.tau**2, axis=0))):
@@ -82,7 +82,7 @@ def test_the_console(directory, capsys):
     assert 'Lost:' not in out
 
 
-def test_what_is_lost_is_printed(directory, capsys):
+def test_losses_are_printed(directory, capsys):
     status, out, _ = run(directory, capsys, directory / 'bags' / 'cut', '--cutoff', '5')
     assert status == 0
     assert 'Lost:\n  cut.db3: cut off' in out
@@ -91,7 +91,7 @@ def test_what_is_lost_is_printed(directory, capsys):
 
 
 class Page(HTMLParser):
-    """Collects what a page refers to, and its cells."""
+    """Collects the references of a page and its cells."""
 
     def __init__(self, text):
         super().__init__()
@@ -165,7 +165,7 @@ def test_the_terms_are_a_recording_on_the_original_stamps(written):
         residual.effort[inside], (MOTION.tau - terms['effort'])[inside], atol=0.1)
 
 
-def test_the_same_again_is_taken_from_before(directory, written, capsys):
+def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys):
     status, out, _ = run(
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
     assert status == 0
@@ -180,7 +180,7 @@ def test_the_same_again_is_taken_from_before(directory, written, capsys):
 def test_a_folder_of_recordings(directory, capsys, tmp_path):
     arguments = (directory / 'bags', '--output', tmp_path / 'out', '--no-report', '--jobs', 2)
     status, out, err = run(directory, capsys, *arguments)
-    assert status == 1  # one is empty
+    assert status == 1  # one recording is empty
     assert [line.split()[0] for line in out.splitlines()[1:4]] == ['cut', 'lone.mcap', 'whole']
     assert 'Together: 3 recordings of planar_arm' in out
     assert 'analyze_bag: 1 could not be analysed:\n  empty: ' in err
@@ -230,7 +230,7 @@ def test_mistakes_get_one_clear_message(directory, capsys, arguments, words):
 
 
 def test_the_executable(directory):
-    """As a user starts it, with ROS out of reach: reading needs none of it."""
+    """As a user starts it, with ROS out of reach: reading recordings does not need ROS."""
     program = (
         'import sys\n'
         'for name in ("rclpy", "sensor_msgs", "rosidl_runtime_py"): sys.modules[name] = None\n'

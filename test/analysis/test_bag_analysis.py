@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording beside the model: known motions, and the real one of a UR10."""
+"""A recording compared with the model: known motions, and the real one of a UR10."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ from robot_dynamics.recordings.message_encoding import joint_state_messages  # n
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
 from robots import robot_urdf  # noqa: E402
 
-# A warning of numpy is a number that nobody checked.
+# A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
@@ -88,7 +88,7 @@ def test_use_of_limits(known):
         use.position, np.where(np.isfinite(expected), expected, np.nan), atol=0.01)
 
 
-def test_missing_velocity_is_differentiated_and_said(tmp_path):
+def test_missing_velocity_is_differentiated_and_reported(tmp_path):
     bag = recorded(tmp_path, MOTION.messages(velocity=False))
     analysis = analyze_recording(bag, SETTINGS)
     assert any('no velocity was recorded' in remark for remark in analysis.recording.remarks)
@@ -97,7 +97,7 @@ def test_missing_velocity_is_differentiated_and_said(tmp_path):
     np.testing.assert_allclose(analysis.motion.velocity[counts], MOTION.v[counts], atol=0.01)
 
 
-def test_missing_effort_is_said_and_the_model_is_computed(tmp_path):
+def test_missing_effort_is_reported_and_the_model_is_computed(tmp_path):
     bag = recorded(tmp_path, MOTION.messages(effort=False))
     analysis = analyze_recording(bag, SETTINGS)
     assert any('no effort was recorded' in remark for remark in analysis.recording.remarks)
@@ -119,7 +119,7 @@ def test_a_map_that_fits_no_joint_is_refused(known):
         analyze_recording(known, AnalysisSettings(URDF, joint_map=(('x', 'joint1'),)))
 
 
-def test_joints_that_were_not_recorded_are_locked_and_said(tmp_path):
+def test_joints_that_were_not_recorded_are_locked_and_reported(tmp_path):
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
         MOTION.stamps_ns, ('joint1', 'gripper'), MOTION.q, MOTION.v, MOTION.tau)))
     analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
@@ -155,7 +155,7 @@ def test_the_description_in_the_recording_is_used(tmp_path, known):
 
 
 @pytest.mark.parametrize('braked', [slice(0, 100), slice(500, 600), slice(-100, None)])
-def test_brakes_are_left_out_and_said(tmp_path, braked):
+def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
     tau = MOTION.tau.copy()
     tau[braked] = 0.0
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
@@ -167,7 +167,7 @@ def test_brakes_are_left_out_and_said(tmp_path, braked):
     assert (analysis.statistics.relative < 2e-3).all()
 
 
-def test_noise_of_a_damaged_file_is_left_out_and_said(tmp_path):
+def test_noise_of_a_damaged_file_is_excluded_and_reported(tmp_path):
     v = MOTION.v.copy()
     v[400, 1] = 1e6
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
@@ -177,7 +177,7 @@ def test_noise_of_a_damaged_file_is_left_out_and_said(tmp_path):
     assert (analysis.statistics.relative < 2e-3).all()
 
 
-# --- what the effort is --------------------------------------------------------------------------
+# --- the meaning of the effort -------------------------------------------------------------------
 
 def test_motor_currents_are_converted_by_the_parameters(tmp_path):
     motors = make_actuators(MOTION.names, [0.1, 0.2], [50.0, 100.0], rotor_inertia=[1e-4, 2e-4])

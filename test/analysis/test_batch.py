@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Many recordings: processes, kept results, failures, and a Dask cluster."""
+"""Many recordings: processes, cached results, failures, and a Dask cluster."""
 
 from pathlib import Path
 import subprocess
@@ -29,7 +29,7 @@ import tasks
 
 @pytest.fixture
 def bags(tmp_path):
-    """Return a function that writes files of these texts, and a configuration to log calls."""
+    """Return a function that writes files with these texts, and a configuration for the log."""
     def write(*texts):
         paths = [tmp_path / f'b{i}.db3' for i in range(len(texts))]
         for path, text in zip(paths, texts):
@@ -61,7 +61,7 @@ def test_results_come_in_order_and_failures_are_listed(bags, configuration):
     assert reported == outcomes
 
 
-def test_processes_share_the_work_and_one_that_dies_harms_only_its_own(bags, configuration):
+def test_a_process_that_dies_loses_only_its_own_task(bags, configuration):
     outcomes = run_tasks(
         tasks.measure, bags('one', 'die', 'three', 'refuse'), configuration, workers=2)
     assert [bool(outcome.error) for outcome in outcomes] == [False, True, False, True]
@@ -73,7 +73,7 @@ def test_processes_share_the_work_and_one_that_dies_harms_only_its_own(bags, con
         np.testing.assert_array_equal(outcome.result['factor'], [0.0, 2.0, 4.0])
 
 
-def test_what_is_kept_is_not_done_again_unless_it_changed(bags, configuration, tmp_path):
+def test_a_cached_result_is_used_unless_an_input_changed(bags, configuration, tmp_path):
     paths, cache = bags('one', 'two', 'refuse'), tmp_path / 'kept'
 
     def run(**changes):
@@ -84,7 +84,7 @@ def test_what_is_kept_is_not_done_again_unless_it_changed(bags, configuration, t
     assert run()[0] == [False, False, False]
     assert calls(configuration) == ['b0.db3', 'b1.db3', 'b2.db3']
     resumed, outcomes = run()
-    assert resumed == [True, True, False]  # a failure is tried again
+    assert resumed == [True, True, False]  # a failure is repeated
     np.testing.assert_array_equal(outcomes[0].result['factor'], [0.0, 2.0, 4.0])
     assert outcomes[0].result['size'] == 3
     paths[1].write_text('too')
@@ -120,8 +120,8 @@ def test_a_kept_result_that_does_not_hold_is_done_again(bags, configuration, tmp
         assert [outcome.resumed for outcome in outcomes] == expected
 
 
-def test_a_run_that_was_killed_goes_on_where_it_was(bags, configuration, tmp_path):
-    """Two are done, the third is under way when the run gets SIGKILL, workers and all."""
+def test_a_killed_run_is_resumed(bags, configuration, tmp_path):
+    """Two are complete, the third is running when the run and its workers get SIGKILL."""
     bags('one', 'two', 'three', 'four')
     program = f"""
 import sys
@@ -175,7 +175,7 @@ def test_the_key_depends_on_all_that_counts(tmp_path):
     assert not is_new(task_key(tasks.measure, bag, {'a': 1}))
 
 
-def test_only_whole_results_are_given_out(tmp_path):
+def test_only_complete_results_are_returned(tmp_path):
     result = {'words': ['a', 'b'], 'nothing': None, 'array': np.eye(2), 'number': np.inf}
     save_result(tmp_path, 'key', result)
     loaded = load_result(tmp_path, 'key')
@@ -209,7 +209,7 @@ def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):
     assert [outcome.resumed for outcome in again] == [True, False, True]
 
 
-def test_no_scheduler_and_no_library_are_said(bags, configuration):
+def test_a_missing_scheduler_and_a_missing_library_are_reported(bags, configuration):
     pytest.importorskip('distributed')
     with pytest.raises(RobotDynamicsError, match='no-such-scheme'):
         run_tasks(tasks.measure, bags('one'), configuration, dask='no-such-scheme://here')

@@ -71,7 +71,7 @@ def test_the_filter_has_no_phase_and_halves_at_its_cutoff():
 
 
 def test_the_equation_of_motion_is_kept():
-    # A linear law between the signals is the same law between the filtered ones.
+    # A linear relation between the signals is the same relation between the filtered signals.
     times = np.arange(0.0, 20.0, 0.01)
     q, v, a = motion(times)
     found = filter_motion(series(times, q, v, 3.0 * a + 0.5 * v), cutoff_hz=4.0)

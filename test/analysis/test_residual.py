@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The model's effort at a motion, by term, and the statistics of what it leaves."""
+"""The effort of the model at a motion, by term, and the statistics of the residual."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -26,7 +26,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.term_series import model_terms
 from robots import robot_urdf
 
-# A warning of numpy is a number that nobody checked.
+# A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 FIELDS = ('rms_measured', 'mean_measured', 'rms', 'mean', 'largest', 'relative', 'r_squared')
@@ -34,7 +34,7 @@ FIELDS = ('rms_measured', 'mean_measured', 'rms', 'mean', 'largest', 'relative',
 
 @pytest.mark.parametrize('robot', ['panda', 'ur10', 'kinova', 'tiago_no_hand'])
 def test_terms_of_many_states_are_those_of_each(robot):
-    """Mimic, continuous and prismatic joints among them; one state at a time is another path."""
+    """Includes mimic, continuous and prismatic joints; single states use another code path."""
     arm = load_arm(robot_urdf(robot))
     n = arm.joint_count
     dynamics = ArmDynamics(arm)
@@ -96,7 +96,7 @@ def test_parts_merge_to_the_whole(sizes, seed):
                 getattr(merged, field), getattr(whole, field), rtol=1e-9, atol=1e-9)
 
 
-def test_what_does_not_fit_is_refused():
+def test_mismatched_inputs_are_rejected():
     values = np.zeros((3, 2))
     with pytest.raises(InvalidInputError, match=r'\(3, 2\) and \(2, 2\)'):
         residual_statistics(values, values[:2], ('a', 'b'))

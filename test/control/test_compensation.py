@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction that the controller knows of: how much better it tracks, without chatter."""
+"""Friction compensation with known parameters: improvement of the tracking, no chatter."""
 
 from typing import NamedTuple
 
@@ -42,7 +42,7 @@ def with_friction(fraction: float) -> ArmModel:
 
 
 class Run(NamedTuple):
-    """Error, command, what was added for friction, measured and true velocity, (samples, 2)."""
+    """Error, command, friction compensation, measured and true velocity, (samples, 2) each."""
 
     error: np.ndarray
     command: np.ndarray
@@ -55,12 +55,12 @@ def run(
     known_fraction: float, seconds: float = 6.0, still: float = 0.0, velocity_noise: float = 0.0,
     position_noise: float = 0.0, mode: str = 'reference',
 ) -> Run:
-    """Run the default arm with friction in closed loop: a motion, then the reference rests."""
+    """Run the default arm with friction in closed loop: a motion, then a reference at rest."""
     model = with_friction(known_fraction)
     motion = make_reference_motion(ARM, seconds).trajectory
     controller = Controller(model, ControllerOptions(
         make_gains(ARM.joint_names), friction_compensation=mode))
-    controller.update(1, motion.points[0].position, np.zeros(2))  # nothing is followed before
+    controller.update(1, motion.points[0].position, np.zeros(2))  # required before a trajectory
     controller.follow(motion, 1)
     simulation = ArmSimulation(with_friction(1.0), motion.points[0].position)
     simulation.release()
@@ -108,7 +108,7 @@ NOISE = {'position_noise': 1e-5, 'velocity_noise': 2e-3}
 
 
 def sign_changes(friction: np.ndarray) -> list[int]:
-    """Return how often the sign of each column changes; zeros are passed over."""
+    """Return the number of sign changes per column; zeros are ignored."""
     signs = [np.sign(column[column != 0.0]) for column in friction.T]
     return [int((np.diff(sign) != 0.0).sum()) for sign in signs]
 
@@ -124,18 +124,18 @@ def test_compensation_at_rest_does_not_add_to_the_noise_of_the_command() -> None
 
 
 def test_compensation_at_rest_does_not_chatter() -> None:
-    """Under noise of both sensors it changes its sign 0 times in 900 samples; sgn(v) 400 times."""
+    """Under noise of both sensors the sign changes 0 times in 900 samples; sgn(v) 400 times."""
     noisy = run(1.0, seconds=3.0, still=2.0, **NOISE)
     naive = with_friction(1.0).friction.effort(noisy.measured_velocity[REST])
     print(f'sign changes of the compensation {sign_changes(noisy.friction[REST])}, '
           f'of the naive one on the same data {sign_changes(naive)}')
     assert sign_changes(noisy.friction[REST]) == [0, 0]
     assert min(sign_changes(naive)) > 400
-    assert not noisy.velocity[REST].any()  # it stays at rest
+    assert not noisy.velocity[REST].any()  # the arm stays at rest
 
 
 def test_compensation_of_the_measured_velocity_shakes_the_arm() -> None:
-    """What the naive sign does in the loop: it changes as often, and sets the joints in motion."""
+    """Effect of sgn(v) in the loop: the sign changes as often, and the joints start to move."""
     naive = run(1.0, seconds=3.0, still=2.0, mode='measured', **NOISE)
     moving = (naive.velocity[REST] != 0.0).sum(axis=0)
     print(f'sign changes {sign_changes(naive.friction[REST])}, samples in motion {moving}')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The control law: gains, the error that it feeds back, and the error dynamics that it makes."""
+"""The control law: gains, the error for feedback, and the resulting error dynamics."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -59,7 +59,7 @@ def test_default_gains_are_critically_damped() -> None:
     assert (gains.kp > 0.0).all()
 
 
-def test_kp_and_kd_take_precedence_each_by_itself() -> None:
+def test_kp_and_kd_take_precedence_separately() -> None:
     gains = make_gains(NAMES, [10.0], [0.5], kp=[1.0, 2.0, 3.0])
     assert gains.kp.tolist() == [1.0, 2.0, 3.0]
     assert gains.kd.tolist() == [10.0] * 3
@@ -122,13 +122,13 @@ def test_half_a_turn_is_positive() -> None:
     assert wrap_to_pi(np.array([np.pi, -np.pi])).tolist() == [np.pi, np.pi]
 
 
-def test_only_continuous_joints_take_the_short_way_round() -> None:
+def test_only_continuous_joints_take_the_shortest_angular_distance() -> None:
     feedback = ErrorFeedback(
         make_gains(NAMES), ('continuous', 'revolute', 'prismatic'))
     reference, q = np.array([3.0, 3.0, 30.0]), np.array([-3.0, -3.0, -30.0])
     error = feedback.position_error(reference, q)
     assert error == pytest.approx([6.0 - 2.0 * np.pi, 6.0, 60.0])
-    assert reference.tolist() == [3.0, 3.0, 30.0]  # as it was
+    assert reference.tolist() == [3.0, 3.0, 30.0]  # unchanged
     assert q.tolist() == [-3.0, -3.0, -30.0]
 
 
@@ -161,7 +161,7 @@ def error_solution(
 
 
 class Loop:
-    """A reference that swings, an arm that starts beside it, and the control law between."""
+    """A sinusoidal reference, an arm with an initial error, and the control law."""
 
     def __init__(self, arm: ArmModel, zeta: float) -> None:
         n = arm.joint_count
@@ -198,7 +198,7 @@ def arm_by_name(name: str) -> ArmModel:
 
 
 def test_the_closed_form_is_a_solution() -> None:
-    """The yardstick of the tests below, against its own differential equation."""
+    """Check the expected values of the tests below against their differential equation."""
     e0, de0, h = np.array([0.4]), np.array([-1.3]), 1e-4
     for zeta in (0.3, 1.0, 2.5):
         before, e, after = (
@@ -228,7 +228,7 @@ def test_error_obeys_its_differential_equation(name: str, zeta: float) -> None:
 
 
 def sampled_deviation(loop: Loop, dt: float) -> float:
-    """Return the largest deviation from the closed form where each effort is held for dt [s]."""
+    """Return the largest deviation from the closed form if each effort is held for dt [s]."""
     simulation = ArmSimulation(loop.arm, loop.q0, loop.v0)
     simulation.release()
     worst = 0.0
@@ -246,7 +246,7 @@ def test_sampling_costs_an_error_of_first_order(name: str) -> None:
     """
     At 1 kHz the sampled loop stays within 1 mrad of the continuous one; at 2 kHz, half of that.
 
-    An effort held for dt acts dt / 2 late on average.
+    An effort that is held for dt acts with a mean delay of dt / 2.
     """
     loop = Loop(arm_by_name(name), 1.0)
     at_1_kHz, at_2_kHz = sampled_deviation(loop, 1e-3), sampled_deviation(loop, 5e-4)

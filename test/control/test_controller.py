@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From a measured state to efforts, without ROS: modes, limits, references, loads."""
+"""From a measured state to efforts, without ROS: modes, limits, references, payloads."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ def command(output: ControlOutput) -> np.ndarray:
     return output.command
 
 
-# --- what is commanded ---------------------------------------------------------------------------
+# --- the mode of the command ---------------------------------------------------------------------
 
 def test_without_a_reference_the_command_is_gravity_compensation() -> None:
     controller = make_controller()
@@ -87,7 +87,7 @@ def test_with_a_reference_the_command_is_computed_torque() -> None:
     assert command(output) == pytest.approx(np.clip(expected, [-150, -60], [150, 60]))
 
 
-def test_the_anchor_of_the_planar_arm() -> None:
+def test_the_reference_values_of_the_planar_arm() -> None:
     """Without an error the computed torque is inverse dynamics of the reference."""
     controller = make_controller()
     q = np.array([np.pi / 4, np.pi / 6])
@@ -142,7 +142,7 @@ def test_without_a_velocity_there_is_gravity_compensation_alone() -> None:
     output = controller.update(NOW, Q, None)
     assert output.computed_torque is None
     assert command(output).tolist() == output.gravity_compensation.tolist()
-    assert controller.update(NOW, Q, V).computed_torque is None  # nothing is resumed
+    assert controller.update(NOW, Q, V).computed_torque is None  # the reference is not resumed
 
 
 def test_a_trajectory_before_a_state_with_a_velocity_is_rejected() -> None:
@@ -184,8 +184,8 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
     output = controller.update(NOW, Q, ZERO)
     assert output.clamped.tolist() == [True, True]
     assert output.computed_torque is not None
-    assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # as computed, for who asks
-    limit = scale * np.array([150.0, 60.0])  # extended to the holding effort
+    assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # reported without clamping
+    limit = scale * np.array([150.0, 60.0])  # extended to the gravity torque
     low, high = np.minimum(-limit, output.hold), np.maximum(limit, output.hold)
     assert command(output).tolist() == np.clip(output.computed_torque, low, high).tolist()
     assert output.hold.tolist() == output.gravity_compensation.tolist()
@@ -219,7 +219,7 @@ def test_a_trajectory_starts_at_its_stamp() -> None:
         assert reference.position == pytest.approx(expected)
 
 
-def test_a_trajectory_that_is_over_is_refused_and_the_one_in_force_goes_on() -> None:
+def test_an_ended_trajectory_is_rejected_and_the_active_one_continues() -> None:
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([1.0, 0.2]), 0)
@@ -231,7 +231,7 @@ def test_a_trajectory_that_is_over_is_refused_and_the_one_in_force_goes_on() -> 
     assert reference.position.tolist() == [1.0, 0.2]
 
 
-def test_a_replacement_goes_on_from_the_reference_in_force() -> None:
+def test_a_replacement_continues_from_the_active_reference() -> None:
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
@@ -257,7 +257,7 @@ def test_stamps_that_go_backwards_hold_the_start() -> None:
     assert reference.position == pytest.approx(Q)
 
 
-def test_a_continuous_joint_takes_the_short_way() -> None:
+def test_a_continuous_joint_takes_the_shortest_angular_distance() -> None:
     controller = make_controller()
     q = np.array([3.1, 0.0])
     controller.update(NOW, q, ZERO)
@@ -322,7 +322,7 @@ def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
     assert done == [(LOAD,)]
 
 
-def test_a_transition_that_is_replaced_goes_on_from_where_it_was() -> None:
+def test_a_replaced_transition_continues_from_its_present_payload() -> None:
     controller = make_controller()
     done: list[tuple[Payload, ...]] = []
     controller.set_payloads([LOAD], 2.0, done.append)
@@ -334,7 +334,7 @@ def test_a_transition_that_is_replaced_goes_on_from_where_it_was() -> None:
         0.5 * (midway + gravity_with([])), abs=1e-9)
     assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
         gravity_with([]).tolist())
-    assert done == [()]  # the first load was never wholly active
+    assert done == [()]  # the first load was never completely active
 
 
 def test_a_load_at_once_ends_a_transition() -> None:
@@ -355,7 +355,7 @@ def test_a_load_on_no_link_changes_nothing() -> None:
 # --- threads -------------------------------------------------------------------------------------
 
 def test_changes_from_another_thread_never_mix() -> None:
-    """While one thread swaps loads and modes, each effort belongs to one of the two loads."""
+    """While one thread replaces loads and modes, each effort is that of one of the two loads."""
     controller = make_controller()
     allowed = [gravity_with([]), gravity_with([LOAD])]
     stop = threading.Event()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What holds the arm, references that are forgotten, and efforts that are no numbers."""
+"""The gravity torque as hold, discarded references, and non-finite efforts."""
 
 from typing import Any
 
@@ -54,11 +54,11 @@ def set_point(q: np.ndarray) -> JointTrajectory:
     return make_trajectory(NAMES, [0.0], [q.tolist()], (), (), NAMES)
 
 
-# --- what holds the arm --------------------------------------------------------------------------
+# --- the hold ------------------------------------------------------------------------------------
 
 @laws
 @given(angles, speeds, angles)
-def test_what_holds_is_gravity_whatever_is_followed(
+def test_the_hold_is_the_gravity_torque_for_any_reference(
     q: np.ndarray, v: np.ndarray, goal: np.ndarray,
 ) -> None:
     one, gravity = controller(), ArmDynamics(ARM).rigid_body.gravity(q)
@@ -72,7 +72,7 @@ def test_what_holds_is_gravity_whatever_is_followed(
 @laws
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
-def test_without_a_reference_the_command_is_what_holds(
+def test_without_a_reference_the_command_is_the_hold(
     q: np.ndarray, scale: float, mode: str, semantics: EffortConvention,
 ) -> None:
     one = controller(command=mode, effort_scale=scale, semantics=semantics)
@@ -113,9 +113,9 @@ def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alon
     assert one.update(NOW, Q, ZERO).hold == pytest.approx(weight)
 
 
-# --- a reference that is forgotten ---------------------------------------------------------------
+# --- a discarded reference -----------------------------------------------------------------------
 
-def test_a_reference_that_is_forgotten_is_followed_no_more() -> None:
+def test_a_discarded_reference_is_no_longer_followed() -> None:
     one = controller()
     one.update(NOW, Q, ZERO)
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
@@ -140,10 +140,10 @@ def test_the_next_one_begins_where_the_arm_is() -> None:
     assert reference.position == pytest.approx(away)
 
 
-# --- numbers that are none -----------------------------------------------------------------------
+# --- non-finite numbers --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('size', [1e155, 1e200, 1e300])
-def test_an_effort_that_is_not_finite_is_refused_and_nothing_is_left_of_it(size: float) -> None:
+def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> None:
     one = controller()
     before = one.update(NOW, Q, ZERO)
     one.follow(set_point(Q), 0)

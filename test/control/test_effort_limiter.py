@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What an effort may be before it goes out: laws of the limits and of the rate of change."""
+"""Checks of an effort before it is published: properties of the limits and of the rate limit."""
 
 from typing import NamedTuple
 
@@ -42,7 +42,7 @@ def vectors(size: float) -> st.SearchStrategy[np.ndarray]:
 
 
 class Step(NamedTuple):
-    """A call of the guard."""
+    """The arguments of a call of the guard."""
 
     effort: np.ndarray
     hold: np.ndarray
@@ -57,7 +57,7 @@ STEPS = st.builds(
 
 
 def span(dt: float) -> float:
-    """Return what an effort may change by at the rate limit, with room for rounding."""
+    """Return the largest change of an effort at the rate limit, with a margin for rounding."""
     return RATE * min(max(dt, 0.0), LONGEST_STEP) + 1e-12
 
 
@@ -66,7 +66,7 @@ def span(dt: float) -> float:
 @laws
 @given(st.lists(STEPS | st.none(), min_size=2, max_size=20))
 def test_efforts_in_a_row_keep_to_the_rate_limit(steps: list[Step | None]) -> None:
-    """Whatever is asked for, and however long ago the last one was; None is a new start."""
+    """For any requested efforts, and any time since the last one; None is a restart."""
     one = guard()
     last: np.ndarray | None = None
     for step in steps:
@@ -105,7 +105,7 @@ def test_within_the_rate_an_effort_is_unchanged_and_otherwise_part_of_the_way(
 # --- the limits ----------------------------------------------------------------------------------
 
 def forbidden(step: Step) -> np.ndarray:
-    """Return the sign of the push that each joint must not get; 0 for none, 2 for both."""
+    """Return the sign of the forbidden push on each joint; 0 for none, 2 for both signs."""
     signs = np.zeros(N)
     for j in range(N):
         up = step.q[j] > UPPER - MARGIN
@@ -119,7 +119,7 @@ def forbidden(step: Step) -> np.ndarray:
 @laws
 @given(st.lists(STEPS, min_size=1, max_size=10))
 def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
-    """It goes at the rate limit, and is none that began past the limit."""
+    """The push decreases at the rate limit, and stays zero if it would begin past the limit."""
     one = guard()
     for step in steps:
         last = step.hold if one.last is None else one.last
@@ -133,8 +133,8 @@ def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
 
 @laws
 @given(STEPS)
-def test_only_what_pushes_on_is_held_back(step: Step) -> None:
-    """With a rate that allows any step: to exactly what holds, and everything else as it is."""
+def test_only_a_push_past_the_limit_is_reduced(step: Step) -> None:
+    """With a rate that allows any step: exactly to the gravity torque; other efforts unchanged."""
     one = guard(rate=1e9)
     one.last = np.zeros(N)
     effort, by_position, by_velocity, by_rate = one.apply(*step._replace(dt=LONGEST_STEP))
@@ -146,8 +146,8 @@ def test_only_what_pushes_on_is_held_back(step: Step) -> None:
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_push_that_stands_at_the_margin_is_gone_after_push_over_rate(sign: float) -> None:
-    """100 N·m beyond what holds: 0.1 s at 1000 N·m/s, and what holds from then on."""
+def test_a_constant_push_at_the_margin_ends_after_push_over_rate(sign: float) -> None:
+    """100 N·m more than the gravity torque: 0.1 s at 1000 N·m/s, then the gravity torque."""
     one, hold = guard(), np.array([30.0, -20.0])
     one.last = hold + sign * 100.0
     wanted, q = hold + sign * 100.0, np.full(N, UPPER if sign > 0 else LOWER)

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Gains are softer for large errors, so that a limited rate of effort lets no arm diverge."""
+"""Gains are scaled down for large errors, so that no arm diverges under the rate limit."""
 
 import math
 
@@ -39,7 +39,7 @@ EFFORTS = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3)
 
 @settings(deadline=None, derandomize=True)
 @given(proportional=EFFORTS, damping=EFFORTS, rate=st.floats(1e-3, 1e5))
-def test_it_is_the_largest_scale_that_the_rate_lets_through(
+def test_the_scale_is_the_largest_within_the_rate_limit(
     proportional: list[float], damping: list[float], rate: float,
 ) -> None:
     P, D = np.array(proportional), np.array(damping)
@@ -64,7 +64,7 @@ def final_error(
     goal: list[float], duration: float, rate: float = RATE, gains_know_of_it: bool = True,
     frequency: float = 20.0, seconds: float = 4.0,
 ) -> float:
-    """Return how far the arm is from its goal in the end, [rad]; infinite where it flew off."""
+    """Return the final distance [rad] of the arm from its goal; infinite if the arm diverged."""
     plant = ArmDynamics(ARM)
     controller = Controller(ARM, ControllerOptions(
         make_gains(NAMES, [frequency]), effort_rate=rate, softens_gains=gains_know_of_it))
@@ -79,7 +79,7 @@ def final_error(
         output = controller.update(now, q, v)
         assert output.command is not None
         effort = guard.apply(output.command, output.hold, q, v, PERIOD).effort
-        for _ in range(2):  # what acts is the effort of the state before
+        for _ in range(2):  # the effort for the previous state acts
             v = v + 0.5 * PERIOD * plant.forward_dynamics(q, v, acts)
             q = q + 0.5 * PERIOD * v
         acts = effort
@@ -95,10 +95,10 @@ def final_error(
     ([1.0, 0.5], 2.0, {'rate': 300.0}),
     ([2.0, 1.0], 0.5, {'frequency': 60.0}),
 ])
-def test_an_arm_arrives_whatever_its_set_point(
+def test_an_arm_arrives_at_any_set_point(
     goal: list[float], duration: float, options: dict[str, float],
 ) -> None:
-    """One point without velocities: the reference is a line, and its velocity a step."""
+    """One point without velocities: the reference is a line, and its velocity has a step."""
     assert final_error(goal, duration, **options) < 1e-3  # type: ignore[arg-type]
 
 
@@ -114,7 +114,7 @@ def test_small_errors_are_fed_back_in_full_and_computed_torque_is_always_the_for
         outputs = []
         for one in (limited, free):
             one.forget_reference()
-            for k in range(20):  # the rate of the states is known then
+            for k in range(20):  # then the rate of the states is known
                 one.update(SECOND + 2_000_000 * k, np.zeros(2), np.zeros(2))
             one.follow(make_trajectory(
                 NAMES, (0.001,), [[error, error]], [[0.0, 0.0]], [[0.0, 0.0]], NAMES), 0)

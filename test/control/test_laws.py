@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""For each control law the terms sum to the effort; the law of docs/control_laws.md is one."""
+"""The terms of each control law sum to the effort, including the law of docs/control_laws.md."""
 
 from pathlib import Path
 import re
@@ -40,7 +40,7 @@ STATES = 40
 
 
 def page_law() -> type[ControlLaw]:
-    """Return the law that the page shows."""
+    """Return the control law of the page."""
     text, = re.findall(r'```python\n(# impedance.py\n.*?)```', PAGE.read_text(), re.DOTALL)
     scope: dict[str, type[ControlLaw]] = {}
     exec(compile(text, 'impedance.py', 'exec'), scope)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A load that takes the place of another one: laws of the way in between."""
+"""A payload that replaces another one: properties of the transition."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -65,7 +65,7 @@ def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
     for load in loads:
         whole = OLD if load.link == OLD.link else NEW
         assert load.com.tolist() == whole.com.tolist()
-        # the same body, thinner: it has a density that exists
+        # the same shape with less density, which is physically possible
         assert load.inertia == pytest.approx(whole.inertia * (load.mass / whole.mass))
 
 
@@ -125,7 +125,7 @@ def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:
         way = transition(loads, [(OLD, NEW)[i % 2]])
         way.payloads(0)
         loads = way.payloads(SECOND // 10)
-    # one on each of the two links, from all that came before, and the newest target
+    # one per link for the earlier payloads, and the newest target
     assert len(loads) == 3
     assert all(load.mass > 0.0 for load in loads)
 

@@ -16,8 +16,8 @@
 Real nodes at default parameters: set-points of any size are reached within the limits.
 
 The loop runs in lock-step, so that the result does not depend on the machine. All parameters have
-their defaults, except that a slow machine is no fault. `scripts/bench safe_motion` runs thousands
-of cases without ROS.
+their defaults, except that the checks of timing are disabled for slow machines.
+`scripts/bench safe_motion` runs thousands of cases without ROS.
 """
 
 from collections.abc import Callable, Iterator
@@ -100,10 +100,10 @@ def wait_held(
     states: Collector, is_held: Callable[[np.ndarray], bool] = lambda _: True,
 ) -> tuple[JointState, JointState]:
     """
-    Return the first state at rest whose position fulfils this, and the one 2 s later.
+    Return the first state at rest whose position meets a condition, and the state 2 s later.
 
-    What the collector receives may be seconds of simulated time late, so that no state is found by
-    the time at which the test did something: clear the collector before that.
+    The collector may receive states seconds of simulated time late. Therefore the time of an
+    action of the test does not identify a state: clear the collector before the action.
     """
     held = states.wait_for(
         lambda m: np.abs(m.velocity).max() < 1e-4 and is_held(np.array(m.position)), LONG)
@@ -145,7 +145,7 @@ def test_stop_decelerates_and_holds(client: RosClient, moves: bool) -> None:
     namespace, names = f'/stopped_{moves}', ['joint1', 'joint2']
     with closed_loop(client, namespace, default_arm_urdf(), names, start, 250.0, 4.0) as states:
         states.wait_count(30, LONG)
-        if moves:  # in at least 10 s of wall time, so that the stop is in time
+        if moves:  # for at least 10 s of wall time, so that ~/stop arrives during the motion
             send(client, namespace, names, (40.0, goal))
             states.wait_for(lambda m: abs(m.position[0] - start[0]) > 0.05, LONG)
         states.clear()

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Tracking a segment joint by joint is what the feedback law makes of a sample of it."""
+"""Joint-by-joint tracking of a segment equals the feedback law applied to a sample of it."""
 
 import math
 
@@ -32,7 +32,7 @@ SECOND = 1_000_000_000
 def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     names = [f'joint{j}' for j in range(n)]
     p, v, a = rng.uniform(-3.0, 3.0, (3, 2, n))
-    v[-1] = 0.0  # where it holds
+    v[-1] = 0.0  # the end position is held
     p, v, a = p.tolist(), v.tolist(), a.tolist()
     trajectory = make_trajectory(
         names, (0.0, 2.0), p, v if kind != 'linear' else (), a if kind == 'quintic' else (), names)
@@ -44,7 +44,7 @@ def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     n=st.integers(1, FEW), kind=st.sampled_from(['linear', 'cubic', 'quintic']),
     joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),
     phase=st.floats(0.0, 0.999), has_damping=st.booleans())
-def test_it_asks_for_what_the_feedback_law_asks_for(
+def test_it_commands_the_acceleration_of_the_feedback_law(
     n: int, kind: str, joint: str, seed: int, phase: float, has_damping: bool,
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -64,7 +64,7 @@ def test_it_asks_for_what_the_feedback_law_asks_for(
         feedback.reference_velocity(reference, q), rel=1e-9, abs=1e-8)
 
 
-def test_a_segment_is_in_force_from_the_arrival_on_and_before_the_end() -> None:
+def test_a_segment_is_active_from_the_arrival_to_the_end() -> None:
     names = ['joint']
     trajectory = make_trajectory(names, (0.0, 1.0, 3.0), [[0.0], [1.0], [2.0]], (), (), names)
     late = ActiveTrajectory(trajectory, 0, SECOND // 2, Reference(*np.full((3, 1), 7.0)))
@@ -74,7 +74,7 @@ def test_a_segment_is_in_force_from_the_arrival_on_and_before_the_end() -> None:
     assert first is not None
     assert first is late.segment(SECOND - 1)
     assert late.sample(SECOND // 2).position.tolist() == [0.5]
-    assert late.segment(SECOND // 4) is None  # also when the clock goes back
+    assert late.segment(SECOND // 4) is None  # also if the clock jumps back
     second = late.segment(SECOND)
     assert second is not None
     assert second is not first
@@ -89,7 +89,7 @@ def test_one_angle_is_wrapped_as_many_are(size: float) -> None:
 
 
 @pytest.mark.parametrize('place', [math.inf, -math.inf, math.nan, 1e308])
-def test_what_is_beyond_all_numbers_is_not_finite_and_does_not_raise(place: float) -> None:
+def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) -> None:
     active = segment_of(2, 'quintic', np.random.default_rng(0))
     segment = active.segment(SECOND)
     assert segment is not None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When set-points are a stream, and when the stream is over."""
+"""Detection of a stream of set-points, and of its end."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,7 +27,7 @@ laws = settings(deadline=None, derandomize=True)
 
 
 def streaming(count: int, pause: float = 0.02) -> tuple[SetPointStream, float]:
-    """Return what heard so many set-points, and when the last of them came."""
+    """Return a stream after `count` set-points, and the arrival time [s] of the last one."""
     stream, t = SetPointStream(TIMEOUT), 0.0
     for k in range(count):
         t = 50.0 + k * pause
@@ -36,7 +36,7 @@ def streaming(count: int, pause: float = 0.02) -> tuple[SetPointStream, float]:
 
 
 @pytest.mark.parametrize('count', range(STREAM_LENGTH))
-def test_fewer_than_five_set_points_are_held_for_ever(count: int) -> None:
+def test_fewer_than_five_set_points_are_held_indefinitely(count: int) -> None:
     stream, t = streaming(count)
     assert not stream.is_over(t + LONG_AFTER)
 
@@ -59,7 +59,7 @@ def test_set_points_with_pauses_are_no_stream(pause: float) -> None:
     assert not stream.is_over(t + LONG_AFTER)
 
 
-def test_one_pause_begins_the_count_anew() -> None:
+def test_one_pause_restarts_the_count() -> None:
     stream, t = streaming(STREAM_LENGTH - 1)
     t += 2.0 * TIMEOUT
     for _ in range(STREAM_LENGTH - 1):
@@ -73,12 +73,12 @@ def test_a_trajectory_ends_a_stream() -> None:
     stream, t = streaming(10)
     stream.arrived(False, t + 0.02)
     assert not stream.is_over(t + LONG_AFTER)
-    for k in range(STREAM_LENGTH - 1):  # and the count begins with what comes after it
+    for k in range(STREAM_LENGTH - 1):  # and the count restarts with the next set-point
         stream.arrived(True, t + 0.03 + 0.01 * k)
     assert not stream.is_over(t + LONG_AFTER)
 
 
-def test_what_has_ended_is_forgotten() -> None:
+def test_an_ended_stream_is_reset() -> None:
     stream, t = streaming(10)
     stream.end()
     assert not stream.is_over(t + LONG_AFTER)
@@ -97,7 +97,7 @@ def test_the_timeout_may_change() -> None:
 @laws
 @given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.0, 0.5, 1.0, 1.5])), max_size=30))
 def test_only_the_set_points_at_the_end_count(events: list[tuple[bool, float]]) -> None:
-    """Over: the last five or more were set-points, none later than the timeout after another."""
+    """Timeout: the last five or more are set-points, each within the timeout of the previous."""
     stream, t = SetPointStream(TIMEOUT), 0.0
     in_a_row = 0
     for is_set_point, timeouts in events:

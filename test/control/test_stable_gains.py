@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Gains that rate and noise of the joint states allow, and warnings about those that do not."""
+"""Gains within the limits by rate and noise of the joint states; warnings about other gains."""
 
 import math
 
@@ -45,9 +45,9 @@ def observe(
     rate: float, noise: float = 0.0, resolution: float = 0.0, count: int = 400,
 ) -> tuple[StateQuality, float, float]:
     """
-    Return the quality of states of a smooth motion, the share of the gains, and an error.
+    Return the quality of states of a smooth motion, the gain scale, and an error.
 
-    The error is the standard deviation [rad/s] of the velocity that is used.
+    The error is the standard deviation [rad/s] of the velocity in use.
     """
     rng, quality = np.random.default_rng(1), StateQuality(ARM.joint_kinds)
     errors, scale, dt = [], 1.0, 1.0 / rate

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When efforts go out and how they end: the supervisor of the command, event by event."""
+"""Start and end of the effort commands: the supervisor of the command, event by event."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ from supervised import (
 
 # --- the first effort ----------------------------------------------------------------------------
 
-def test_nothing_goes_out_before_the_first_good_state() -> None:
+def test_no_effort_is_published_before_the_first_good_state() -> None:
     one = make()
     assert [answer(one, START), one.tick(START)] == SILENT
     one.activate()
@@ -46,10 +46,10 @@ def test_nothing_goes_out_before_the_first_good_state() -> None:
     assert not one.is_commanding
     assert [one.tick(START + after) for after in (0.0, 10.0, 1e6)] == [None] * 3
     assert one.repeat() is None
-    assert one.fault_count == 0  # nobody is late for what has not begun
+    assert one.fault_count == 0  # no timeout before the first effort
 
 
-def test_the_first_effort_is_what_holds_the_arm() -> None:
+def test_the_first_effort_is_the_gravity_torque() -> None:
     one = make()
     one.activate()
     assert answer(one, START, PUSH) == HOLD.tolist()
@@ -70,9 +70,9 @@ def test_a_state_that_comes_again_repeats_its_effort() -> None:
     assert one.repeat() is None
 
 
-# --- silence -------------------------------------------------------------------------------------
+# --- timeout of the states -----------------------------------------------------------------------
 
-def test_silence_is_a_fault_after_the_timeout_and_not_before() -> None:
+def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
     timeout = 0.0625  # exact in binary, as START is
     one = running(state_timeout=timeout)
     assert one.deadline == START + timeout
@@ -85,7 +85,7 @@ def test_silence_is_a_fault_after_the_timeout_and_not_before() -> None:
     assert '0.0625 s (state_timeout)' in one.fault.words
 
 
-def test_a_good_state_puts_the_timeout_off_and_one_that_comes_again_does_not() -> None:
+def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not() -> None:
     one = running()
     answer(one, START + 0.04)
     assert one.tick(START + 0.09) is None
@@ -94,7 +94,7 @@ def test_a_good_state_puts_the_timeout_off_and_one_that_comes_again_does_not() -
     assert one.mode is Mode.FAULT
 
 
-# --- what follows a fault ------------------------------------------------------------------------
+# --- the course of a fault -----------------------------------------------------------------------
 
 @pytest.mark.parametrize('recovery', [1, 5, 100])
 def test_a_fault_is_over_after_so_many_good_states(recovery: int) -> None:
@@ -108,8 +108,8 @@ def test_a_fault_is_over_after_so_many_good_states(recovery: int) -> None:
     assert one.fault_count == 1
 
 
-def test_publishers_that_contradict_each_other_for_ever_are_one_fault() -> None:
-    """A good state of one and a refused one of the other, in turn: the good ones do not add up."""
+def test_publishers_that_contradict_each_other_indefinitely_are_one_fault() -> None:
+    """Good states of one publisher alternate with rejected ones of another: no recovery."""
     one, fault = running(), Fault('several_publishers', 'words', recovery=100)
     for k in range(500):
         one.fail(START + k * PERIOD, fault)
@@ -118,7 +118,7 @@ def test_publishers_that_contradict_each_other_for_ever_are_one_fault() -> None:
     assert one.fault_count == 1
 
 
-def test_a_fault_in_force_gives_way_to_one_that_is_harder_to_leave() -> None:
+def test_a_fault_is_replaced_by_one_with_a_stricter_recovery() -> None:
     one = running()
     easy, hard = Fault('easy', 'words'), Fault('hard', 'words', recovery=5)
     for n, (fault, in_force) in enumerate([
@@ -126,14 +126,14 @@ def test_a_fault_in_force_gives_way_to_one_that_is_harder_to_leave() -> None:
         one.fail(START + 0.1 * n, fault)
         assert one.fault == in_force, n
     assert one.fault_count == 3
-    t, _ = course(one, START + 0.4)  # the action began with the first
+    t, _ = course(one, START + 0.4)  # the action began with the first fault
     assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME - 0.4, abs=1.5 * PERIOD)
 
 
 @pytest.mark.parametrize('moment', [0.02, 0.3, 1.2, 1.49])
 @pytest.mark.parametrize('dt', [None, 0.002, 30.0])
-def test_efforts_come_back_without_a_jump(moment: float, dt: float | None) -> None:
-    """Whatever the stamps say of the time since the last state: efforts went out since."""
+def test_efforts_resume_without_a_jump(moment: float, dt: float | None) -> None:
+    """For any time between stamps of states: efforts were published since the last state."""
     one = running(PUSH)
     one.fail(START, TROUBLE)
     last = PUSH
@@ -182,7 +182,7 @@ def test_a_latched_fault_outlives_deactivation(reset_while_inactive: bool) -> No
     assert answer(one, START + 2.2, PUSH) == HOLD.tolist()
 
 
-def test_after_a_reset_as_many_good_states_as_ever_are_wanted() -> None:
+def test_after_a_reset_the_usual_number_of_good_states_is_required() -> None:
     one = running()
     one.fail(START, Fault('broken', 'words', latched=True, recovery=3))
     for k in range(10):
@@ -201,7 +201,7 @@ def test_a_reset_without_a_fault_fails() -> None:
     assert one.reset() == (False, 'there is no fault')
     one.fail(START, TROUBLE)
     answer(one, START + 0.01)
-    assert one.reset() == (False, 'there is no fault')  # it has ended
+    assert one.reset() == (False, 'there is no fault')  # the fault has ended
 
 
 def test_a_reset_fails_while_the_cause_persists() -> None:
@@ -278,7 +278,7 @@ def test_a_fault_found_with_a_state_is_answered_by_the_hold() -> None:
 
 
 def test_a_stall_of_the_process_is_noticed_by_the_next_state() -> None:
-    """The watch thread may have been stalled, too."""
+    """The watchdog thread may have stalled, too."""
     one = running(PUSH)
     effort = answer(one, START + 2.0 * one.options.state_timeout, PUSH)
     assert one.fault is not None
@@ -288,13 +288,13 @@ def test_a_stall_of_the_process_is_noticed_by_the_next_state() -> None:
     assert effort is not None
 
 
-# --- the end -------------------------------------------------------------------------------------
+# --- deactivation --------------------------------------------------------------------------------
 
-def test_deactivation_ramps_to_zero_and_then_is_silent() -> None:
+def test_deactivation_ramps_to_zero_and_then_publishes_nothing() -> None:
     one = running()
-    one.deactivate(START + 0.04)  # time counts from here, not from the last effort
+    one.deactivate(START + 0.04)  # the ramp starts at this time, not at the last effort
     assert one.mode is Mode.STOPPING
-    one.deactivate(START + 0.2)  # asked twice, it does not begin again
+    one.deactivate(START + 0.2)  # a second request does not restart the ramp
     t, efforts = course(one, START + 0.04)
     assert efforts[:-1] == pytest.approx(np.outer(1.0 - t[:-1] / RAMP_TIME, HOLD))
     assert efforts[-1].tolist() == [0.0, 0.0]
@@ -303,7 +303,7 @@ def test_deactivation_ramps_to_zero_and_then_is_silent() -> None:
     assert [answer(one, START + 1.0, PUSH), one.tick(START + 1.1)] == SILENT
 
 
-def test_deactivation_does_not_heed_what_comes() -> None:
+def test_deactivation_ignores_further_events() -> None:
     one = running()
     one.deactivate(START)
     one.fail(START + 0.1, LATCHED)
@@ -323,7 +323,7 @@ def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: f
     one.deactivate(START)
     t, _ = course(one)
     assert t[-1] == pytest.approx(expected, abs=2 * PERIOD)
-    assert one.time_to_stop == ramp_time  # nothing is left to ramp
+    assert one.time_to_stop == ramp_time  # the effort is zero already
 
 
 def test_without_an_effort_deactivation_is_at_once() -> None:
@@ -380,7 +380,7 @@ def test_no_effort_begins_past_a_limit() -> None:
 
 # --- another model, other options ----------------------------------------------------------------
 
-def test_another_model_of_the_same_joints_goes_on_without_a_jump() -> None:
+def test_another_model_of_the_same_joints_continues_without_a_jump() -> None:
     one = running(PUSH)
     one.set_options(limits(), SafetyOptions())
     effort = answer(one, START + PERIOD, OTHER_HOLD, OTHER_HOLD, dt=PERIOD)

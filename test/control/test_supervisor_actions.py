@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The course of efforts that each fault action takes, from its first to its last."""
+"""The course of efforts during each fault action, from the first to the last effort."""
 
 import numpy as np
 import pytest
@@ -36,13 +36,13 @@ from supervised import (
 
 
 def toward(last: np.ndarray, goal: np.ndarray, dt: float) -> np.ndarray:
-    """Return the effort dt [s] after the last; all joints change in proportion."""
+    """Return the effort dt [s] after the last one; all joints change in proportion."""
     longest = np.abs(goal - last).max() / RATE
     return np.asarray(goal if longest <= dt else last + dt / longest * (goal - last))
 
 
 def test_hold_gravity_then_ramp() -> None:
-    """To what holds at the rate limit, that for the hold time, then to zero in a line."""
+    """To the gravity torque at the rate limit; this for the hold time; then linearly to zero."""
     one = running(PUSH)
     one.fail(START, TROUBLE)
     t, efforts = course(one)
@@ -55,10 +55,10 @@ def test_hold_gravity_then_ramp() -> None:
     assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME, abs=1.5 * PERIOD)
 
 
-def test_what_holds_is_that_of_the_newest_state() -> None:
+def test_the_hold_is_the_gravity_torque_of_the_newest_state() -> None:
     one = running()
     one.fail(START, LATCHED)
-    state = START + 0.1  # the last one
+    state = START + 0.1  # the last state
     assert answer(one, state, PUSH, OTHER_HOLD) == OTHER_HOLD.tolist()
     begin = state + one.options.state_timeout
     for moment in (state + 0.01, begin + 0.01, begin + 0.9 * HOLD_TIME):
@@ -70,7 +70,7 @@ def test_what_holds_is_that_of_the_newest_state() -> None:
 
 
 def test_ramp_to_zero() -> None:
-    """In a line from what holds; what is beyond that goes at the rate limit, and nothing grows."""
+    """The gravity torque decreases linearly, the rest at the rate limit; no effort grows."""
     command = HOLD * [1.0, 3.0]
     one = running(command, fault_action='ramp_to_zero')
     one.fail(START, TROUBLE)
@@ -88,14 +88,14 @@ def test_ramp_to_zero() -> None:
 
 
 def test_a_ramp_never_grows_an_effort() -> None:
-    """Not where more would hold the arm, nor where it pushed against what holds."""
+    """Not if a larger effort would hold the arm, nor if the effort opposed the gravity torque."""
     one = running(np.array([-5.0, -20.0]), fault_action='ramp_to_zero')
     one.fail(START, LATCHED)
     _, efforts = course(one)
     sizes = np.abs(efforts)
     assert (np.diff(sizes, axis=0) <= 0.0).all()
     assert sizes[-1].tolist() == [0.0, 0.0]
-    assert sizes[len(sizes) // 2][1] == 0.0  # it pushed against what holds
+    assert sizes[len(sizes) // 2][1] == 0.0  # the effort had the sign opposite to gravity's
 
 
 def test_stop_publishing() -> None:
@@ -106,7 +106,7 @@ def test_stop_publishing() -> None:
 
 
 @pytest.mark.parametrize('action', FAULT_ACTIONS)
-def test_when_it_is_over_the_next_effort_is_what_holds_the_arm(action: str) -> None:
+def test_after_the_action_the_next_effort_is_the_gravity_torque(action: str) -> None:
     one = running(PUSH, fault_action=action)
     one.fail(START, TROUBLE)
     course(one)
@@ -119,7 +119,7 @@ def test_when_it_is_over_the_next_effort_is_what_holds_the_arm(action: str) -> N
 @pytest.mark.parametrize('hold_time', [0.0, 0.3])
 @pytest.mark.parametrize('ramp_time', [0.0, 0.1, 1.0])
 @pytest.mark.parametrize('rate', [100.0, 1000.0])
-def test_whatever_the_times_it_keeps_to_the_rate_and_ends_in_zeros(
+def test_for_any_times_the_action_keeps_to_the_rate_and_ends_in_zeros(
     action: str, hold_time: float, ramp_time: float, rate: float,
 ) -> None:
     one = running(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Laws of the supervisor that hold whatever happens, in any order, at any time."""
+"""Invariants of the supervisor under any events, in any order, at any time."""
 
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -52,23 +52,23 @@ def limits(rate: float) -> EffortLimits:
 
 
 class Supervised(RuleBasedStateMachine):
-    """One supervisor, and beside it what an observer of its efforts may know and expect."""
+    """One supervisor, and a model of the knowledge and expectations of an observer."""
 
     @initialize(rate=rates, chosen=options)
     def begin(self, rate: float, chosen: SafetyOptions) -> None:
         self.one = CommandSupervisor(NAMES, limits(rate), chosen)
         self.rate = rate
         self.now = self.sent_at = 0.0
-        self.standing: np.ndarray | None = None  # the effort that the arm was told last
+        self.standing: np.ndarray | None = None  # the last published effort
         self.must_be_reset = False
 
-    # ------------------------------------------------------------------ what an observer checks
+    # ------------------------------------------------------------------ checks of the observer
 
     def receives(self, effort: np.ndarray | None, hold: np.ndarray | None = None) -> None:
-        """Take what a call gave; `hold` is given where it answered a state."""
+        """Check the result of a call; `hold` is given if the call answered a state."""
         if effort is not None:
             assert np.isfinite(effort).all()
-            assert (np.abs(effort) <= LARGEST).all()  # between what was asked for and what holds
+            assert (np.abs(effort) <= LARGEST).all()  # between the request and the gravity torque
             if self.standing is None:
                 assert hold is not None  # an effort begins with a state
                 assert effort.tolist() == hold.tolist()
@@ -82,7 +82,7 @@ class Supervised(RuleBasedStateMachine):
             assert stops or self.standing is None or not self.standing.any()
             self.standing = None
 
-    # ------------------------------------------------------------------ what happens
+    # ------------------------------------------------------------------ events
 
     @rule(pause=pauses, q=positions, v=velocities, command=efforts, hold=efforts,
           stamped=st.booleans())
@@ -150,7 +150,7 @@ class Supervised(RuleBasedStateMachine):
 
     @rule()
     def left_alone(self) -> None:
-        """Without states everything ends, and soon."""
+        """Without states every action ends, in bounded time."""
         due = self.one.options.state_timeout + self.one.options.hold_time + (
             self.one.options.ramp_time) + 4.0 * LARGEST / self.rate
         begin, step = self.now, max(due / 200.0, 0.002)
@@ -161,7 +161,7 @@ class Supervised(RuleBasedStateMachine):
             assert not self.one.is_commanding
             assert self.one.tick(self.now + 10.0) is None
 
-    # ------------------------------------------------------------------ what is true at all times
+    # ------------------------------------------------------------------ invariants
 
     @invariant()
     def a_latched_fault_lets_no_command_through(self) -> None:
@@ -169,7 +169,7 @@ class Supervised(RuleBasedStateMachine):
         assert not (self.must_be_reset and self.one.mode in (Mode.RUNNING, Mode.WAITING))
 
     @invariant()
-    def what_goes_out_is_known_to_the_observer(self) -> None:
+    def the_observer_knows_the_published_effort(self) -> None:
         assert self.one.is_commanding == (self.standing is not None)
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The layouts for PlotJuggler and Foxglove show what the running nodes publish."""
+"""The layouts for PlotJuggler and Foxglove show topics that the running nodes publish."""
 
 from collections.abc import Iterator
 import json
@@ -77,7 +77,7 @@ def is_number(text: str) -> bool:
 
 
 def series(topic: str, message: Any) -> set[str]:
-    """Return the names of the curves that PlotJuggler makes of a message."""
+    """Return the names of the curves that PlotJuggler makes from a message."""
     if isinstance(message, JointState):
         return {
             f'{topic}/{name}/{field}' for field in ('position', 'velocity', 'effort')
@@ -109,7 +109,7 @@ def test_every_curve_of_plotjuggler_is_published(messages: dict[str, Any]) -> No
 def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(
     messages: dict[str, Any],
 ) -> None:
-    """Of curves that are drawn, too: PlotJuggler waits for no others when it starts."""
+    """Also of plotted curves: PlotJuggler waits for no other curves when it starts."""
     drawn = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
     joints = messages['/dynamics/reference'].name
     assert set(SNIPPETS) == {f'tracking error/{joint}' for joint in joints}
@@ -135,7 +135,7 @@ def test_plotjuggler_subscribes_to_what_it_draws() -> None:
 
 
 def test_the_parts_of_plotjuggler_fit_together() -> None:
-    """A splitter that counts more parts than it has ends PlotJuggler."""
+    """A splitter with a wrong number of parts makes PlotJuggler exit."""
     splitters = list(PLOTJUGGLER.iter('DockSplitter'))
     assert len(splitters) >= 5
     for splitter in splitters:
@@ -155,7 +155,7 @@ PLOTS = {name: panel for name, panel in FOXGLOVE['configById'].items() if 'paths
 
 
 def found(path: str, messages: dict[str, Any]) -> Any:
-    """Return what a message path of Foxglove leads to."""
+    """Return the value to which a message path of Foxglove leads."""
     match = PATH.match(path)
     assert match is not None, path
     value = messages[match[1]]
@@ -183,7 +183,7 @@ def test_the_scene_of_foxglove_is_published(
     published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
         'dynamics', '/')}
     shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
-    assert shown - published == {'/robot_description'}  # of robot_state_publisher
+    assert shown - published == {'/robot_description'}  # from robot_state_publisher
     assert '/dynamics/markers' in shown
 
 

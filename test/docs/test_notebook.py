@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The notebook prints what is stored in it; each figure that is stored is drawn."""
+"""The notebook prints its stored output; each stored figure is drawn."""
 
 import json
 import os
@@ -28,7 +28,7 @@ import robots
 NOTEBOOK = Path(__file__).parents[2] / 'docs' / 'notebooks' / 'first_steps.ipynb'
 CELLS = json.loads(NOTEBOOK.read_text(encoding='utf-8'))['cells']
 
-# Executes the cells of the list on stdin in order; writes what each printed and drew as JSON.
+# Executes the cells of the list on stdin in order; writes the output and figures of each as JSON.
 RUNNER = """
 from contextlib import redirect_stdout
 import io
@@ -81,7 +81,7 @@ def test_links_lead_to_files() -> None:
 
 
 def stored_text(cell: dict[str, Any]) -> str:
-    """Return what the cell printed; it has no other output than prints and figures."""
+    """Return the text that the cell printed; its only outputs are prints and figures."""
     assert all(
         output['output_type'] == 'display_data' or output.get('name') == 'stdout'
         for output in cell['outputs']), cell['outputs']

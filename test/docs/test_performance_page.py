@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/performance.md has a place for each benchmark, with what that printed."""
+"""docs/performance.md has a place for each benchmark, with its output."""
 
 import importlib
 from pathlib import Path

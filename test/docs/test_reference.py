@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/reference is what scripts/reference writes, and has what the running nodes have."""
+"""docs/reference is the output of scripts/reference, and matches the running nodes."""
 
 from collections.abc import Iterator
 from html import unescape
@@ -143,7 +143,7 @@ def test_parameters(client: RosClient, node: str) -> None:
     for name, descriptor in client.describe_parameters(f'/{node}', list(rows)).items():
         kind, default, _, may_change, meaning = rows[name]
         value = client.get_parameter(f'/{node}', name)
-        if name == 'publish_clock':  # set by this test, to see /clock
+        if name == 'publish_clock':  # set by this test, so that /clock exists
             value = not value
         shown = str(value).lower() if isinstance(value, bool) else (
             repr(value if isinstance(value, (str, int, float)) else list(value)))

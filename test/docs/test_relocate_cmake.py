@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The set-up points the wheels' CMake files here, and leaves other environments alone."""
+"""The set-up adapts the CMake files of the wheels, and leaves other environments unchanged."""
 
 import os
 from pathlib import Path

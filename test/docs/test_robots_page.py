@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/robots.md and its parameter files: a node runs on each, with the messages of the driver."""
+"""docs/robots.md and its parameter files: a node runs with each, on messages of the driver."""
 
 from dataclasses import dataclass
 import math
@@ -39,7 +39,7 @@ NAN = math.nan
 
 @dataclass(frozen=True)
 class Driver:
-    """The joint states of a driver, and the robot that the test loads."""
+    """The joint states of a driver, and the robot of the test."""
 
     names: tuple[str, ...]
     """In the order of the message, a gripper included."""
@@ -62,7 +62,7 @@ class Driver:
 
 
 def numbered(prefix: str, count: int) -> tuple[str, ...]:
-    """Return so many names, which end with 1, 2 and so on."""
+    """Return `count` names, which end with 1, 2 and so on."""
     return tuple(f'{prefix}{j}' for j in range(1, count + 1))
 
 
@@ -168,7 +168,7 @@ def running(file: str) -> NodeProcess:
 def check_effort(
     client: RosClient, states: Any, message: JointState, gravity: JointState, node: NodeProcess,
 ) -> None:
-    """Publish the effort of an arm that holds itself until the effort check has a result."""
+    """Publish the effort of a self-compensating arm until the effort check has a result."""
     held = dict(zip(gravity.name, gravity.effort, strict=True))
     message.effort = [held.get(name, NAN) for name in message.name]
 
@@ -182,9 +182,9 @@ def check_effort(
 @pytest.mark.parametrize('file', DRIVERS)
 def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
     """
-    Every parameter is taken, g(q) comes for the joint states as the driver has them.
+    The node accepts every parameter, and publishes g(q) for joint states as the driver sends them.
 
-    The effort check has the result that the page names for an arm that holds itself.
+    The effort check has the result that the page names for an arm that compensates its gravity.
     """
     driver = DRIVERS[file]
     message = driver.message()
@@ -208,7 +208,7 @@ def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
 
 
 def test_joint_states_of_piper_need_a_relay(client: RosClient) -> None:
-    """The driver sends a velocity less than it has names, which the node reports and drops."""
+    """The driver sends one velocity less than names; the node reports and drops the state."""
     with running('piper.yaml'), \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
         diagnostics.wait_matched()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pages, as the site and GitHub show them: links, anchors, and what the site makes of them."""
+"""The pages on the site and on GitHub: links, anchors, and the conversions by the site."""
 
 import ast
 import doctest
@@ -101,7 +101,7 @@ def test_links_to_nothing_are_refused(link: str, source: str) -> None:
 # --- the reference of Python ---------------------------------------------------------------------
 
 def imports_of_examples() -> set[tuple[str, str]]:
-    """Return (module, name) of what examples import from the package."""
+    """Return (module, name) of the imports of examples from the package."""
     cells = json.loads(
         (ROOT / 'docs' / 'notebooks' / 'first_steps.ipynb').read_text(encoding='utf-8'))['cells']
     examples = [
@@ -149,7 +149,7 @@ def test_what_examples_import_is_in_the_reference() -> None:
 
 
 def test_xml_in_docstrings_is_marked_as_code() -> None:
-    """Markdown takes an unmarked <inertial> for an element of the page, which shows nothing."""
+    """In Markdown an unmarked <inertial> is an element of the page, which is not visible."""
     for package in python_pages.packages():
         for file in (ROOT / package.replace('.', '/')).glob('*.py'):
             for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/tutorial.md from top to bottom: its files, its commands, and what they must show."""
+"""docs/tutorial.md from top to bottom: its files, its commands, and the expected results."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -50,7 +50,7 @@ def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
 
 
 def executable(name: str) -> str:
-    """Return the path of an executable of this package, as `ros2 run` looks it up."""
+    """Return the path of an executable of this package, found as by `ros2 run`."""
     for prefix in os.environ['AMENT_PREFIX_PATH'].split(':'):
         path = Path(prefix) / 'lib' / 'robot_dynamics' / name
         if path.exists():
@@ -59,7 +59,7 @@ def executable(name: str) -> str:
 
 
 def resolved(command: list[str]) -> list[str]:
-    """Return what runs for a command of the page; nothing else may stand there."""
+    """Return the command to run for a command of the page; no other form is allowed."""
     if command[:3] == ['ros2', 'run', 'robot_dynamics']:
         return [executable(command[3]), *command[4:]]
     assert command[0] == 'python', f'{command} is neither ros2 run nor python'
@@ -68,7 +68,7 @@ def resolved(command: list[str]) -> list[str]:
 
 @contextmanager
 def running_node(command: list[str], directory: Path) -> Iterator[None]:
-    """Run a node as in a terminal of its own, and end it by Ctrl-C, with status 0."""
+    """Run a node as in a separate terminal, and end it by Ctrl-C, with status 0."""
     with children.popen(
             resolved(command), cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True) as process:
@@ -85,7 +85,7 @@ def running_node(command: list[str], directory: Path) -> Iterator[None]:
 
 
 def run_all(commands: list[list[str]], directory: Path) -> dict[str, str]:
-    """Run one after the other, nodes beside what follows; return what each printed."""
+    """Run all commands in order, nodes in parallel with later ones; return the output of each."""
     printed: dict[str, str] = {}
     for i, command in enumerate(commands):
         if command[0] == 'ros2' and command[3] in NODES:
@@ -99,14 +99,14 @@ def run_all(commands: list[list[str]], directory: Path) -> dict[str, str]:
 
 
 def printed_by(printed: Mapping[str, str], start: str, end: str = '') -> str:
-    """Return what the one command with this start and end printed."""
+    """Return the output of the command with this start and end."""
     found, = [out for command, out in printed.items()
               if command.startswith(start) and command.endswith(end)]
     return found
 
 
 def relative_residuals(out: str) -> list[float]:
-    """Return the column `relative` of what analyze_bag prints [%]."""
+    """Return the column `relative` of the output of analyze_bag [%]."""
     return [float(fraction) for fraction in re.findall(
         r'^joint\d +\S+ N·m +\S+ N·m +(\S+) %', out, re.MULTILINE)]
 
@@ -134,7 +134,7 @@ def test_the_tutorial(tmp_path: Path) -> None:
 
 
 def test_files_that_the_tutorial_names_are_there_when_it_names_them() -> None:
-    """What a command reads was shown on the page, or written by a command before it."""
+    """The input of each command is on the page, or was written by an earlier command."""
     files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
     known = set(files)
     for command in commands:

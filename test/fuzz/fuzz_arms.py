@@ -15,9 +15,9 @@
 """
 The arms of the fuzz tests: one with everything that a URDF can have, and one with many joints.
 
-`EVERYTHING` has joints of all kinds, one that mimics and one that is locked, friction with
-Stribeck's effect, and motors. `CROWD` has as many joints and links as a humanoid, with names as
-long as theirs: what lists them must stay readable.
+`EVERYTHING` has joints of all kinds, one mimic joint, one locked joint, friction with the Stribeck
+effect, and motors. `CROWD` has as many joints and links as a humanoid, with names of the same
+length: messages that list the names must stay readable.
 """
 
 from robot_dynamics.joints.actuator import make_actuators

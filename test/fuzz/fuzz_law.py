@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The law that every input of the fuzz tests obeys, and how messages reach those who take them.
+The requirement for every input of the fuzz tests, and the conversion of messages by rclpy.
 
-Who takes an input either comes to an end with numbers that are finite, or refuses it: raises a
-`RobotDynamicsError` whose words are to be read by people.
+Code that takes an input either returns finite numbers, or rejects the input: it raises a
+`RobotDynamicsError` with a message for the user.
 """
 
 from array import array
@@ -32,16 +32,16 @@ LONGEST_MESSAGE = 2000
 
 
 class RefusalError(Exception):
-    """What a service, topic or parameter refused, with the very words that it gave for it."""
+    """A rejection by a service, topic or parameter, with its message."""
 
 
 def over_the_wire(message: Any) -> Any:
-    """Return the message as who receives it has it."""
+    """Return the message as its receiver gets it."""
     return deserialize_message(serialize_message(message), type(message))
 
 
 def accepts(take: Callable[..., None], *inputs: Any) -> bool:
-    """Return whether an input is accepted; fail where it is refused in words that say nothing."""
+    """Return whether an input is accepted; fail if a rejection has no usable message."""
     try:
         take(*inputs)
     except (RobotDynamicsError, RefusalError) as error:
@@ -51,14 +51,14 @@ def accepts(take: Callable[..., None], *inputs: Any) -> bool:
 
 
 def check_words(words: str) -> None:
-    """Fail where a person would not know what is wrong."""
-    assert words.strip(), 'no words at all'
+    """Fail if the message of a rejection does not explain the error to a user."""
+    assert words.strip(), 'the message is empty'
     assert len(words) <= LONGEST_MESSAGE, f'{len(words)} characters: {words[:300]}…'
     assert 'internal error' not in words, words
 
 
 def check_finite(value: Any, path: str = '') -> None:
-    """Fail where a message has a number that is not finite, anywhere in it."""
+    """Fail if any number in a message is not finite."""
     if hasattr(value, 'get_fields_and_field_types'):
         for field in value.get_fields_and_field_types():
             check_finite(getattr(value, field), f'{path}.{field}')

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What takes messages in the library and beside the nodes, as targets of the fuzz tests.
+Receivers of messages in the library and in the nodes, as targets of the fuzz tests.
 
-Each function hands one input to the very functions that a node hands it to, and raises what they
-raise.
+Each function passes one input to the same functions as a node does, and does not catch their
+exceptions.
 """
 
 from typing import Any, NamedTuple
@@ -52,7 +52,7 @@ _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*
 
 
 def _read(reader: JointStateReader, message: Any) -> list[bytes | str | None]:
-    """Return what the reader makes of each field: numbers, the words of a refusal, or nothing."""
+    """Return the result of the reader per field: numbers, the text of a rejection, or None."""
     def position_and_velocity(message: Any) -> np.ndarray:
         q, v = reader.read(message)
         return q if v is None else np.concatenate((q, v))
@@ -72,7 +72,7 @@ def _read(reader: JointStateReader, message: Any) -> list[bytes | str | None]:
 
 
 def take_joint_state(arm: ArmModel, message: Any) -> None:
-    """Read a state; a reader that saw others before reads the same."""
+    """Read a state with a new reader, and with one that read other states: results are equal."""
     message = over_the_wire(message)
     fresh = _read(JointStateReader(arm.joint_names), message)
     assert fresh == _read(_LONG_LIVED_READERS[arm.name], message)
@@ -110,7 +110,7 @@ def take_payload(arm: ArmModel, message: Any) -> None:
 
 
 class FollowedTrajectory(NamedTuple):
-    """A trajectory with the state and time at its arrival, and spans of time to look at [ns]."""
+    """A trajectory, the state and time at its arrival, and the time spans [ns] to sample."""
 
     message: Any
     now_ns: int
@@ -120,7 +120,7 @@ class FollowedTrajectory(NamedTuple):
 
 
 def take_trajectories(arm: ArmModel, cases: list[FollowedTrajectory]) -> None:
-    """Follow one trajectory after the other; a refusal of one leaves the others alone."""
+    """Follow trajectories one after the other; a rejection does not affect the others."""
     kinds = zip(arm.joint_names, arm.joint_kinds)
     follower = TrajectoryFollower(
         arm.joint_names, [name for name, kind in kinds if kind == 'continuous'])
@@ -146,10 +146,10 @@ def take_trajectories(arm: ArmModel, cases: list[FollowedTrajectory]) -> None:
         raise refusals[0]
 
 
-# ---------------------------------------------------------------------------------- nodes' insides
+# ---------------------------------------------------------------------------------- parts of nodes
 
 def take_states(arm: ArmModel, events: list[Any]) -> None:
-    """Let a controller answer states, trajectories and payloads, as the control path does."""
+    """Make a controller answer states, trajectories and payloads, as the control path does."""
     controller = Controller(arm, ControllerOptions(
         make_gains(arm.joint_names), effort_rate=1e3, softens_gains=True,
         conditions_references=True, stops_and_holds=True))
@@ -172,7 +172,7 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
                     check_finite(floats_to_ros(output.computed_torque), 'computed_torque')
                 assert output.command is not None
                 check_finite(output.command, 'command')
-                if output.terms is not None:  # none where an energy is beyond all numbers
+                if output.terms is not None:  # None if an energy is not finite
                     check_finite(over_the_wire(terms_to_ros(
                         output.terms, arm.joint_names, event.header.stamp)))
         except RobotDynamicsError as error:
@@ -189,7 +189,7 @@ def loads_of(arm: ArmModel, message: Any) -> list[Payload]:
 
 
 def take_plant(arm: ArmModel, events: list[Any]) -> None:
-    """Let efforts, wrenches and payloads act on a simulated arm, as its loop does."""
+    """Apply efforts, wrenches and payloads to a simulated arm, as its loop does."""
     plant = Plant(
         ArmSimulation(arm), InnerController(arm, EffortConvention()), True,
         np.random.default_rng(0))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The doors of the real nodes, as targets of the fuzz tests: services, topics, parameters, URDFs.
+The interfaces of the real nodes as targets of the fuzz tests: services, topics, parameters, URDFs.
 
-The nodes run in this process, and the callbacks that rclpy would call are called directly, with
-messages that went over the wire: so a hundred thousand of them pass in minutes.
+The nodes run in this process. The tests call the callbacks of rclpy directly, with messages that
+were serialized and deserialized: a hundred thousand messages take minutes.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,7 +46,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 PLANAR_JOINTS = ('joint1', 'joint2')
-# Apart, and in lock-step, the simulated arm waits for an effort, and disturbs nobody.
+# In another namespace and in lock-step, the arm waits for an effort and cannot affect the tests.
 ARGUMENTS = (
     '-p', f'joints:=[{", ".join(PLANAR_JOINTS)}]', '-p', 'lock_step:=true',
     '-r', 'simulated_arm:__ns:=/apart', '-r', '__ns:=/fuzz')
@@ -58,7 +58,7 @@ SPEC = {spec.name: spec for spec in SPECS}
 
 
 class RunningNodes:
-    """Both nodes, and nodes with the services for one arm each; for a `with` statement."""
+    """Context manager: both nodes, and for each arm a node with the services."""
 
     def __enter__(self) -> 'RunningNodes':
         rclpy.init(args=['--ros-args', *ARGUMENTS])
@@ -73,7 +73,7 @@ class RunningNodes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        # Of the values that were tried, one may be left that makes the end a ramp of a minute.
+        # One of the tried values may cause a ramp of a minute at the end.
         self.dynamics.set_parameters([
             Parameter('ramp_time', value=0.0), Parameter('effort_rate_limit', value=1e9)])
         for node in (self.dynamics, self.simulated_arm, *(n for n, _ in self._servers.values())):
@@ -90,11 +90,11 @@ class RunningNodes:
     # ------------------------------------------------------------------ services
 
     def ask(self, service: str, arm: ArmModel, request: Any) -> None:
-        """Ask a service for one of `ARMS`; raise RefusalError with its words."""
+        """Call a service for one of `ARMS`; raise RefusalError with its message."""
         self._ask(arm.name, service, arm, request)
 
     def ask_simulated_arm(self, request: Any) -> None:
-        """Ask `simulated_arm` to take a payload."""
+        """Call the service of `simulated_arm` for a payload."""
         answer_of(self.simulated_arm, 'set_payload', request)
 
     def _ask(self, server: str, service: str, arm: ArmModel, request: Any) -> None:
@@ -105,9 +105,9 @@ class RunningNodes:
     # ------------------------------------------------------------------ topics
 
     def receive(self, topic: str, message: Any) -> None:
-        """Let `dynamics` hear a message; raise RefusalError with what it says of it afterwards."""
+        """Pass a message to `dynamics`; raise RefusalError with the reported reason of a drop."""
         node = self.dynamics
-        if topic == 'joint_trajectory':  # it begins where the arm is, which is to be possible
+        if topic == 'joint_trajectory':  # starts at the position of the arm, which has to be valid
             callback_of(node, 'joint_states')(serialize_message(AT_REST))
         counters = node._path.counters
         answered, node._refusal, counters.last_drop = counters.states, '', ''
@@ -118,12 +118,12 @@ class RunningNodes:
         if words:
             raise RefusalError(words)
         if topic == 'joint_states' and counters.states == answered:
-            raise RefusalError('the state was passed over: it is of other joints')
+            raise RefusalError('the state was ignored: it has other joints')
 
     # ------------------------------------------------------------------ parameters and URDFs
 
     def set_parameters(self, node_name: str, parameters: list[Any]) -> None:
-        """Set parameters one by one; raise RefusalError where none of them was taken."""
+        """Set parameters one by one; raise RefusalError if none of them was accepted."""
         node = self.dynamics if node_name == 'dynamics' else self.simulated_arm
         request = over_the_wire(SetParameters.Request(parameters=parameters))
         response = over_the_wire(service_of(node, 'set_parameters').callback(
@@ -147,7 +147,7 @@ class RunningNodes:
                  for message in parameters]
         node = Node(
             'declaring', start_parameter_services=False, enable_rosout=False,
-            parameter_overrides=[  # an empty list of a file counts as unset
+            parameter_overrides=[  # an empty list in a file counts as unset
                 Parameter(name, value=None if value == [] else value) for name, value in given])
         try:
             values = DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values
@@ -157,7 +157,7 @@ class RunningNodes:
             node.destroy_node()
 
     def start(self, xml: str, given: Mapping[str, Any]) -> None:
-        """Do what nodes do with a URDF and their parameters, and ask for one of everything."""
+        """Process a URDF and its parameters as a node does, and compute each quantity once."""
         values = {**DEFAULTS, **{
             name: tuple(value) if isinstance(value, list) else value
             for name, value in given.items()}}
@@ -180,7 +180,7 @@ class RunningNodes:
 
 
 def plain(node: Node, name: str) -> Any:
-    """Return the value of a parameter, an array as a tuple."""
+    """Return the value of a parameter; an array as a tuple."""
     value = node.get_parameter(name).value
     return value if isinstance(value, (bool, int, float, str)) else tuple(value)
 
@@ -197,19 +197,19 @@ def callback_of(node: Node, topic: str) -> Callable[[Any], None]:
 
 
 def answer_of(node: Node, name: str, request: Any) -> Any:
-    """Return the answer of a service as its client has it; raise RefusalError with its words."""
+    """Return the response of a service as its client gets it; raise RefusalError if rejected."""
     service = service_of(node, name)
     response = over_the_wire(
         service.callback(over_the_wire(request), service.srv_type.Response()))
     if not response.success:
         refusal = service.srv_type.Response(message=response.message)
-        assert response == refusal, 'a refusal that is half filled in'
+        assert response == refusal, 'fields of a rejection are filled in'
         raise RefusalError(response.message)
     check_finite(response, name)
     return response
 
 
-# ---------------------------------------------------------------------------------- answers
+# ---------------------------------------------------------------------------------- responses
 
 def _check_motors(response: Any, arm: ArmModel) -> None:
     n = 0 if arm.actuators is None else arm.joint_count

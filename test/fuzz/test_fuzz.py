@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Whatever arrives, the conversion and validation layer answers or refuses it, in clear words.
+The conversion and validation layer answers or rejects any input, with a clear message.
 
-The short form runs the same examples each time. The long one, `scripts/test -m soak`, draws
-others each time, by a seed that it prints: `--hypothesis-seed=N` repeats them.
+The short form runs the same examples each time. The long form, `scripts/test -m soak`, draws other
+examples each time, from a seed that it prints: `--hypothesis-seed=N` repeats them.
 """
 
 from collections import Counter
@@ -49,7 +49,7 @@ from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 
-# A warning of numpy is a number that nobody checked.
+# A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 SOAK_EXAMPLES = 100_000
@@ -65,7 +65,7 @@ Taker = Callable[[RunningNodes], Callable[..., None]]
 
 
 class Target(NamedTuple):
-    """Inputs, what takes them, and how many the long form draws."""
+    """Inputs, the code that takes them, and the number of inputs in the long form."""
 
     name: str
     inputs: Inputs
@@ -78,7 +78,7 @@ class Target(NamedTuple):
 def for_each(
     arms: Sequence[ArmModel], inputs: Callable[[ArmModel], st.SearchStrategy[Any]],
 ) -> Inputs:
-    """Draw the name of one of the arms, which a failure shows, and an input for it."""
+    """Draw the name of an arm, which a failure shows, and an input for this arm."""
     return st.one_of([st.tuples(st.just(arm.name), inputs(arm)) for arm in arms])
 
 
@@ -109,7 +109,7 @@ def events_of_plant(arm: ArmModel) -> st.SearchStrategy[list[Any]]:
 
 
 def start_values(joints: Sequence[str]) -> st.SearchStrategy[dict[str, Any]]:
-    """Draw a few parameters to start with, for an arm with these joints."""
+    """Draw some parameters of a start, for an arm with these joints."""
     names = [spec.name for spec in SPECS
              if spec.name not in ('robot_description', 'robot_description_file', 'joints')]
     some = st.lists(st.sampled_from(names), max_size=4, unique=True).flatmap(
@@ -139,13 +139,13 @@ def service(name: str, inputs: Callable[[ArmModel], st.SearchStrategy[Any]], soa
 
 
 def topic(name: str, messages: st.SearchStrategy[Any], soak: int) -> Target:
-    """Return a topic that `dynamics` hears as a target."""
+    """Return a topic to which `dynamics` subscribes as a target."""
     return Target(f'topic {name}', st.tuples(st.just(name), messages),
                   lambda nodes: nodes.receive, soak)
 
 
 def parameters(node: str, specs: Sequence[ParameterSpec], soak: int) -> Target:
-    """Return the parameters of a node as a target; half of what is set may change."""
+    """Return the parameters of a node as a target; half of them can change at run time."""
     changeable = [spec for spec in specs if not spec.read_only]
     often = changeable * (2 * len(specs) // len(changeable))
     some = st.lists(
@@ -200,7 +200,7 @@ def nodes() -> Iterator[RunningNodes]:
 
 @pytest.fixture(scope='module')
 def soaked() -> Iterator[Counter[str]]:
-    """Count the inputs of each target; there must be enough where all of them ran."""
+    """Count the inputs of each target; check that there were enough if all targets ran."""
     counts: Counter[str] = Counter()
     yield counts
     if len(counts) == len(TARGETS):
@@ -208,7 +208,7 @@ def soaked() -> Iterator[Counter[str]]:
 
 
 def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counter[bool]:
-    """Draw so many inputs by a seed; return how many were accepted, and how many refused."""
+    """Draw `count` inputs from a seed; return the numbers of accepted and rejected inputs."""
     take = target.taker(nodes)
     outcomes: Counter[bool] = Counter()
 
@@ -228,7 +228,7 @@ def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counte
 
 
 @pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
-def test_whatever_arrives_is_answered_or_refused(target: Target, nodes: RunningNodes) -> None:
+def test_any_input_is_answered_or_rejected(target: Target, nodes: RunningNodes) -> None:
     feed(target, nodes, 0, SHORT_EXAMPLES)
 
 

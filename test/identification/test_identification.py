@@ -62,7 +62,7 @@ def smooth_friction(v):
 
 
 def true_values(arm):
-    """Return what should be found with the structure SIGMOID at each joint."""
+    """Return the expected parameters with the friction structure SIGMOID at each joint."""
     return np.concatenate([
         BASE.matrix @ np.concatenate([inertial_parameters(arm), ROTORS]),
         *np.column_stack([F_V, F_B, F_A])])
@@ -75,7 +75,7 @@ def estimate(motion, arm=ARM, reference=None):
 
 @pytest.fixture(scope='module')
 def planar():
-    """Return states, effort and the true planar arm, whose bodies are not those of its URDF."""
+    """Return states, effort and the true planar arm, whose inertias differ from its URDF's."""
     states = fourier_motion(ARM, 100.0, 30.0)
     true = changed_arm(ARM, 0.2)
     return states, rigid_effort(true, states, ROTORS) + smooth_friction(states.v), true
@@ -87,7 +87,7 @@ def found(planar):
     return identify(ARM, [recorded(ARM, states, effort, noise=0.2)])
 
 
-# --- the truth -----------------------------------------------------------------------------------
+# --- known parameters ----------------------------------------------------------------------------
 
 def test_intervals_cover_the_truth(planar):
     # 50 recordings of one motion, with white noise of 1 N·m and 0.5 N·m
@@ -100,7 +100,7 @@ def test_intervals_cover_the_truth(planar):
     z = np.array(z)
     assert 0.92 <= np.mean(np.abs(z) < 1.96) <= 0.985
     assert np.mean(np.abs(z) < 3.0) >= 0.99
-    # and no parameter is off by more than noise makes it
+    # and the error of each parameter is explained by noise
     assert np.abs(z.mean(axis=0)).max() < 0.6
 
 
@@ -145,11 +145,11 @@ def test_four_recordings_halve_the_deviations(planar):
     assert four.deviations == pytest.approx(0.5 * one.deviations, rel=0.1)
 
 
-# --- bad data, little data -----------------------------------------------------------------------
+# --- bad or few data -----------------------------------------------------------------------------
 
 @pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_never_worse_than_the_urdf_with_friction(seed):
-    # 30 Hz, coarse positions, no velocity, pauses, and friction of a kind that is not offered
+    # 30 Hz, coarse positions, no velocity, pauses, and friction outside the available structures
     arm = load_arm(robot_urdf('ur5'))
     states = moves_with_pauses(arm, 30.0, 40.0, seed)
     effort = rigid_effort(changed_arm(arm, 0.2, seed), states) + lugre_friction(states, seed)
@@ -162,7 +162,7 @@ def test_never_worse_than_the_urdf_with_friction(seed):
         assert change.max() < np.log(1.1)
 
 
-def test_where_the_urdf_is_right_it_is_believed():
+def test_a_correct_urdf_is_confirmed():
     states = moves_with_pauses(ARM, 50.0, 20.0)
     effort = rigid_effort(ARM, states) + smooth_friction(states.v)
     found = identify(ARM, [recorded(ARM, states, effort, noise=1.0)])
@@ -217,7 +217,7 @@ def test_the_gain_of_a_drive_by_the_masses_of_the_urdf():
 
 
 def test_a_gain_without_a_load_cannot_be_identified():
-    # The last joint of the UR10 turns a body that is round in its URDF: nothing to compare with.
+    # The last joint of the UR10 turns a rotationally symmetric body, without gravity torque.
     arm = load_arm(robot_urdf('ur10'))
     states = fourier_motion(arm, 100.0, 20.0)
     effort = rigid_effort(arm, states) + 5.0 * np.tanh(states.v / WIDTH)
@@ -235,11 +235,11 @@ def test_gains_that_differ_are_no_torque():
     assert gains(0.05, 0.3, 2.0, 5.0).differ
     assert not gains(1.0, 0.9, 0.1, 1.2).differ  # one wrong mass
     assert not gains(8.0, 8.5, 7.0, 9.0).differ  # one factor for all
-    assert not gains(0.05, 5.0).differ  # too few to tell
+    assert not gains(0.05, 5.0).differ  # too few joints to decide
     assert not gains(0.05, 0.3, 2.0, 5.0, known=False).differ
 
 
-# --- parts ---------------------------------------------------------------------------------------
+# --- components ----------------------------------------------------------------------------------
 
 def test_correlated_samples_count_less():
     white = np.random.default_rng(0).normal(size=20000)
@@ -266,7 +266,7 @@ def test_without_effort_there_is_nothing_to_identify():
 
 
 @pytest.mark.filterwarnings('error')
-def test_a_joint_without_effort_says_nothing():
+def test_a_joint_without_effort_gives_no_information():
     states = fourier_motion(ARM, 100.0, 20.0)
     effort = rigid_effort(changed_arm(ARM, 0.2), states) + smooth_friction(states.v)
     effort[:, 1] = 0.0

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tool `identify`: its files, its words, and a real node on what it wrote."""
+"""The tool `identify`: its files, its messages, and a real node with its files."""
 
 import json
 from pathlib import Path
@@ -120,13 +120,13 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
             assert response.success, response.message
             assert np.array(response.effort) == pytest.approx(
                 expected.inverse_dynamics(*state), rel=1e-12, abs=1e-12)
-            # and that is not the URDF's model
+            # and this differs from the model of the URDF
             before = ArmDynamics(ARM).inverse_dynamics(*state)
             assert np.abs(np.array(response.effort) - before).max() > 0.5
 
 
 def test_both_nodes_start_with_what_was_written_and_the_simulated_arm_follows(output):
-    """A rehearsal: the identified arm, friction of gears included, under its own controller."""
+    """The identified arm, including gear friction, under control by a node with its own files."""
     path = output / 'identified.yaml'
     assert max(read_parameter_file(path)['friction.sigmoid']) > 0.5
     arguments = ['--ros-args', '--params-file', str(path), '--']
@@ -152,7 +152,7 @@ def test_both_nodes_start_with_what_was_written_and_the_simulated_arm_follows(ou
 
 
 def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf):
-    """Exact effort of the arm that hangs: its position within ±π steps by whole turns."""
+    """Exact effort of the hanging arm: its position within ±π steps by whole revolutions."""
     motion = KnownMotion(seconds=16.0, rest=(np.pi, 0.0))
     write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
     assert main([
@@ -163,7 +163,7 @@ def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf)
 
 
 def test_every_blas_kernel_makes_the_same_choices(tmp_path, urdf):
-    """Cut-off, kind of friction, regularization and what is excited: the printed report."""
+    """The printed report: cut-off, kind of friction, regularization and excited parameters."""
     record(tmp_path / 'bag')
     printed = {}
     for name, environment in blas_environments().items():
@@ -191,7 +191,7 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     assert '1 recordings could not be used' in said.err
     assert 'bag9' in said.err
     figures = (tmp_path / 'out' / 'report.json').read_text()
-    assert main(call) == FAILED  # and now from the results that were kept
+    assert main(call) == FAILED  # and again from the cached results
     assert (tmp_path / 'out' / 'report.json').read_text() == figures
 
 
@@ -224,7 +224,7 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     assert main([*call, '--effort', 'current']) == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
-    # the masses of the URDF are the reference, and are right here
+    # the masses of the URDF are the reference, and they are correct here
     assert values['actuator.torque_constant'] == pytest.approx([8.0, 8.0], rel=0.02)
     figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert max(figures['residual']['consistent']['test']) < 0.05
@@ -290,6 +290,6 @@ def test_a_real_ur10(tmp_path, capsys):
     residual = {name: np.array(test['test']) for name, test in figures['residual'].items()}
     assert (residual['base'] <= PUBLISHED).all()
     assert (residual['consistent'] <= CONSISTENT * PUBLISHED).all()
-    # of an answer at a single state, without the memory of presliding, as the node's service gives
+    # of the node's service for a single state, without presliding hysteresis
     assert (np.array(figures['residual']['consistent']['test_by_sample'])
             <= CONSISTENT * PUBLISHED).all()

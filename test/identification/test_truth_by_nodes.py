@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Truth by the nodes themselves: what they record of an exciting motion gives their own parameters.
+Identification of the nodes' own parameters from a recording of the nodes.
 
-`dynamics` and `simulated_arm` play the trajectory that `excite` finds, in lock-step: the noise is
-that of a seed, and the motion begins at a stamp. Each effort reaches the arm after the test has
-received the state that it answers, so that every run records all states, and the same.
+`dynamics` and `simulated_arm` execute the trajectory that `excite` finds, in lock-step: the noise
+depends only on a seed, and the motion begins at a stamp. Each effort reaches the arm after the
+test has received the state of the effort, so that every run records all states, and the same ones.
 """
 
 from pathlib import Path
@@ -57,16 +57,16 @@ TRUTH = {
     'joints': ['joint1', 'joint2'], 'friction.viscous': [1.5, 0.6],
     'friction.coulomb': [2.0, 1.0], 'actuator.torque_constant': [0.1, 0.1],
     'actuator.gear_ratio': [100.0, 50.0], 'actuator.rotor_inertia': [2e-5, 4e-5]}
-"""What the arm has beside its URDF, and the node knows."""
+"""Parameters of the arm in addition to the URDF, which the node knows."""
 NOISE = {'position_noise': 2e-5, 'velocity_noise': 5e-4, 'effort_noise': 0.3, 'seed': 1}
 
 
 class Relay:
     """
-    Passes each effort on to the arm once its state has arrived here.
+    Forwards each effort to the arm once its state has arrived at the test.
 
-    The one for the state at `HELD_AT` waits for `open`: the trajectory is to arrive at a simulated
-    time that is the same each run, and not before the first state, as it would be rejected.
+    The effort for the state at `HELD_AT` waits for `open`: the trajectory has to arrive at one
+    simulated time in all runs, and after the first state, because earlier ones are rejected.
     """
 
     HELD_AT = round(0.5e9 * BEGIN)
@@ -89,11 +89,11 @@ class Relay:
         self._pass_on()
 
     def wait_held(self) -> None:
-        """Wait until the arm waits."""
+        """Wait until the arm waits for an effort."""
         wait_until(lambda: self._state == self.HELD_AT, 'the state')
 
     def open(self) -> None:
-        """Pass on all efforts from now on, the first with the state that the arm repeats."""
+        """Forward all efforts from now on, the first with the state that the arm repeats."""
         self._is_open = True
 
     def _pass_on(self) -> None:
@@ -110,7 +110,7 @@ def arm() -> ArmModel:
 
 @pytest.fixture(scope='module')
 def trajectory(arm: ArmModel, tmp_path_factory: pytest.TempPathFactory) -> JointTrajectory:
-    """Return what the tool finds, in a process of its own as it is used."""
+    """Return the trajectory of the tool, run in a separate process as by a user."""
     directory = tmp_path_factory.mktemp('excite')
     parameters = write_parameters(directory / 'parameters.yaml', TRUTH)
     path = directory / 'trajectory.yaml'
@@ -125,7 +125,7 @@ def recording(
     client: RosClient, arm: ArmModel, trajectory: JointTrajectory,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """Return what was recorded of the motion, while time stood still until all listened."""
+    """Return the recording of the motion; simulated time waits until all have subscribed."""
     path = tmp_path_factory.mktemp('truth') / 'recording'
     end_ns = round(1e9 * (BEGIN + trajectory.duration + 0.1))
     parameters = {**TRUTH, 'gains.natural_frequency': [8.0], 'effort_check': False}
@@ -146,7 +146,7 @@ def recording(
             with client.collect(JointState, '/truth/dynamics/reference') as references:
                 references.wait_matched()
                 publisher.publish(message)
-                references.wait_for()  # it is followed
+                references.wait_for()  # the trajectory is followed
             relay.open()
             wait_until(
                 lambda: recorder.drain() >= 0 and count.stamp_ns >= end_ns, 'the end', LONG)
@@ -157,7 +157,7 @@ def recording(
 def test_every_base_parameter_is_within_three_deviations(
     arm: ArmModel, recording: Path,
 ) -> None:
-    """The model that is identified starts from the URDF: no friction, no rotors."""
+    """The identified model starts from the URDF: no friction, no rotors."""
     model = arm_from_parameters(default_arm_urdf(), {})
     with Recording(recording) as bag:
         series = bag.joint_series(STATES, model.joint_names)
@@ -172,6 +172,6 @@ def test_every_base_parameter_is_within_three_deviations(
     for name, expected in true.items():
         value, deviation = values[name]
         assert abs(value - expected) < 3.0 * deviation, name
-        assert deviation < max(0.1 * abs(expected), 0.02), name  # or that would say nothing
+        assert deviation < max(0.1 * abs(expected), 0.02), name  # else the result says nothing
     for name, viscous in zip(arm.joint_names, arm.friction.viscous):
         assert values[f'viscous({name})'][0] == pytest.approx(viscous, abs=0.15)

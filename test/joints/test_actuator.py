@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Motors and gearboxes: the maps and their inverses, power, limits, and how they move an arm."""
+"""Motors and gearboxes: conversions and their inverses, power, limits, and the driven arm."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -46,7 +46,7 @@ def one_link(actuators: Actuators | None = None) -> ArmModel:
     return arm if actuators is None else arm.with_actuators(actuators)
 
 
-# --- the maps ------------------------------------------------------------------------------------
+# --- conversions ---------------------------------------------------------------------------------
 
 @laws
 @given(numbers, numbers, numbers)
@@ -65,9 +65,9 @@ def test_the_gearbox_loses_power_whichever_side_drives(tau: float, v: float) -> 
     motor_power = (actuators.motor_torque(effort, v_, zero) * 100.0 * v_)[0]
     joint_power = tau * v
     assert motor_power >= joint_power - 1e-12
-    if joint_power > 0.0:  # the motor drives
+    if joint_power > 0.0:  # the motor drives the joint
         assert joint_power == pytest.approx(0.7 * motor_power)
-    if joint_power < 0.0:  # the joint drives
+    if joint_power < 0.0:  # the joint drives the motor
         assert motor_power == pytest.approx(0.7 * joint_power)
 
 
@@ -102,7 +102,7 @@ def test_the_envelope_falls_from_stall_to_no_load() -> None:
 @laws
 @given(numbers, st.floats(0.5, 40.0))
 def test_steady_currents_are_within_the_voltage_at_every_speed(v: float, limit: float) -> None:
-    """And within the current limit, if any current is within both."""
+    """The current is within the current limit, too, if any current is within both limits."""
     actuators = motor(voltage_limit=[24.0], current_limit=[limit])
     speed = np.array([v])
     low, high = actuators.current_range(speed)
@@ -121,7 +121,7 @@ def test_steady_currents_are_within_the_voltage_at_every_speed(v: float, limit: 
 
 @pytest.mark.parametrize('direction', [1.0, -1.0])
 def test_a_motor_beyond_both_limits_brakes_at_full_voltage(direction: float) -> None:
-    """At 12 rad/s its back-EMF is 60 V: of the 24 V supply and 2 A no current is within both."""
+    """At 12 rad/s the back-EMF is 60 V: no current is within both limits, 24 V and 2 A."""
     actuators = motor(voltage_limit=[24.0], current_limit=[2.0])
     v = np.array([12.0 * direction])
     for current in actuators.current_range(v):
@@ -150,7 +150,7 @@ def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
     ('resistance', [float('nan')], r'actuator.resistance\[0\] is nan'),
     ('rotor_inertia', [1.0, 2.0], r'actuator.rotor_inertia has 2 values, expected 1'),
 ])
-def test_what_cannot_be_is_refused_by_name(field: str, value: list[float], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         motor(**{field: value})
 
@@ -171,11 +171,11 @@ def test_reflected_inertia_is_part_of_the_mass_matrix_and_of_the_energy() -> Non
 
 
 def step_response(step: float, duration: float) -> tuple[float, float]:
-    """Return velocity and current of a motor that is given all of its voltage."""
+    """Return velocity and current of a motor at its voltage limit."""
     actuators = motor(efficiency=[1.0], voltage_limit=[24.0], inductance=[0.05])
     simulation = ArmSimulation(one_link(actuators), max_step=step)
     simulation.release()
-    simulation.step(np.array([1e6]), duration)  # more than it can: the voltage is at its limit
+    simulation.step(np.array([1e6]), duration)  # a high request: the voltage is at its limit
     assert simulation._drive is not None
     return float(simulation.v[0]), float(simulation._drive.current[0])
 
@@ -198,7 +198,7 @@ def test_a_motors_step_response_is_that_of_its_linear_equations() -> None:
 @pytest.mark.parametrize('inductance', [0.0, 4e-4])
 @pytest.mark.parametrize('step', [1e-3, 8e-3, 64e-3])
 def test_a_motor_at_its_voltage_limit_settles_at_any_step(step: float, inductance: float) -> None:
-    """Back-EMF brakes it at K² N² / (R J) = 39 /s: three times within the longest step."""
+    """Back-EMF decelerates with K² N² / (R J) = 39 /s: 3 time constants in the longest step."""
     actuators = motor(
         efficiency=[1.0], voltage_limit=[24.0], inductance=[inductance], rotor_inertia=[2e-5])
     simulation = ArmSimulation(one_link(actuators), max_step=step)
@@ -215,7 +215,7 @@ def test_a_motor_at_its_voltage_limit_settles_at_any_step(step: float, inductanc
 def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(
     inductance: float, bound: float, asked: float,
 ) -> None:
-    """J dv/dt = K N (V − K N v) / R, whatever effort the drive is asked for."""
+    """J dv/dt = K N (V − K N v) / R, independent of the requested effort."""
     K, N, R, V, v0, t = 0.05, 100.0, 0.8, 24.0, 12.0, 0.05
     actuators = motor(
         efficiency=[1.0], voltage_limit=[V], current_limit=[2.0], inductance=[inductance])
@@ -228,7 +228,7 @@ def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(
 
 
 def test_the_current_follows_its_loop_however_long_the_step() -> None:
-    """Within its voltage, the mean effort lags by the loop's time constant, exactly."""
+    """Within the voltage limit, the mean effort lags by exactly the time constant of the loop."""
     T_c = 5e-4
     actuators = motor(efficiency=[1.0], current_time_constant=[T_c], rotor_inertia=[0.0])
     simulation = ArmSimulation(one_link(actuators), max_step=0.01)

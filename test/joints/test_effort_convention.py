@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the robot measures and adds by itself: conversions, the command beside it, its clamping."""
+"""Effort convention: conversions of measured efforts, compensation by the robot, clamping."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ def motors(efficiency: float = 1.0) -> Actuators:
         NAMES, [0.1, 0.05], [100.0, -50.0], rotor_inertia=[1e-5], efficiency=[efficiency])
 
 
-# --- what is measured ----------------------------------------------------------------------------
+# --- measured effort -----------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('kind', 'expected'), [
     ('joint_torque', [-40.0, 12.0]),
@@ -65,7 +65,7 @@ def test_a_measured_effort_is_taken_to_the_joint_side(kind: str, expected: list[
 
 
 @pytest.mark.parametrize('kind', ['joint_torque', 'motor_torque', 'motor_current'])
-def test_what_a_robot_reports_at_rest_comes_back(kind: str) -> None:
+def test_the_reported_effort_at_rest_is_converted_back(kind: str) -> None:
     reported = measured_from_joint(kind, EFFORT, ZERO, G, motors())
     back = joint_effort_at_rest(kind, np.tile(reported, (3, 1)), motors())
     assert back == pytest.approx(np.tile(EFFORT, (3, 1)))
@@ -73,7 +73,7 @@ def test_what_a_robot_reports_at_rest_comes_back(kind: str) -> None:
 
 @pytest.mark.parametrize('v', [-1.0, 0.0, 1.0])
 def test_a_lossy_gearbox_is_read_within_its_losses(v: float) -> None:
-    """Whichever way power goes, what is read at rest is within the factor of efficiency."""
+    """For power in either direction, the error of readings at rest is within the efficiency."""
     eta = 0.7
     reported = measured_from_joint('motor_current', EFFORT, np.full(2, v), G, motors(eta))
     ratio = joint_effort_at_rest('motor_current', reported, motors(eta)) / EFFORT
@@ -105,7 +105,7 @@ def test_the_expected_ratio_of_gravity(
      "'motor_current', but there are no actuators: expected actuator.torque_constant and"),
     (('motor_torque', [], False), r"or one of \['joint_torque', .*'none'\]"),
 ])
-def test_what_does_not_fit_is_refused_by_name(arguments: Any, words: str) -> None:
+def test_mismatched_inputs_are_rejected_by_name(arguments: Any, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         make_effort_convention(*arguments)
 
@@ -141,7 +141,7 @@ def test_gravity_is_left_to_the_robot() -> None:
     assert output.command is not None
     assert output.terms is not None
     assert output.command.tolist() == output.terms.gravity.tolist() == [0.0, 0.0]
-    assert output.gravity_compensation == pytest.approx(G)  # the topic keeps its meaning
+    assert output.gravity_compensation == pytest.approx(G)  # the topic is not affected
 
 
 @pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ALL])
@@ -194,7 +194,7 @@ def test_joint_and_command_keep_within_their_limits(
     """
     The effort at the joint is within the limit of the URDF, the command within its share of it.
 
-    A share that is too low for what holds the arm extends to it, so that the arm is not dropped.
+    A share that is below the gravity torque is raised to it, so that the arm does not fall.
     """
     output = update(make_controller(compensates, effort_scale=scale), target)
     assert output.command is not None
@@ -212,7 +212,7 @@ def test_joint_and_command_keep_within_their_limits(
 
 
 def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
-    """Where g(q) alone is beyond the limit, the command may be 0, and may take load off."""
+    """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""
     urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')
     arm = load_arm(urdf)
     assert arm.limits.effort[0] == 30.0 < abs(G[0])
@@ -233,7 +233,7 @@ def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
 # --- the simulated robot -------------------------------------------------------------------------
 
 def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO) -> ArmSimulation:
-    """Return the arm after a second under a constant command, with what its robot adds."""
+    """Return the arm after a second of a constant command, with the compensation of its robot."""
     robot = InnerController(arm, EffortConvention(robot_compensates=compensates))
     simulation = ArmSimulation(arm, Q, v)
     simulation.release()

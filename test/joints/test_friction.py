@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction: its curve, its checks, and what it does to an arm in motion."""
+"""Friction: its curve, its checks, and its effect on a moving arm."""
 
 from dataclasses import fields
 
@@ -102,7 +102,7 @@ def test_the_sigmoid_of_identification() -> None:
     ('viscous', [1.0, 2.0, 3.0], 'friction.viscous has 3 values, expected 2'),
     ('offset', [float('nan')], r'friction.offset\[0\] is nan, expected a finite number'),
 ])
-def test_what_cannot_be_is_refused_by_name(field: str, value: list[float], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     parameters = {'coulomb': [1.0], field: value}
     with pytest.raises(InvalidInputError, match=words):
         make_friction(NAMES, **parameters)
@@ -112,7 +112,7 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
     default = example()
     assert make_friction(NAMES, default=default).static.tolist() == [3.0, 1.0]
     changed = make_friction(NAMES, coulomb=[4.0], default=default)
-    assert changed.static.tolist() == [4.0, 4.0]  # not below the new Coulomb friction
+    assert changed.static.tolist() == [4.0, 4.0]  # raised to the new Coulomb friction
     assert changed.viscous.tolist() == [0.5, 0.0]
 
 
@@ -216,7 +216,7 @@ def test_a_pendulum_comes_to_rest_and_stays() -> None:
 
 
 def test_stick_slip_breaks_away_at_the_static_friction() -> None:
-    """A spring that is pulled slowly: the torque at each break-away is F_s."""
+    """A spring whose end moves slowly: the torque at each break-away is F_s."""
     F_s, stiffness, pull = 1.5, 20.0, 0.2
     simulation = released(one_link(coulomb=0.8, static=F_s, stribeck_velocity=0.02), (0.0,))
     period, torques, stuck, sticks = 1e-3, [], True, 0
@@ -230,7 +230,7 @@ def test_stick_slip_breaks_away_at_the_static_friction() -> None:
     assert len(torques) >= 5
     assert sticks >= 4
     assert torques == pytest.approx([F_s] * len(torques), rel=0.01)
-    assert min(torques) >= F_s  # not before
+    assert min(torques) >= F_s  # no earlier break-away
 
 
 # --- energy --------------------------------------------------------------------------------------

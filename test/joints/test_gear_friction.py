@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction of gears and drives: its laws, in inverse and forward dynamics, and presliding."""
+"""Friction of gears and drives: its law, in inverse and forward dynamics, and presliding."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -70,7 +70,7 @@ def test_the_load_comes_back(v1, v2, load1, load2):
 
 @laws
 @given(st.lists(values, min_size=6, max_size=6))
-def test_forward_dynamics_undoes_inverse_dynamics(numbers):
+def test_forward_dynamics_inverts_inverse_dynamics(numbers):
     q, v, a = np.array(numbers).reshape(3, 2)
     v = v + np.where(v == 0.0, 0.1, 0.0)
     dynamics = ArmDynamics(arm_with_gears())
@@ -96,7 +96,7 @@ def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
     ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
     ('effort_offset', [1.0, 2.0, 3.0], 'friction.effort_offset has 3 values, expected 2'),
 ])
-def test_what_cannot_be_is_refused_by_name(field, value, words):
+def test_invalid_values_are_rejected_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
         gears(**{field: value})
 
@@ -128,7 +128,7 @@ def test_computed_torque_has_it(mode):
 # --- presliding ----------------------------------------------------------------------------------
 
 def turning_motion(speed=1.0):
-    """Return a motion to and fro, (m, 2), and its velocity."""
+    """Return a reciprocating motion, (m, 2), and its velocity."""
     t = np.linspace(0.0, 4.0 * np.pi / speed, 4001)
     q = 0.1 * np.sin(speed * t)
     return np.column_stack([q, q]), np.column_stack([0.1 * speed * np.cos(speed * t)] * 2)
@@ -142,7 +142,7 @@ def test_after_a_turn_the_sign_changes_over_twice_the_distance():
     moved = q[turn, 0] - q[turn:turn + 600, 0]
     assert z[turn:turn + 600, 0] == pytest.approx(
         np.maximum(1.0 - moved / 0.01, -1.0), abs=1e-9)
-    # without a distance it is the smooth sign of velocity
+    # with zero presliding distance it is the smooth sign of velocity
     assert z[:, 1] == pytest.approx(np.tanh(v[:, 1] / 0.01), abs=1e-12)
 
 
@@ -167,7 +167,7 @@ def test_friction_along_a_motion_is_that_of_single_states_far_from_its_turns():
     load = np.full_like(q, 3.0)
     along, single = dynamics.friction_along(q, v, load), dynamics.friction_effort(v, load)
     slides = np.abs(presliding_state(q, v, np.array([0.01, 0.01]))[:, 0]) == 1.0
-    sliding = slides & (np.abs(v[:, 0]) > 0.005)  # at the turn itself both signs fit
+    sliding = slides & (np.abs(v[:, 0]) > 0.005)  # at the reversal both signs are valid
     assert 0.5 < sliding.mean() < 1.0
     assert along[sliding, 0] == pytest.approx(single[sliding, 0], rel=1e-12)
     assert np.abs(along - single)[~slides, 0].max() > 0.5

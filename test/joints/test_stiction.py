@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What sticks is held by no more friction than there is; what cannot be held slides."""
+"""Stiction: static friction within its bound holds a joint; otherwise the joint slides."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -49,19 +49,19 @@ def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
     assert (modes.direction[dry & (v != 0.0)] == np.sign(v[dry & (v != 0.0)])).all()
     assert (modes.direction[~dry] == 0.0).all()
     assert not (modes.stuck & (v != 0.0)).any()
-    # a dry joint at rest either sticks or has a direction to slide in
+    # a dry joint at rest either sticks or has a direction of sliding
     assert (modes.stuck | (modes.direction != 0.0))[dry].all()
 
 
 @laws
 @given(st.integers(0, 2**32 - 1), st.integers(2, 7))
-def test_what_starts_to_slide_goes_the_way_that_friction_resists(seed: int, n: int) -> None:
+def test_a_joint_starts_to_slide_against_friction(seed: int, n: int) -> None:
     M, _, effort, coulomb = random_case(seed, n)
     modes = choose_modes(M, np.zeros(n), 2.0 * effort, coulomb, coulomb)
     sliding = 2.0 * effort - modes.direction * coulomb
     a, _ = hold(M, sliding, modes.stuck)
     assert (a * modes.direction >= -1e-12 * np.abs(a).max()).all()
-    # Of all accelerations it is the one that Gauss's principle with dry friction picks.
+    # Of all accelerations, the result minimises Gauss's principle with dry friction.
     rest = 2.0 * effort - M @ a
     bound = np.where(a == 0.0, np.abs(rest) - coulomb, np.abs(rest - coulomb * np.sign(a)))
     assert bound.max() <= 1e-9
@@ -92,7 +92,7 @@ def test_phi_functions_are_their_integrals(z: float) -> None:
     values = [phi[0] for phi in phi_functions(np.array([z]))]
     factorial = (1.0, 1.0, 2.0)
     for k, value in enumerate(values, start=1):
-        # substitute u = 1 - s, where the integrand lives for large z
+        # substitute u = 1 - s, as for large z the integrand is concentrated near s = 1
         exact, _ = quad(
             lambda u, k=k: np.exp(-z * u) * (1.0 - u)**(k - 1) / factorial[k - 1], 0.0, 1.0,
             points=[min(1.0, 5.0 / z)] if z > 5.0 else None, epsabs=1e-15, epsrel=1e-13,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An arm as others see it: joints by name, limits, friction, links, and what it refuses."""
+"""The public interface of an arm: joints by name, limits, friction, links, and rejections."""
 
 from dataclasses import FrozenInstanceError
 
@@ -35,8 +35,8 @@ def arm_urdf():
     """
     Return a chain with joints of each kind.
 
-    `roll` and `slide` are free, `far` cannot be at 0, `echo` follows `roll` through `mirror`, and
-    `shadow` follows `far`.
+    `roll` and `slide` are free, the range of `far` excludes 0, `echo` follows `roll` through
+    `mirror`, and `shadow` follows `far`.
     """
     links = ''.join(f'<link name="l{i}">{INERTIAL}</link>' for i in range(8))
     joints = (
@@ -84,7 +84,7 @@ def test_limits_by_joint():
     inf = np.inf
     npt.assert_array_equal(limits.lower, [-0.2, -inf, 0.5])
     npt.assert_array_equal(limits.upper, [0.4, inf, 2.0])
-    # A velocity or effort of 0 is what exporters write for "not known".
+    # Exporters write a velocity or effort limit of 0 for "not known".
     npt.assert_array_equal(limits.velocity, [0.5, 3.0, inf])
     npt.assert_array_equal(limits.effort, [80.0, 30.0, inf])
 
@@ -124,7 +124,7 @@ def test_a_mimic_of_a_locked_joint_is_locked_with_it():
                  for name in ('slide', 'roll', 'mirror', 'echo')}
     assert positions == pytest.approx({
         'slide': 0.0, 'roll': 1.0, 'mirror': -1.9, 'echo': -5.9})
-    whole = load_arm(arm_urdf())  # with 'far' held there, 'shadow' follows it
+    whole = load_arm(arm_urdf())  # if 'far' is held at this position, 'shadow' follows it
     assert list(whole.joint_names) == ['slide', 'roll', 'far']
     held = RigidBody(whole).gravity(np.array([0.0, 1.0, 0.5]))
     npt.assert_allclose(
@@ -145,7 +145,7 @@ def test_pinocchio_has_one_coordinate_for_each_joint_that_moves():
 
 def test_friction_of_mimic_joints_is_felt_at_their_leader():
     arm = load_arm(arm_urdf())
-    # By power: damping by the square of the speed, Coulomb friction by its magnitude.
+    # By power: damping with the square of the speed, Coulomb friction with its magnitude.
     npt.assert_allclose(arm.friction.viscous, [5.0, 0.5 + 4.0 * 1.0 + 36.0 * 1.0, 0.0])
     npt.assert_allclose(arm.friction.coulomb, [2.0, 0.25 + 2.0 * 1.0 + 6.0 * 1.0, 0.0])
 
@@ -167,7 +167,7 @@ def test_there_is_no_friction_at_rest():
 
 # --- gravity, links, immutability ----------------------------------------------------------------
 
-def test_gravity_is_that_of_the_earth_unless_said_otherwise():
+def test_gravity_is_that_of_the_earth_by_default():
     npt.assert_array_equal(load_arm(arm_urdf()).pinocchio_model.gravity.linear, [0, 0, -9.81])
     moon = load_arm(arm_urdf(), gravity=(0.1, 0.2, -1.6))
     npt.assert_array_equal(moon.pinocchio_model.gravity.linear, [0.1, 0.2, -1.6])
@@ -235,7 +235,7 @@ def test_real_robots_have_the_joints_and_the_mass_that_pinocchio_reads(robot):
     assert set(arm.joint_names) | set(mimics) == set(plain.names) - {'universe'}
 
 
-# --- refusals ------------------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('more', 'message'), [
     ({'joints': ['roll', 'wrist']},

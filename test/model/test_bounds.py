@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Numbers that no arm has are refused where they come in, by name, before anything overflows.
+Numbers beyond those of any arm are rejected by name at the interface, before any overflow.
 
-A warning of numpy is a failure here: it is a number that nobody checked.
+A warning of numpy is a failure here: it indicates a number that the code did not check.
 """
 
 import re
@@ -184,7 +184,7 @@ def test_a_chain_of_mimic_joints_multiplies_up_to_a_number():
         load_arm(f'<robot name="r">{links}{joints}</robot>')
 
 
-def test_attributes_that_nobody_reads_are_not_read():
+def test_unused_attributes_are_not_read():
     arm = load_arm(default_arm_urdf().replace('<mass value', '<mass xyz="0x10" ixx="?" value'))
     assert arm.joint_names == NAMES
 
@@ -203,7 +203,7 @@ def test_an_arm_with_stribeck_friction_that_is_flung_away_comes_to_an_end(effort
 
 # --- messages ------------------------------------------------------------------------------------
 
-def test_a_message_that_nobody_would_read_keeps_its_ends():
+def test_a_long_message_keeps_its_start_and_end():
     with pytest.raises(TrajectoryError) as caught:
         raise TrajectoryError(f'joint_names has {"x" * 10**6!r}, expected only joints of this arm')
     message = str(caught.value)

@@ -60,7 +60,7 @@ def test_the_default_robots_have_every_kind_of_joint():
 
 
 @on_robots
-def test_mends_what_no_engine_takes_and_nothing_else(robot):
+def test_the_description_corrects_only_implausible_links(robot):
     assert implausible_links(robot_urdf(robot)) == IMPLAUSIBLE.get(robot, set())
     assert implausible_links(description(robot)) == set()
 
@@ -105,7 +105,7 @@ def test_energies(engine, robot):
     states = case.states(20)
     for q, v, _, _ in states:
         assert_near(ours.kinetic_energy(q, v), theirs.kinetic_energy(q, v), 'kinetic energy')
-    # Each engine counts from a height of its own.
+    # The engines measure height from different origins.
     potential = np.array([ours.potential_energy(s.q) for s in states])
     expected = np.array([theirs.potential_energy(s.q) for s in states])
     assert_near(np.diff(potential), np.diff(expected), 'difference of potential energies')
@@ -126,7 +126,7 @@ def test_forward_dynamics(engine, robot):
 @on_engines
 @on_robots
 def test_coriolis_matrix(engine, robot):
-    """C v against the engine's, and C from the derivatives of the engine's own M."""
+    """C v compared with the engine's, and C with the derivatives of the engine's M."""
     case = plain(engine, robot)
     for q, v, _, _ in case.states(1 if case.arm.joint_count > 40 else 3):
         C = case.body.coriolis_matrix(q, v)
@@ -153,7 +153,7 @@ def test_batch(engine, robot):
 @on_engines
 @pytest.mark.parametrize('robot', by_kind(ARMS))
 def test_gravity_of_any_direction(engine, robot):
-    """An arm on a wall or a ceiling."""
+    """An arm mounted on a wall or a ceiling."""
     case = make_case(engine, description(robot), gravity=(3.1, -7.2, 4.4))
     for q, v, a, _ in case.states(20):
         assert_near(case.body.gravity(q), case.reference.gravity(q), 'g')
@@ -162,7 +162,7 @@ def test_gravity_of_any_direction(engine, robot):
 
 
 def random_payloads(arm: ArmModel, rng: np.random.Generator) -> list[Payload]:
-    """Return loads on three links, two on the last of them."""
+    """Return payloads on three links, two of them on the last link."""
     first, second, third = rng.choice(arm.link_names, 3, replace=False)
     loads = []
     for link in (first, second, third, third):
@@ -196,7 +196,7 @@ def test_payloads(engine, robot):
 @on_engines
 @on_robots
 def test_joints_in_any_order(engine, robot):
-    """A request in an order of its own, mimic joints among its names, is answered by name."""
+    """A request in another joint order, with mimic joints, is answered by name."""
     case = plain(engine, robot)
     tree = case.reference.engine.joint_names
     G, arm = case.reference.G, case.arm
@@ -216,14 +216,14 @@ def test_joints_in_any_order(engine, robot):
         M = order.answer_form(case.body.mass_matrix(motion[0]))
         back = [order.names.index(name) for name in arm.joint_names]
         assert_near(M[np.ix_(back, back)], case.reference.mass_matrix(q), 'M')
-        # An effort at a mimic joint counts at its leader.
+        # An effort at a mimic joint acts through its leader.
         everywhere = case.rng.normal(size=len(tree)) * 10
         given = order.effort(everywhere[rows])
         assert_near(given, G.T @ everywhere, 'effort')
 
 
 def halves(names: Sequence[str]) -> list[list[str]]:
-    """Return the joints in two halves, each in an order of its own."""
+    """Return the joints in two halves, each in a random order."""
     shuffled = [str(name) for name in np.random.default_rng(11).permutation(names)]
     return [shuffled[::2], shuffled[1::2]]
 
@@ -231,7 +231,7 @@ def halves(names: Sequence[str]) -> list[list[str]]:
 @on_engines
 @on_robots
 def test_locked_joints(engine, robot):
-    """Half of the joints, and the others stay where they are; then the other way round."""
+    """One half of the joints is actuated, the other half is locked; then vice versa."""
     for names in halves(plain(engine, robot).arm.joint_names):
         case = make_case(engine, description(robot), joints=names)
         ours, theirs = case.body, case.reference
@@ -247,7 +247,7 @@ def test_locked_joints(engine, robot):
 
 
 def compare_with_friction(engine: str, urdf: str, joints: Sequence[str] = ()) -> None:
-    """Compare damping with the engine's own, and Coulomb friction by the power at each joint."""
+    """Compare damping with the engine's, and Coulomb friction by the power at each joint."""
     tree, rng = list(moving_joints(urdf)), np.random.default_rng(13)
     damping, coulomb = rng.uniform(0.1, 5.0, len(tree)), rng.uniform(0.1, 5.0, len(tree))
     urdf = with_friction(urdf, dict(zip(tree, damping)), dict(zip(tree, coulomb)))
@@ -270,7 +270,7 @@ def test_friction(engine, robot):
 @on_engines
 @pytest.mark.parametrize('robot', by_kind(MIMIC))
 def test_mimic_joints_of_any_relation(engine, robot):
-    """Multipliers of any size, offsets and a chain of leaders; the robots' own are ±1 and 0."""
+    """Arbitrary multipliers, offsets and a chain of leaders; real robots only have ±1 and 0."""
     urdf = with_other_relations(description(robot), np.random.default_rng(17))
     case = make_case(engine, urdf)
     ours, theirs = case.body, case.reference

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Forward dynamics where joints with dry friction are at rest: they stay, or break away."""
+"""Forward dynamics of joints at rest with dry friction: they stay at rest, or break away."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,7 +32,7 @@ ABOUT_JOINT = 0.1 + 2.0 * 0.25
 
 
 def with_friction(urdf: str, scale: float = 1.0, **joints: float) -> ArmModel:
-    """Return an arm with friction of every kind but Stribeck's, and `joints` of it changed."""
+    """Return an arm with all friction except the Stribeck effect; `joints` overrides values."""
     arm = load_arm(urdf)
     values = {'viscous': 0.5, 'coulomb': 8.0, 'offset': 0.4, **joints}
     return arm.with_friction(make_friction(
@@ -48,7 +48,7 @@ ARMS = {
 
 
 def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a position, a velocity with zeros in it, and an effort around that which holds."""
+    """Return a position, a velocity with some zeros, and an effort near the holding effort."""
     random = np.random.default_rng(seed)
     n = arm.joint_count
     q = random.uniform(-2.0, 2.0, n)
@@ -67,7 +67,7 @@ def test_one_joint_stays_up_to_its_static_friction(sign: float) -> None:
         assert dynamics.forward_dynamics(rest, rest, np.array([sign * effort])).tolist() == [0.0]
     assert dynamics.forward_dynamics(rest, rest, np.array([sign * 2.1])) == pytest.approx(
         [sign * 0.6 / ABOUT_JOINT])
-    # in motion it is Coulomb friction that resists
+    # in motion Coulomb friction acts
     assert dynamics.forward_dynamics(rest, np.array([sign]), np.array([sign * 2.1])) == (
         pytest.approx([sign * 1.1 / ABOUT_JOINT]))
 
@@ -128,7 +128,7 @@ def test_an_arm_without_dry_friction_is_not_held() -> None:
     assert a.all()
 
 
-def test_where_nothing_has_mass_it_says_so() -> None:
+def test_an_arm_without_mass_is_reported() -> None:
     bare = """<robot name="r"><link name="base"/><link name="hand"/>
       <joint name="j" type="continuous"><parent link="base"/><child link="hand"/>
         <dynamics friction="1"/></joint></robot>"""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From the order of a request to the arm's order and back."""
+"""Conversion from the joint order of a request to the arm's order and back."""
 
 from itertools import permutations
 
@@ -194,7 +194,7 @@ def test_message_on_samples_gives_the_worst_of_them():
         lambda: order.positions(rows))
 
 
-# --- refusals ------------------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('names', 'message'), [
     (('hip', 'ankle'), "joint_names leaves out ['knee'], expected every joint of "

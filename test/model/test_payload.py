@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Loads on links: what is accepted as one, and what it does to an arm."""
+"""Payloads on links: validation, and their effect on an arm."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -53,7 +53,7 @@ GRIPPER_ARM = f"""
 
 
 def random_inertia(rng, mass):
-    """Return the inertia of a solid box, turned anyhow."""
+    """Return the inertia of a solid box in a random orientation."""
     a, b, c = rng.uniform(0.01, 0.5, 3)
     Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return Q @ np.diag(mass / 12 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])) @ Q.T
@@ -65,7 +65,7 @@ def random_payload(rng, link):
 
 
 def with_fixed_link(urdf, payload, name='load'):
-    """Return the URDF with the load as a link of its own."""
+    """Return the URDF with the payload as a separate link."""
     xx, xy, xz, _, yy, yz, _, _, zz = payload.inertia.ravel().tolist()
     x, y, z = payload.com.tolist()
     before, end = urdf.rsplit('</robot>', 1)
@@ -78,7 +78,7 @@ def with_fixed_link(urdf, payload, name='load'):
 
 
 def everything(arm, seed):
-    """Return what an arm does at one random state: efforts, matrix, energies, acceleration."""
+    """Return quantities of an arm at one random state: efforts, matrix, energies, acceleration."""
     q, v, a = np.random.default_rng(seed).normal(0, 1, (3, arm.joint_count))
     body = RigidBody(arm)
     tau = body.inverse_dynamics(q, v, a)
@@ -171,7 +171,7 @@ def test_new_loads_take_the_place_of_old_ones(seed):
         npt.assert_array_equal(value, wanted)
 
 
-def test_a_payload_at_the_base_is_not_felt():
+def test_a_payload_at_the_base_has_no_effect():
     arm = load_arm(GRIPPER_ARM)
     loaded = arm.with_payloads([make_payload('base', 50.0, (1, 2, 3))])
     *ours, potential = everything(loaded, 0)
@@ -182,7 +182,7 @@ def test_a_payload_at_the_base_is_not_felt():
 
 
 def test_a_point_mass_pulls_with_its_weight():
-    # The arm stands upright; a mass m off its axis by x has the moment m g x about joint 1.
+    # The arm stands upright; a mass m at a distance x from its axis exerts m g x on joint 1.
     arm = load_arm(GRIPPER_ARM)
     loaded = arm.with_payloads([make_payload('upper', 2.0, (0.3, 0.0, 0.7))])
     q = np.zeros(arm.joint_count)
@@ -199,7 +199,7 @@ def test_a_payload_at_an_unknown_link_is_refused():
         "['base', 'upper', 'lower', 'hand', 'left', 'right']")
 
 
-# --- by itself -----------------------------------------------------------------------------------
+# --- without an arm ------------------------------------------------------------------------------
 
 def test_a_payload_keeps_what_it_was_made_of():
     com, inertia = np.array([0.1, 0.2, 0.3]), np.diag([0.3, 0.2, 0.2])

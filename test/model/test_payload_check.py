@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Payloads that an arm can carry, and those that are mistakes."""
+"""The check that an arm can carry a payload, and that a payload is plausible."""
 
 from dataclasses import replace
 
@@ -74,7 +74,7 @@ def test_the_largest_mass_is_held_and_little_more_is_not(arm: ArmModel) -> None:
     check_payloads(arm, [make_payload('tool0', most)])
     with pytest.raises(InvalidInputError, match='expected at most'):
         check_payloads(arm, [make_payload('tool0', 1.01 * most)])
-    # as many random poses as the share says, by an independent count
+    # the reported share of random poses, compared with an independent count
     rng = np.random.default_rng(1)
     body = RigidBody(arm.with_payloads([make_payload('tool0', most)]))
     held = [bool((np.abs(body.gravity(q)) <= arm.limits.effort).all())

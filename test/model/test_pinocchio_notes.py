@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""docs/pinocchio_notes.md: its reproduction runs, and shows what the page states."""
+"""docs/pinocchio_notes.md: its code runs, and confirms the statements of the page."""
 
 from pathlib import Path
 import re

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pseudo-inertias: consistency, coordinates that keep it, and the divergence from a prior."""
+"""Pseudo-inertias: consistency, coordinates that preserve it, and divergence from a prior."""
 
 import numpy as np
 import pinocchio as pin
@@ -29,7 +29,7 @@ from robot_dynamics.model.pseudo_inertia import (
 
 
 def some_body(seed):
-    """Return φ of a few point masses: a real mass distribution."""
+    """Return φ of some point masses: a real mass distribution."""
     rng = np.random.default_rng(seed)
     body = pin.Inertia.Zero()
     for _ in range(6):
@@ -47,7 +47,7 @@ def test_a_mass_distribution_is_consistent_and_comes_back(seed):
 def test_impossible_bodies_are_reported():
     phi = some_body(0)
     for change in (np.eye(10)[0] * -2.0 * phi[0], np.eye(10)[4] * 100.0):
-        assert not is_consistent(phi + change)  # a negative mass; one moment above the others' sum
+        assert not is_consistent(phi + change)  # negative mass; a moment above the others' sum
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -93,7 +93,7 @@ def test_near_the_prior_the_rows_measure_twice_the_divergence_in_any_frame():
     distance = float(np.sum((relative_rows(L0) @ (near - phi))**2))
     r, _ = divergence_residuals(x)
     assert distance == pytest.approx(2.0 * float(r @ r), rel=1e-3)
-    # seen from another frame, it is the same
+    # in another frame, it is the same
     move = pin.SE3.Random()
 
     def moved(parameters):

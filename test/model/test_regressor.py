@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The torque regressor against inverse dynamics, base parameters, and exact merging."""
+"""The torque regressor and inverse dynamics, base parameters, and exact merging."""
 
 from identification_bench import with_inertial_parameters
 import numpy as np
@@ -82,7 +82,7 @@ def test_base_parameters_of_two_links_by_hand():
     base = base_parameters_of(load_arm(default_arm_urdf()))
     assert base.labels[-1] == 'Ia(joint2)'
     by_name = dict(zip(base.labels, base.expressions))
-    # the link's length l1 = 1 carries the mass of the second: Huygens–Steiner
+    # the length l1 = 1 of the first link carries the mass of the second: Huygens–Steiner
     assert by_name['mz(link1)*'] == 'mz(link1) + m(link2)'
     assert by_name['Iyy(link1)*'] == 'Iyy(link1) + m(link2) + Ia(joint1)'
 
@@ -146,7 +146,7 @@ def test_a_block_left_out_shares_no_sample_and_no_neighbour_with_the_others():
             r2.sum(axis=0) - r2[left:right].sum(axis=0), rel=1e-10)
 
 
-def test_what_does_not_fit_is_refused():
+def test_mismatched_inputs_are_rejected():
     with pytest.raises(InvalidInputError, match='there is no recording to merge'):
         merge([])
     with pytest.raises(InvalidInputError, match='cannot be merged, expected the same joints'):

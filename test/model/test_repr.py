@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The representation of an object is one short line that names what matters."""
+"""The representation of an object is one short line with its main properties."""
 
 from pathlib import Path
 

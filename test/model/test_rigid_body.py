@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The laws of the manipulator equation, on random trees and on real robots.
+Properties of the manipulator equation, on random trees and on real robots.
 
-They are compared with `Mechanics` of `random_trees`: the energies of a URDF from its frames alone,
-written from the definitions, without an engine.
+The reference is `Mechanics` of `random_trees`: the energies of a URDF, computed only from its
+frames and the definitions, without Pinocchio.
 """
 
 from typing import Any
@@ -48,13 +48,13 @@ def directions(case: Case) -> np.ndarray:
 
 
 def slope(function: Any, x: np.ndarray, along: np.ndarray, h: float) -> Any:
-    """Return the derivative of function along a direction, with an error of order h⁴."""
+    """Return the derivative of a function along a direction, with an error of order h⁴."""
     near = function(x + h * along) - function(x - h * along)
     far = function(x + 2 * h * along) - function(x - 2 * h * along)
     return (8 * near - far) / (12 * h)
 
 
-# --- the generator reaches what it is there for --------------------------------------------------
+# --- coverage of the generator -------------------------------------------------------------------
 
 def test_random_trees_have_every_feature():
     seen = set()
@@ -87,7 +87,7 @@ def test_random_trees_have_every_feature():
         'massless link', 'plain order', 'another order'}
 
 
-# --- laws, each stated once and held against random trees and real robots ------------------------
+# --- properties, each stated once and tested on random trees and real robots ---------------------
 
 def mass_matrix_is_symmetric_and_positive(case):
     M = case.body.mass_matrix(case.q)
@@ -105,7 +105,7 @@ def mass_matrix_is_of_the_kinetic_energy(case):
 
 
 def potential_energy_is_of_the_masses(case):
-    """All masses count, including those fixed to the base."""
+    """All masses contribute, including those fixed to the base."""
     expected = case.mechanics().potential_energy(case.q)
     ours = (
         case.body.potential_energy(case.q), case.body.potential_energy_batch(case.q[None])[0],
@@ -170,7 +170,7 @@ def forward_dynamics_undoes_inverse_dynamics(case):
         tau = dynamics.inverse_dynamics(case.q, case.v, case.a, wrenches)
         a = dynamics.forward_dynamics(case.q, case.v, tau, wrenches)
         M = case.body.mass_matrix(case.q)
-        # The acceleration is as exact as the effort is, as far as M lets it be.
+        # The acceleration is as exact as the effort, multiplied by the condition of M.
         npt.assert_allclose(
             M @ (a - case.a), 0.0, rtol=0, atol=1e-10 * max(1.0, abs(tau).max()))
         npt.assert_allclose(a, case.a, rtol=0, atol=1e-12 * np.linalg.cond(M) * abs(tau).max())
@@ -243,7 +243,7 @@ def batch_is_the_single_ones(case):
 def test_a_batch_of_any_size_is_the_single_ones(samples):
     body = UncheckedRigidBody(load_arm(default_arm_urdf()))
     q, v, a = np.random.default_rng(samples).normal(0, 2, (3, samples, 2))
-    # as it is done by a Pinocchio without OpenMP
+    # as computed by a Pinocchio without OpenMP
     one_by_one = body._rnea_one_by_one(q, v, a)
     assert one_by_one.shape == (samples, 2)
     npt.assert_array_equal(one_by_one[-1], body.inverse_dynamics(q[-1], v[-1], a[-1]))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Locked joints, the direction of gravity, wrenches and refused input of the rigid bodies."""
+"""Locked joints, the direction of gravity, wrenches and rejected input of the rigid bodies."""
 
 from hypothesis import given
 import numpy as np
@@ -35,7 +35,7 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.rigid_body import RigidBody
 from robots import robot_urdf
 
-# --- joints that are not actuated ----------------------------------------------------------------
+# --- locked joints -------------------------------------------------------------------------------
 
 @laws
 @given(seed=seeds)

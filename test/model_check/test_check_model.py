@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tool check_model as a process, and the table of its documentation."""
+"""The tool check_model as a process, and the table in its documentation."""
 
 from importlib import metadata
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
@@ -180,14 +180,14 @@ def committed(command):
     except metadata.PackageNotFoundError:
         missing(f'{PACKAGE} is not installed as a wheel')
     of = re.search(rf'^\d+ robots of {PACKAGE} (\S+):$', text, re.MULTILINE)
-    assert of is not None, 'the table does not begin as its command writes it'
+    assert of is not None, 'the start of the table differs from the output of its command'
     if of[1] != version:
         pytest.skip(f'the table is of another version than {PACKAGE} {version}')
     return text.splitlines()
 
 
 def assert_same_line(line, expected):
-    """Compare text and counts exactly, figures to their rounding, as engines differ a little."""
+    """Compare text and counts exactly, figures within their rounding: engines differ slightly."""
     assert NUMBER.sub('#', line) == NUMBER.sub('#', expected)
     assert [float(n) for n in NUMBER.findall(line)] == pytest.approx(
         [float(n) for n in NUMBER.findall(expected)], rel=0.11), line

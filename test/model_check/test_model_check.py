@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every finding of the model check on a URDF made for it, and none on the default arm."""
+"""Every finding of the model check on a URDF with that fault, and none on the default arm."""
 
 from pathlib import Path
 import struct
@@ -51,7 +51,7 @@ def inertial(mass=1.0, moments=(0.1, 0.1, 0.002), xyz='0 0 0', products=(0.0, 0.
 
 
 def arm_of(link=None, limit=LIMIT, kind='revolute', more='', axis='0 1 0', geometry=BOX):
-    """Return an arm of one joint whose link holds this."""
+    """Return an arm of one joint whose link has these elements."""
     link = inertial() if link is None else link
     return f"""<robot name="r"><link name="base"/><link name="arm">{link}{geometry}</link>
       <joint name="hinge" type="{kind}"><parent link="base"/><child link="arm"/>
@@ -78,7 +78,7 @@ def test_nothing_is_found_on_the_arm_that_the_cases_vary():
     assert check_model(arm_of()) == []
 
 
-def test_what_does_not_move_is_not_looked_at():
+def test_fixed_links_are_not_checked():
     fixed = link_behind(inertial(0.0), 'fixed', 'stand', 'base')
     root = '<link name="base"><inertial><mass value="9"/>' \
         '<inertia ixx="1" iyy="1" izz="9" ixy="0" ixz="0" iyz="0"/></inertial></link>'
@@ -152,18 +152,18 @@ def test_every_check_has_a_case():
 
 @pytest.mark.parametrize('name', ['negative moment', 'no mass behind a joint'])
 def test_one_cause_is_one_kind_of_error(name):
-    """Else whoever ignores it by name meets the next."""
+    """Otherwise an operator who ignores one finding by name would get the next one."""
     urdf, (check, _, _) = CASES[name]
     assert {finding.check for finding in errors_of(check_model(urdf))} == {check}
     assert errors_of(check_model(urdf), [check]) == []
 
 
-def test_what_just_suffices_is_no_finding():
+def test_a_value_at_the_bound_is_no_finding():
     weight = 9.81 * 0.4
     strong = arm_of(inertial(xyz='0 0 0.4'),
                     f'<limit lower="-2" upper="2" effort="{weight + 1e-6}" velocity="2"/>')
     assert check_model(strong) == []
-    # Within ±0.5 rad of upright it takes only the sine of that.
+    # Within ±0.5 rad of upright the gravity torque reaches only the sine of 0.5 rad.
     narrow = arm_of(
         inertial(xyz='0 0 0.4'),
         f'<limit lower="-0.5" upper="0.5" effort="{weight * np.sin(0.5) + 1e-6}" velocity="2"/>')
@@ -196,7 +196,7 @@ def test_locked_joints_lose_no_mass():
     assert check_model(urdf, load_arm(urdf, names), search=QUICK) == []
 
 
-def test_a_refusal_says_how_to_accept():
+def test_a_rejection_names_the_parameter_that_accepts_the_model():
     findings = check_model(CASES['no mass behind a joint'][0])
     with pytest.raises(ModelError, match=r"mass: joint 'to_hand' .*ignore_checks: \[mass\]"):
         refuse_errors(findings)
@@ -210,7 +210,7 @@ def test_what_cannot_be_read_is_refused_as_everywhere():
 
 # ------------------------------------------------------------------------------- the worst gravity
 
-# 3R with twisted axes, a slide, and a mimic joint: all kinds that the search tells apart.
+# 3R with twisted axes, a prismatic and a mimic joint: all kinds that the search distinguishes.
 MIXED = arm_of(
     inertial(2.0, xyz='0.1 0 0.3'), geometry='', axis='0.3 1 0.2', more=f"""
   {link_behind(inertial(1.5, xyz="0 0.2 0.4"), name="a")}
@@ -280,7 +280,7 @@ def test_the_search_is_the_same_every_time():
 
 
 def test_samples_are_spread_over_the_limits():
-    """Each quarter of each joint's range gets its share of them."""
+    """Each quarter of the range of each joint contains a fair share of the poses."""
     arm = load_arm(robot_urdf('panda'))
     low, high = search_box(arm)
     fraction = (sample_positions(arm, 400) - low) / (high - low)
@@ -323,7 +323,7 @@ def obj():
 
 
 def collada():
-    """Return the mesh in millimetres, moved by 1 m along y in a node that undoes it."""
+    """Return the mesh in millimetres, with a vertex offset of 1 m along y that a node cancels."""
     numbers = ' '.join(str(1000 * x) for x in (CORNERS + [0.0, 1.0, 0.0]).ravel())
     return f"""<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -390,7 +390,7 @@ def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path: Path):
 
 
 def test_rotation_is_that_of_urdf():
-    """About x by roll, then y by pitch, then z by yaw, all of them fixed axes."""
+    """About x by roll, then y by pitch, then z by yaw, all about fixed axes."""
     import pinocchio
     rpy = np.array([0.3, -0.7, 1.9])
     np.testing.assert_allclose(rotation(rpy), pinocchio.rpy.rpyToMatrix(*rpy), atol=1e-15)

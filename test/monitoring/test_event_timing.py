@@ -73,7 +73,7 @@ def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(
     first: list[float], second: list[float],
 ) -> None:
     timing = timing_of(START + np.cumsum(first))
-    assert timing.late == 0  # nothing is usual yet
+    assert timing.late == 0  # there is no reference interval yet
     end = START + sum(first)
     usual = np.diff(START + np.cumsum(first)).mean()
     timing.look(START + max(WINDOW, sum(first)))
@@ -90,10 +90,10 @@ def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
     seen = timing.look(START + WINDOW)
     assert seen.rate == pytest.approx(98.0)
     assert timing.look(START + 1.5 * WINDOW) == seen == timing.timing
-    assert timing.look(START + 2.0 * WINDOW) == Timing()  # nothing came since
+    assert timing.look(START + 2.0 * WINDOW) == Timing()  # no event since
 
 
-def test_after_a_silence_nothing_is_late_until_something_is_usual() -> None:
+def test_after_a_pause_no_event_is_late_until_an_interval_is_known() -> None:
     timing = timing_of(START + np.arange(1, 201) * 0.005)
     timing.look(START + WINDOW)
     timing.look(START + 2.0 * WINDOW)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The momentum observer: what it estimates is the environment's effort through a known filter."""
+"""The momentum observer: its estimate is the external effort after a known filter."""
 
 import math
 from typing import Any, NamedTuple
@@ -48,7 +48,7 @@ def three_links() -> ArmModel:
 
 
 def with_everything(arm: ArmModel) -> ArmModel:
-    """Return the arm with viscous friction and rotors; dry friction is for another test."""
+    """Return the arm with viscous friction and rotors; another test covers dry friction."""
     names = arm.joint_names
     motors = make_actuators(names, [0.1] * 3, [80.0] * 3, rotor_inertia=[2e-5] * 3)
     return arm.with_friction(make_friction(names, [1.5, 0.8, 0.3])).with_actuators(motors)
@@ -85,8 +85,8 @@ class Run(NamedTuple):
     """
     Estimates (m + 1, n) at the ends of m steps.
 
-    `off` (m, n) is by how much what entered the filter differs from the true effort in a step, `v`
-    (m, n) the velocity in its middle.
+    `off` (m, n) is the difference between the effort that entered the filter and the true effort
+    in each step, `v` (m, n) the velocity in the middle of each step.
     """
 
     estimates: np.ndarray
@@ -99,10 +99,10 @@ def run(
     load: Any = None,
 ) -> Run:
     """
-    Let the observer look at an arm that is pushed.
+    Run the observer on an arm with an external push.
 
-    `arm` moves under efforts held for `dt` [s]; PUSH acts from `push_at` on, a `load` is put on
-    arm and model at half time.
+    `arm` moves under efforts that are held for `dt` [s]; PUSH acts from `push_at` on, and a `load`
+    is added to arm and model at half of the time.
     """
     simulation = ArmSimulation(arm, START, np.array([0.5, -0.4, 0.8]), max_step=5e-4)
     simulation.release()
@@ -130,10 +130,10 @@ def run(
 
 
 def test_a_push_is_followed_as_by_a_first_order_filter() -> None:
-    """The mean external effort of every step is found, and the better the shorter the steps."""
+    """The mean external effort of each step is found; the error decreases with the step."""
     arm = with_everything(three_links())
     errors = [np.abs(run(arm, arm, dt, 0.2).off).max() for dt in (4e-3, 2e-3, 1e-3)]
-    assert errors[-1] < 2e-3  # of a push of up to 20 N m
+    assert errors[-1] < 2e-3  # compared with a push of up to 20 N m
     assert errors[0] > 3.5 * errors[1] > 12.0 * errors[2]
 
 
@@ -142,7 +142,7 @@ def test_before_the_push_there_is_nothing() -> None:
     assert np.abs(run(arm, arm, 1e-3, 0.3, push_at=1.0).estimates).max() < 1e-3
 
 
-def test_friction_that_the_model_lacks_is_taken_for_environment() -> None:
+def test_friction_missing_in_the_model_is_estimated_as_external() -> None:
     bare = three_links()
     arm = bare.with_friction(make_friction(bare.joint_names, [1.5, 0.8, 0.3]))
     seen = run(arm, arm, 1e-3, 0.2, push_at=1.0)
@@ -155,10 +155,11 @@ def test_friction_that_the_model_lacks_is_taken_for_environment() -> None:
 def test_a_load_that_the_model_has_too_makes_no_step() -> None:
     arm, load = with_everything(three_links()), make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
     off = run(arm, arm, 1e-3, 0.2, push_at=1.0, load=load).off
-    assert np.abs(off).max() < 5e-3  # of 12 N m of weight, and momentum of 1 N m s in 1 ms
+    # compared with 12 N m of weight, and with 1 N m s of momentum within 1 ms
+    assert np.abs(off).max() < 5e-3
 
 
-def test_a_restart_forgets() -> None:
+def test_a_restart_resets_the_estimate() -> None:
     observer = ExternalEffort(ArmDynamics(three_links()), BANDWIDTH)
     state = START, np.zeros(3), np.zeros(3)
     assert observer.update(1e-3, *state) is None

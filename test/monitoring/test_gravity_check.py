@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The laws of the check in a static hold: what it tells, what it must not tell, and when."""
+"""Properties of the effort check in a static hold: its verdicts, their limits, and their time."""
 
 from typing import Any
 
@@ -63,7 +63,7 @@ def hold(
     check: GravityCheck, effort: Any, command: Any, seconds: float = 0.6, *, start: float = 10.0,
     q: Any = Q, v: Any = ZERO, g: Any = G, noise: float = 0.0,
 ) -> GravityVerdict | None:
-    """Return the verdict of a constant hold, 200 states a second."""
+    """Return the verdict on a constant hold, 200 states per second."""
     random = np.random.default_rng(1)
     for k in range(round(seconds * 200)):
         verdict = check.add(
@@ -81,7 +81,7 @@ def verdict_of(*arguments: Any, **options: Any) -> GravityVerdict:
     return verdict
 
 
-# --- the share -----------------------------------------------------------------------------------
+# --- the measured share --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('ratio', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
 def test_the_ratio_of_gravity_is_exact(ratio: float) -> None:
@@ -97,13 +97,13 @@ def test_the_ratio_of_gravity_is_exact(ratio: float) -> None:
 
 @pytest.mark.parametrize(('semantics', 'effort', 'command', 'agrees'), [
     (EffortConvention(), G, G, True),
-    (EffortConvention(), G, None, False),  # who else holds the arm?
+    (EffortConvention(), G, None, False),  # another controller must hold the arm
     (EffortConvention(), 2 * G, G, False),
     (EffortConvention(robot_compensates=GRAVITY), G, None, True),
     (EffortConvention(robot_compensates=GRAVITY), G, ZERO, True),
-    (EffortConvention(robot_compensates=GRAVITY), G, G, False),  # it does not
+    (EffortConvention(robot_compensates=GRAVITY), G, G, False),  # the robot does not compensate
     (EffortConvention(LACKS), ZERO, G, True),
-    (EffortConvention(LACKS), G, G, False),  # gravity is in it
+    (EffortConvention(LACKS), G, G, False),  # the measured effort contains gravity
     (EffortConvention(LACKS, GRAVITY), ZERO, ZERO, True),
     (EffortConvention(LACKS, GRAVITY), ZERO, None, True),
     (EffortConvention(), ZERO, G, False),
@@ -139,7 +139,7 @@ def test_currents_are_converted_and_gears_widen_the_tolerance(
 
 @pytest.mark.parametrize(('joint', 'decides'), [(0, True), (1, False)])
 def test_a_continuous_joint_rests_where_its_position_wraps(joint: int, decides: bool) -> None:
-    """Noise makes the position alternate between π and −π; at another joint that is motion."""
+    """Noise makes a position alternate between π and −π; for other joints this is motion."""
     random, check, verdict = np.random.default_rng(2), make_check(), None
     rest = Q.copy()
     rest[joint] = np.pi
@@ -181,10 +181,10 @@ def test_in_a_pose_without_gravity_it_does_not_decide(g: list[float]) -> None:
     check = make_check()
     assert hold(check, [5.0, 5.0], g, 3.0, g=g) is None
     assert check.waiting == POSE
-    assert verdict_of(check, G, G, start=20.0).agrees  # a better one comes
+    assert verdict_of(check, G, G, start=20.0).agrees  # a better hold follows
 
 
-def test_noise_is_averaged_and_drowns_a_small_load() -> None:
+def test_noise_is_averaged_and_hides_a_small_load() -> None:
     verdict = verdict_of(make_check(), 2.0 * G, G, noise=1.0)
     assert verdict.ratio == pytest.approx(1.0, abs=0.02)
     check = make_check()
@@ -192,7 +192,7 @@ def test_noise_is_averaged_and_drowns_a_small_load() -> None:
     assert check.waiting in (POSE, STILL)
 
 
-# --- when ----------------------------------------------------------------------------------------
+# --- the time of the check -----------------------------------------------------------------------
 
 def test_it_takes_half_a_second_and_twenty_states() -> None:
     check = make_check()
@@ -206,7 +206,7 @@ def test_it_takes_half_a_second_and_twenty_states() -> None:
 @pytest.mark.parametrize('moves', [
     {'v': np.array([0.0, 0.1])}, {'q': [0.8, 0.51], 'v': None}, {'start': 5.0},
     {'command': None}])
-def test_motion_a_new_command_or_time_that_goes_back_begins_anew(moves: dict[str, Any]) -> None:
+def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves: dict[str, Any]) -> None:
     check, changed = make_check(), {'command': G, 'start': 10.4, **moves}
     command = changed.pop('command')
     assert hold(check, G, G, 0.4) is None
@@ -219,7 +219,7 @@ def test_it_does_without_a_velocity() -> None:
 
 
 def test_a_step_within_the_window_is_not_averaged() -> None:
-    """Brakes open, and the effort jumps from 0 to that which holds: neither 0 nor 1 was seen."""
+    """Brakes open, and the effort steps from 0 to the holding effort: no verdict on the mean."""
     check = make_check()
     assert hold(check, ZERO, G, 0.25) is None
     assert hold(check, G, G, 0.27, start=10.25) is None
@@ -228,8 +228,8 @@ def test_a_step_within_the_window_is_not_averaged() -> None:
 
 
 @pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
-def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
-    """The first states of a hold report the effort before the command that answers them."""
+def test_late_efforts_in_a_window_are_ignored(late: float) -> None:
+    """The first states of a hold report the effort before the first command."""
     check = make_check()
     assert hold(check, ZERO, G, late) is None
     verdict = verdict_of(check, G, G, start=10.0 + late)
@@ -239,7 +239,7 @@ def test_what_comes_late_in_a_window_does_not_count(late: float) -> None:
 
 # --- brakes and missing efforts ------------------------------------------------------------------
 
-def test_an_arm_on_its_brakes_says_nothing_without_a_command() -> None:
+def test_an_arm_on_its_brakes_without_a_command_gives_no_verdict() -> None:
     for semantics in (EffortConvention(), EffortConvention(robot_compensates=GRAVITY)):
         check = make_check(semantics)
         assert hold(check, ZERO, None, 30.0) is None
@@ -264,7 +264,7 @@ def test_joints_without_a_measurement_are_left_out() -> None:
     assert check.waiting == NO_EFFORT
 
 
-# --- words ---------------------------------------------------------------------------------------
+# --- texts ---------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('semantics', 'effort', 'words'), [
     (EffortConvention(), 2.0 * G, ['1.00 times', 'expected 0', 'robot_compensates: [gravity]']),
@@ -295,7 +295,7 @@ def closed_loop(
     reference: JointTrajectory | None = None, seconds: float = 4.0, load: float = 0.0,
     q: Any = Q,
 ) -> GravityVerdict | None:
-    """Return what the check says beside a controller of the bare arm and a simulated robot."""
+    """Return the verdict with a controller of the bare arm and a simulated robot."""
     controller = Controller(ARM, ControllerOptions(make_gains(NAMES), semantics=declared))
     robot_side = InnerController(
         arm, EffortConvention(declared.measured_effort, robot))
@@ -305,7 +305,7 @@ def closed_loop(
         simulation.set_payloads([make_payload('tool0', load)])
     simulation.release()
     if reference is not None:
-        controller.update(1, *simulation.state)  # nothing is followed before the first state
+        controller.update(1, *simulation.state)  # required before a trajectory
         controller.follow(reference, 0)
     command = None
     for k in range(round(seconds * 200)):
@@ -342,7 +342,7 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(
 
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
 def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
-    """The feedback leans against what is too much, and the command says so."""
+    """Feedback opposes the excess effort, which is visible in the command."""
     verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
     assert verdict is not None
     assert verdict.ratio == pytest.approx(1.0, abs=0.05)
@@ -350,7 +350,7 @@ def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
 
 
 def test_there_is_no_verdict_while_the_arm_moves() -> None:
-    """The verdict comes after the motion, and is the same one."""
+    """The verdict follows after the motion, and is the same."""
     motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
     for robot, agrees in (((), True), (GRAVITY, False)):
         assert closed_loop(ARM, robot, EffortConvention(), motion, seconds=1.8) is None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The causal filter, and the residual that comes through it."""
+"""The causal filter, and the filtered residual."""
 
 import math
 
@@ -48,7 +48,7 @@ def test_it_is_the_butterworth_filter_of_scipy() -> None:
 
 @pytest.mark.parametrize('held', [False, True])
 def test_steps_may_be_cut_anywhere(held: bool) -> None:
-    """What is between two samples is known, so that more of them change nothing."""
+    """The signal between two samples is known, so that additional samples change nothing."""
     random = np.random.default_rng(1)
     whole, cut = LowPass(CUTOFF), LowPass(CUTOFF)
     last = random.normal(size=3)
@@ -97,12 +97,12 @@ def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def residuals(
     true: ArmDynamics, model: ArmDynamics, dt: float = 2e-3, wrapped: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals (m, n) in the end, and the velocities that they are of."""
+    """Return the last residuals (m, n), and the velocities at the same times."""
     live, found = LiveResidual(model, CUTOFF), []
     lag = math.sqrt(2.0) / OMEGA
     for k in range(1000):
         q, v, a = motion(k * dt)
-        effort = true.inverse_dynamics(*motion((k - 0.5) * dt))  # held since the state before
+        effort = true.inverse_dynamics(*motion((k - 0.5) * dt))  # held since the previous state
         q_seen = np.mod(q, 2.0 * np.pi) if wrapped else q
         residual = live.update(dt, q_seen, v, effort)
         assert (residual is None) == (k * dt < 7.0 / OMEGA)
@@ -114,7 +114,7 @@ def residuals(
 def test_the_right_model_leaves_little() -> None:
     dynamics = ArmDynamics(ARM)
     left, _ = residuals(dynamics, dynamics)
-    assert np.abs(left).max() < 0.25  # of 60 N m: M(q) of a filtered q is no filtered M(q)
+    assert np.abs(left).max() < 0.25  # of 60 N m: the filter and the nonlinear M(q) do not commute
 
 
 def test_what_the_model_lacks_is_left() -> None:

@@ -32,7 +32,7 @@ def ns(seconds: float) -> int:
 
 
 def recognised(hint: ReplayHint, first: int, ages: list[float], pace: float = 1.0) -> list[int]:
-    """Return at which states, a period apart by this computer, the hint is new."""
+    """Return the indices at which the hint is new, for states one period apart by local time."""
     return [
         k for k, age in enumerate(ages)
         if hint.look(first - ns(age) + round(pace * k * PERIOD), first + k * PERIOD)]

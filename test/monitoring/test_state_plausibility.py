@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which measured states can follow the one before: stamps, ages, ways, and who says so."""
+"""The check that a measured state can follow the previous one: stamps, ages, distances, source."""
 
 from collections.abc import Callable
 from typing import Any
@@ -34,7 +34,7 @@ from robot_dynamics.monitoring.state_plausibility import (
     StateVerdict,
 )
 
-NAMES = ('shoulder', 'wrist')  # the wrist turns without end
+NAMES = ('shoulder', 'wrist')  # the wrist is continuous
 LIMIT = np.array([2.0, 3.0])
 SECOND = 1_000_000_000
 NOW = 1_790_000_000 * SECOND
@@ -50,7 +50,7 @@ def nanoseconds(seconds: float) -> int:
 
 
 class Watched:
-    """A watch, told of states by seconds since NOW; `crowd` tells of several publishers."""
+    """A check with times in seconds after NOW; `crowd` declares several publishers."""
 
     def __init__(
         self, max_age: float = MAX_AGE, limit: np.ndarray = LIMIT, offset: float = 0.0,
@@ -62,9 +62,9 @@ class Watched:
         self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,
     ) -> StateVerdict:
         """
-        Judge a state that arrives at `clock`, at its stamp where that is not given.
+        Check a state that arrives at `clock`, which by default is its stamp.
 
-        Its stamp is its time, and is left out of what is returned.
+        The stamp is the time of the state, and is not part of the result.
         """
         stamp_ns = NOW + nanoseconds(stamp) + nanoseconds(self.offset)
         judgement = self.watch.judge(
@@ -74,20 +74,20 @@ class Watched:
         return judgement._replace(stamp=0)
 
     def refusal(self, *args: Any, **more: Any) -> ImplausibleStateError:
-        """Return why a state is refused; fail where it is not."""
+        """Return the rejection of a state; fail if the state is accepted."""
         with pytest.raises(ImplausibleStateError) as caught:
             self.judge(*args, **more)
         return caught.value
 
 
 def started(**options: Any) -> Watched:
-    """Return one that has taken a state at 0 s."""
+    """Return a check that has accepted a state at 0 s."""
     one = Watched(**options)
     assert one.judge(0.0) == StateVerdict(True, None, 'first state')
     return one
 
 
-# --- what follows --------------------------------------------------------------------------------
+# --- accepted states -----------------------------------------------------------------------------
 
 @laws
 @given(st.lists(st.floats(0.0005, 0.02), min_size=1, max_size=30), st.floats(0.0, 0.99))
@@ -104,7 +104,7 @@ def test_states_that_move_as_fast_as_they_may_follow_each_other(
         assert not judgement.restart
 
 
-def test_a_stamp_that_comes_again_is_no_news_whatever_it_says() -> None:
+def test_a_repeated_stamp_is_no_new_state_for_any_content() -> None:
     one = started()
     for q in (Q, Q + 1.0):
         assert one.judge(0.0, 0.01, q) == StateVerdict(False)
@@ -116,7 +116,7 @@ def test_a_stamp_that_comes_again_is_no_news_whatever_it_says() -> None:
     (0.01, None, PLAY + SPEED_FACTOR * 2.0 * 0.01),
     (0.5, None, PLAY + SPEED_FACTOR * 2.0 * 0.5),
     (0.01, [0.0, 0.0], PLAY + SPEED_FACTOR * 2.0 * 0.01),
-    (0.01, [-30.0, 0.0], PLAY + SPEED_FACTOR * 30.0 * 0.01),  # faster than it may, as it says
+    (0.01, [-30.0, 0.0], PLAY + SPEED_FACTOR * 30.0 * 0.01),  # at a reported speed above the limit
 ])
 def test_a_way_longer_than_the_speed_allows_is_a_jump(
     sign: float, dt: float, v: list[float] | None, longest: float,
@@ -153,7 +153,7 @@ def test_a_whole_turn_is_no_way_for_a_joint_without_an_end(turns: int) -> None:
     assert started().judge(PERIOD, q=Q + [2.0 * np.pi * turns, 0.0]).restart == 'jump'
 
 
-# --- what does not follow ------------------------------------------------------------------------
+# --- rejected states -----------------------------------------------------------------------------
 
 ODD: dict[str, Callable[[Watched], Any]] = {
     'stamp went back': lambda one: one.judge(-0.1, PERIOD),
@@ -177,18 +177,18 @@ def test_publishers_that_contradict_each_other_are_a_conflict(reason: str) -> No
     with pytest.raises(ImplausibleStateError) as caught:
         ODD[reason](one)
     assert caught.value.reason == reason
-    assert not caught.value.is_conflict  # it may be a restart
+    assert not caught.value.is_conflict  # possibly a restart
     assert 'several publishers' in str(caught.value)
     judgement = one.judge(0.01, q=Q)
     assert not judgement.restart
     assert judgement.dt == pytest.approx(0.01)
-    for k in range(3 * CONFIRMATIONS):  # from then on no state starts time anew
+    for k in range(3 * CONFIRMATIONS):  # from then on no state resets the time
         assert one.refusal(-0.1 + k * PERIOD, 0.01 + k * PERIOD).is_conflict
 
 
 @pytest.mark.parametrize('clock_steps', [-5.0, 5.0])
 def test_an_idle_publisher_is_no_conflict(clock_steps: float) -> None:
-    """A robot whose clock is set: after a few states in a row time starts anew."""
+    """A robot whose clock is set: after several successive states the time is reset."""
     one = Watched(max_age=0.0)
     one.crowd = True
     one.judge(0.0)
@@ -249,7 +249,7 @@ def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
         assert '0.2 s (state_max_age)' in str(error)
 
 
-def test_a_state_that_is_refused_for_its_age_leaves_no_trace() -> None:
+def test_a_state_rejected_for_its_age_has_no_side_effect() -> None:
     one = started()
     one.refusal(0.1, 0.5, q=Q + 1.0)
     assert one.judge(0.01, q=Q) == StateVerdict(True, 0.01)
@@ -271,13 +271,13 @@ def test_the_limit_of_age_may_change() -> None:
 # --- other clocks --------------------------------------------------------------------------------
 
 STORY = st.lists(st.tuples(
-    st.floats(-0.5, 40.0) | st.sampled_from([0.0, PERIOD]),  # how far the stamp goes on
-    st.floats(0.0, 40.0) | st.sampled_from([PERIOD]),  # how far the clock does
+    st.floats(-0.5, 40.0) | st.sampled_from([0.0, PERIOD]),  # increment of the stamp
+    st.floats(0.0, 40.0) | st.sampled_from([PERIOD]),  # increment of the clock
     st.sampled_from([0.0, 0.01, 1.0])), max_size=8)
 
 
 def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
-    """Return what becomes of each state of a story: the judgement, or why it is refused."""
+    """Return the result for each state of a story: the judgement, or the reason of rejection."""
     one.crowd = crowd
     stamp = clock = 0.0
     fates: list[object] = []
@@ -317,7 +317,7 @@ def test_the_clock_of_another_computer_keeps_its_offset(offset: float) -> None:
         error = one.refusal(2.0 - age, 2.0)
         assert error.reason == reason
         assert 'offset of its clock' in str(error)
-    for k in range(1, 1000):  # quartz that runs 0.05 % fast
+    for k in range(1, 1000):  # an oscillator that is 0.05 % fast
         t = 2.0 + 0.5 * k
         assert one.judge(1.0005 * t, t).is_new
     one.watch.has_age = lambda: False
@@ -326,7 +326,7 @@ def test_the_clock_of_another_computer_keeps_its_offset(offset: float) -> None:
 
 @pytest.mark.parametrize('clock', [1.0, 1.1])
 def test_a_clock_that_is_set_right_gets_its_age(clock: float) -> None:
-    """The first stamps are of 1970, as of a computer before it has the time of a server."""
+    """The first stamps are of 1970, as of a computer that has not received the time yet."""
     one = Watched(offset=-NOW / SECOND + 20.0)
     one.judge(0.0)
     one.offset = 0.0
@@ -343,10 +343,10 @@ def test_a_clock_of_this_computer_that_is_set_moves_no_reference() -> None:
     assert verdict == StateVerdict(True, None, 'stamp jumped ahead', t)
 
 
-# --- what is forgotten ---------------------------------------------------------------------------
+# --- resets --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('crowd', [True, False])
-def test_after_a_long_silence_anything_is_a_first_state(crowd: bool) -> None:
+def test_after_a_long_pause_any_state_is_a_first_state(crowd: bool) -> None:
     one = started()
     one.crowd = crowd
     assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == StateVerdict(True, None, 'first state')
@@ -358,7 +358,7 @@ def test_after_a_shorter_one_it_is_not() -> None:
 
 
 def test_refused_states_do_not_keep_the_memory_alive() -> None:
-    """The publisher that was believed has gone: after a while the other one is believed."""
+    """The accepted publisher has stopped: after some time the other one is accepted."""
     one = started()
     for k in range(1, 30):
         assert one.refusal(-100.0 + k, float(k)).reason == 'too old'
@@ -368,8 +368,8 @@ def test_refused_states_do_not_keep_the_memory_alive() -> None:
 
 @laws
 @given(st.floats(-1e5, 1e5))
-def test_a_clock_that_is_set_while_stamps_follow_it_starts_anew_or_goes_on(jump: float) -> None:
-    """Never is a state refused for it, nor does time go back."""
+def test_a_clock_that_is_set_with_the_stamps_resets_or_continues(jump: float) -> None:
+    """The jump of the clock never causes a rejection, nor a step back in time."""
     assume(abs(jump) > 1e-3)
     one = started()
     one.crowd = True
@@ -381,7 +381,7 @@ def test_a_clock_that_is_set_while_stamps_follow_it_starts_anew_or_goes_on(jump:
         assert judgement == StateVerdict(True, None, 'first state')
 
 
-def test_stamps_far_ahead_start_anew() -> None:
+def test_stamps_far_ahead_reset_the_time() -> None:
     one = Watched(max_age=0.0)
     one.judge(0.0)
     assert one.judge(LONGEST_GAP + 1.0, 0.01) == StateVerdict(True, None, 'stamp jumped ahead')
@@ -406,8 +406,8 @@ def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
         bare(one, 0, 1.11, Q + 1.0)
 
 
-def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
-    """Its first stamp reads as none; then what began at the clock's time began at 0."""
+def test_a_simulation_that_begins_at_0_continues_without_a_reset() -> None:
+    """The first stamp, 0, counts as missing; times counted from the clock then count from 0."""
     one = Watched()
     first = bare(one, 0, 1.0)
     second = bare(one, nanoseconds(PERIOD), 1.01)
@@ -417,7 +417,7 @@ def test_a_simulation_that_begins_at_0_goes_on_without_a_new_start() -> None:
     assert third.dt == pytest.approx(PERIOD)
 
 
-def test_stamps_of_today_after_states_without_start_anew() -> None:
+def test_present_stamps_after_states_without_stamps_reset_the_time() -> None:
     one = Watched()
     bare(one, 0, 1.0)
     assert one.judge(1.1) == StateVerdict(True, None, 'first state')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Velocities estimated from positions: their delay, their noise, and the loop that uses them."""
+"""Velocities estimated from positions: delay, noise, and the loop with estimated velocities."""
 
 import math
 
@@ -43,7 +43,7 @@ def span_of(rate: int) -> float:
 @laws
 @given(st.sampled_from(RATES), st.floats(-3.0, 3.0), st.floats(-9.0, 9.0))
 def test_it_is_late_by_half_of_its_span(rate: int, v0: float, a: float) -> None:
-    """Of a motion with constant acceleration it is the velocity at the time t − delay."""
+    """For constant acceleration the estimate is the velocity at the time t − delay."""
     estimate = VelocityEstimate(np.array([False]))
     for k in range(40):
         t = k / rate
@@ -73,13 +73,13 @@ def test_a_joint_without_an_end_may_jump_by_a_turn() -> None:
     assert found == pytest.approx(np.array([1.0, 1.0]), abs=1e-6)
 
 
-def test_after_a_pause_or_a_step_back_it_begins_anew() -> None:
+def test_a_pause_or_a_step_back_in_time_resets_the_estimate() -> None:
     estimate = VelocityEstimate(np.array([False]))
     for stamp in (0, SECOND // 100):
         estimate.update(stamp, np.array([0.0]))
     assert estimate.update(SECOND, np.array([5.0])) is None
     assert estimate.update(SECOND // 2, np.array([7.0])) is None
-    assert estimate.update(SECOND // 2, np.array([8.0])) is None  # the same stamp again
+    assert estimate.update(SECOND // 2, np.array([8.0])) is None  # an equal stamp
     estimate.restart()
     assert estimate.update(SECOND // 2 + 1, np.array([9.0])) is None
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Backlash in the running `simulated_arm`: motor and joint have a state each."""
+"""Backlash in the running `simulated_arm`: motor and joint have separate states."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ STEPS = 60
 
 
 def motor_offsets(client: RosClient, namespace: str) -> np.ndarray:
-    """Return how far (steps, 2) the motors are from the joints that are measured, on the way."""
+    """Return the offsets (steps, 2) of the motors from the measured joints during the motion."""
     states = client.collect(JointState, f'{namespace}/joint_states')
     motors = client.collect(JointState, f'{namespace}/simulated_arm/motor_states')
     with states, motors:
@@ -54,14 +54,14 @@ def motor_offsets(client: RosClient, namespace: str) -> np.ndarray:
 
 
 def test_joint_and_motor_are_apart_by_the_gap(client: RosClient) -> None:
-    """The arm leans on its gears; under a torque the other way its motors cross the gap."""
+    """The links rest on their gears; under an opposite torque the motors cross the gap."""
     with NodeProcess(SIMULATED_ARM, GEARED, namespace='/at_joint'):
         offsets = motor_offsets(client, '/at_joint')
-    # It falls forward, g(q) < 0, so that at first the motors lean back.
+    # The arm falls forward, g(q) < 0, so that at first the motors are behind the joints.
     assert offsets[0] == pytest.approx([-0.5 * GAP] * 2, abs=1e-10)
     assert offsets[-1] == pytest.approx([0.5 * GAP] * 2, abs=1e-10)
     assert np.abs(offsets).max() <= 0.5 * GAP + 1e-10
-    assert np.abs(offsets[:, 0]).min() < 0.4 * GAP  # seen on the way across
+    assert np.abs(offsets[:, 0]).min() < 0.4 * GAP  # observed while the motor crosses the gap
 
 
 def test_encoders_at_the_motor_do_not_see_the_gap(client: RosClient) -> None:

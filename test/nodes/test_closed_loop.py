@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Both nodes together: the loop that closes without hardware."""
+"""Both nodes together: the closed loop without hardware."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, ExitStack
@@ -49,7 +49,7 @@ RATE = 200.0
 
 
 def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
-    """Return a process of the simulated arm, in lock-step unless told otherwise."""
+    """Return a process of the simulated arm, in lock-step by default."""
     return NodeProcess(SIMULATED_ARM, {
         'rate': RATE, 'lock_step': True, 'initial_position': START, **parameters},
         namespace=namespace)
@@ -57,10 +57,10 @@ def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
 
 def until(states: Collector, seconds: float) -> list[Any]:
     """
-    Return the states up to the first that is seen at this simulated time or later, each once.
+    Return the states up to the first one received at this simulated time [s] or later, each once.
 
-    In lock-step the nodes wait for each other and for no observer: a slow one misses states, as
-    many as the load of the machine makes it miss. The last one is always among those returned.
+    In lock-step the nodes wait for each other but not for an observer: a slow observer misses
+    states, depending on the load of the machine. The last state is always among those returned.
     """
     end = stamp_from_ros(states.wait_for(
         lambda m: stamp_from_ros(m.header.stamp) >= 1e9 * seconds, LONG).header.stamp)
@@ -73,13 +73,13 @@ def at(seconds: float) -> Time:
 
 
 def send(client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: float) -> None:
-    """Publish a trajectory that starts at a simulated time, 0 for now."""
+    """Publish a trajectory that starts at a simulated time [s], 0 for now."""
     publisher = client.publisher(
         JointTrajectoryMsg, f'{namespace}/dynamics/joint_trajectory')
     message = trajectory_to_ros(trajectory)
     message.header.stamp = at(stamp)
     publisher.publish(message)
-    # until it has arrived: a publisher that goes takes what it has not sent with it
+    # until it has arrived: destroying a publisher discards messages that it has not sent
     publisher.wait_for_all_acked()
     client.node.destroy_publisher(publisher)
 
@@ -88,8 +88,8 @@ class Gate:
     """
     Relays the states of an arm in lock-step to `dynamics`, and holds them at a simulated time.
 
-    Nothing is followed before the first state, and the nodes wait for no sender. So the arm waits
-    at the gate until the trajectory has arrived, and this is at the same simulated time each run.
+    `dynamics` follows nothing before the first state, and the nodes do not wait for a sender. The
+    arm waits at the gate until the trajectory has arrived, at the same simulated time in each run.
     """
 
     TOPIC = 'gated_states'
@@ -117,16 +117,16 @@ class Gate:
             self._publisher.publish(state)
 
     def follow(self, trajectory: JointTrajectory, stamp: float) -> None:
-        """Send a trajectory that starts at a simulated time, and open once it is followed."""
+        """Send a trajectory that starts at a simulated time [s]; open once it is followed."""
         wait_until(lambda: self._passed is not None and (
             stamp_from_ros(self._passed.header.stamp) == self.HELD_AT), 'the state', LONG)
         send(self._client, self._namespace, trajectory, stamp)
-        # The arm ignores the effort of a state that it had an effort for.
+        # The arm ignores a second effort for the same state.
         self._client.answer_to(self._publisher, self._passed, self._references)
         self._is_open = True
 
     def close(self) -> None:
-        """Forget the topics."""
+        """Destroy the publishers and subscriptions."""
         self._references.close()
         self._client.node.destroy_subscription(self._states)
         self._client.node.destroy_publisher(self._publisher)
@@ -137,7 +137,7 @@ def gated(
     client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: float,
     arm: Mapping[str, Any], has_velocity: bool = True, **parameters: Any,
 ) -> Iterator[None]:
-    """Run both nodes along a trajectory that starts at a simulated time."""
+    """Run both nodes along a trajectory that starts at a simulated time [s]."""
     with NodeProcess(
             DYNAMICS, parameters, namespace=namespace, remaps={'joint_states': Gate.TOPIC}):
         gate = Gate(client, namespace, has_velocity)
@@ -149,7 +149,7 @@ def gated(
             gate.close()
 
 
-# --- standing still ------------------------------------------------------------------------------
+# --- gravity compensation ------------------------------------------------------------------------
 
 def drift(states: list[Any], pose: list[float]) -> float:
     return float(np.abs(np.array([m.position for m in states]) - pose).max())
@@ -169,7 +169,8 @@ def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
 
 
 def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
-    poses = [[2.2, -1.3], [0.0, 0.0]]  # the latter upright, where it would fall by itself
+    # In the second, upright pose the arm would fall without efforts.
+    poses = [[2.2, -1.3], [0.0, 0.0]]
     with NodeProcess(DYNAMICS, namespace='/poses'):
         for pose in poses:
             with client.collect(JointState, '/poses/joint_states') as states, \
@@ -179,7 +180,7 @@ def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
 
 
 def test_in_wall_time_the_arm_is_held_from_its_brakes_on(client: RosClient) -> None:
-    """Without a timeout: for as long as no effort comes, the last one holds the arm as well."""
+    """Without a timeout the last effort holds the arm as long as no new effort arrives."""
     with client.collect(JointState, '/wall/joint_states') as states, \
             simulated_arm('/wall', lock_step=False, command_timeout=0.0), \
             NodeProcess(DYNAMICS, namespace='/wall'):
@@ -196,13 +197,13 @@ def test_in_wall_time_the_arm_is_held_from_its_brakes_on(client: RosClient) -> N
 # --- following -----------------------------------------------------------------------------------
 
 def reference_at(path: JointTrajectory, t: float) -> np.ndarray:
-    """Return where a quintic motion from rest to rest is at the time t from its start."""
+    """Return the position of a quintic motion from rest to rest at the time t after its start."""
     s = min(max(t / path.duration, 0.0), 1.0)
     q0, q1 = path.points[0].position, path.points[-1].position
     return np.asarray(q0 + (10 * s**3 - 15 * s**4 + 6 * s**5) * (q1 - q0))
 
 
-# Velocity and acceleration of the trajectory are feasible, so that it is followed as it is.
+# Velocity and acceleration of the trajectory are feasible: the reference follows it exactly.
 DEFAULTS = {'condition_references': True, 'soften_gains': True, 'effort_rate_limit': 0.0,
             'overspeed_factor': 1.2, 'following_error_limit': []}
 
@@ -216,14 +217,14 @@ def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any
     errors = [
         np.abs(reference_at(path, 1e-9 * stamp_from_ros(m.header.stamp) - 0.5) - m.position).max()
         for m in seen]
-    # an effort that is held for 2 ms acts 1 ms late
+    # an effort that is held for 2 ms acts with a mean delay of 1 ms
     assert max(errors) < 2e-3
     assert seen[-1].position == pytest.approx([-0.4, 1.4], abs=1e-4)
     assert seen[-1].velocity == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
 @pytest.mark.parametrize(('noise', 'bound'), [(0.0, 0.01), (1e-4, 0.01)])
-def test_positions_alone_are_enough_to_follow(
+def test_positions_without_velocities_suffice_for_tracking(
     client: RosClient, noise: float, bound: float,
 ) -> None:
     """Velocities are estimated, with the default parameters, without and with noise."""
@@ -238,13 +239,13 @@ def test_positions_alone_are_enough_to_follow(
     assert max(errors) < bound
     assert seen[-1].position == pytest.approx([-0.4, 1.4], abs=2e-3)
     end = np.array([m.position for m in seen[-100:]])
-    assert np.ptp(end, axis=0).max() < 2e-3 + 10.0 * noise  # it does not oscillate
+    assert np.ptp(end, axis=0).max() < 2e-3 + 10.0 * noise  # the arm does not oscillate
 
 
 def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient) -> None:
     hold = ArmDynamics(ARM).rigid_body.gravity(np.array(START))
     there = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
-    # no point at its start: it leads on from where the reference is
+    # no point at its start: the trajectory continues from the reference
     back = JointTrajectory(
         NAMES, (quintic_point_to_point(NAMES, START, START, 2.0).points[-1],))
     with client.collect(JointState, '/replace/effort_command') as efforts, \
@@ -261,20 +262,20 @@ def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient)
         np.abs(np.array(b.effort) - a.effort).max() for a, b in zip(commands, commands[1:])
         if stamp_from_ros(b.header.stamp) - stamp_from_ros(a.header.stamp) == round(1e9 / RATE)]
     assert jumps
-    # a step of the reference alone by 0.1 rad would make one of about M K_p 0.1 = 280 N·m
+    # a step of only the reference by 0.1 rad would cause one of about M K_p 0.1 = 280 N·m
     assert max(jumps) < 5.0
 
 
-# --- the same again ------------------------------------------------------------------------------
+# --- repeatability -------------------------------------------------------------------------------
 
 def content(state: Any) -> bytes:
-    """Return the stamp and the numbers of a joint state, byte by byte."""
+    """Return the stamp and the numbers of a joint state as bytes."""
     return stamp_from_ros(state.header.stamp).to_bytes(8, 'big') + b''.join(
         values.tobytes() for values in (state.position, state.velocity, state.effort))
 
 
 def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
-    """The same seed gives the same noisy motion along a trajectory, another one another motion."""
+    """Equal seeds give the same noisy motion along a trajectory, another seed another motion."""
     seeds = {'/repeat1': 7, '/repeat2': 7, '/repeat3': 8}
     path = quintic_point_to_point(NAMES, START, [0.2, 1.0], 1.0)
     with ExitStack() as stack:
@@ -285,7 +286,7 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
                 'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}))
         first, again, other = (
             [content(state) for state in until(collector, 2.0)] for collector in collectors)
-    # an observer may miss a message; what both saw has to be the same
+    # an observer may miss a message; the states that both received have to be the same
     seen_twice = {s[:8] for s in first} & {s[:8] for s in again}
     assert seen_twice
     assert len(set(first) & set(again)) == len(seen_twice)
@@ -302,7 +303,7 @@ def load_of(client: RosClient, namespace: str, node: str) -> None:
 
 
 def test_a_state_that_waits_is_answered_once_a_command_is_wanted(client: RosClient) -> None:
-    """In lock-step the arm repeats its state until then, with the stamp that it has."""
+    """In lock-step the arm repeats its state, with the same stamp, until a command arrives."""
     with client.collect(JointState, '/late/joint_states') as states, \
             running(simulated_arm('/late'),
                     NodeProcess(DYNAMICS, {'command': 'none'}, namespace='/late')):
@@ -320,7 +321,7 @@ def test_a_load_is_held_where_the_controller_knows_of_it(client: RosClient) -> N
     with client.collect(JointState, '/known/joint_states') as held, \
             client.collect(JointState, '/unknown/joint_states') as pulled, \
             running(*(simulated_arm(namespace) for namespace in namespaces)):
-        for namespace in namespaces:  # it waits with its brakes on
+        for namespace in namespaces:  # the arm waits with its brakes engaged
             load_of(client, namespace, 'simulated_arm')
         with running(*(NodeProcess(DYNAMICS, {'command': 'none'}, namespace=namespace)
                        for namespace in namespaces)):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Efforts that fail to come: the running simulated arm stands on its brakes until they return."""
+"""Missing efforts: the running simulated arm stands on its brakes until efforts resume."""
 
 from collections.abc import Iterator
 import os
@@ -56,7 +56,7 @@ TIMED_OUT = r'\[WARN\].*No valid effort for ([\d.]+) s'
 
 
 class Controller:
-    """Answers each state of the arm with one and the same effort, or with nothing for None."""
+    """Answers each state of the arm with a constant effort; without an effort, does not answer."""
 
     def __init__(self, client: RosClient, namespace: str) -> None:
         self.effort: JointState | None = None
@@ -80,7 +80,7 @@ class Controller:
 
 
 class Driven:
-    """A running arm with a controller, and with its states."""
+    """A running arm with a controller and a collector of its states."""
 
     def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
         self.node = node
@@ -89,16 +89,16 @@ class Driven:
 
     @property
     def answered(self) -> int:
-        """Return the stamp [ns] of the last state that got an effort."""
+        """Return the stamp [ns] of the last state that was answered with an effort."""
         return self._controller.answered
 
     def command(self, effort: Any, names: list[str] = NAMES) -> None:
-        """Answer with this effort from now on, None for none at all."""
+        """Answer with this effort from now on; None for no answer."""
         self._controller.effort = None if effort is None else JointState(
             name=names, effort=effort)
 
     def wait_for_answers(self, count: int) -> None:
-        """Wait until so many more efforts have been sent."""
+        """Wait until `count` more efforts have been sent."""
         enough = self._controller.sent + count
         wait_until(lambda: self._controller.sent >= enough, f'{count} answers')
 
@@ -126,7 +126,7 @@ def is_moving(state: JointState) -> bool:
 
 
 def wait_standing(states: Collector, count: int = 50) -> JointState:
-    """Wait until so many states in a row are at rest and at the same place; return the last."""
+    """Wait until `count` successive states are at rest at the same position; return the last."""
     states.clear()
 
     def stands() -> bool:
@@ -143,9 +143,9 @@ def model() -> ArmModel:
     return arm.with_friction(make_friction(NAMES, viscous=[VISCOUS]))
 
 
-# --- a stream that ends --------------------------------------------------------------------------
+# --- efforts that end ----------------------------------------------------------------------------
 
-def test_the_arm_stands_when_efforts_end_and_says_so(arm: Driven) -> None:
+def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> None:
     arm.move()
     arm.command(None)
     standing = wait_standing(arm.states)
@@ -163,7 +163,7 @@ def test_the_arm_stands_when_efforts_end_and_says_so(arm: Driven) -> None:
 def test_the_next_effort_moves_it_on_from_where_it_stands(
     arm: Driven, client: RosClient,
 ) -> None:
-    """From rest, and in the same time: as one does that starts there."""
+    """The motion resumes from rest, in the same time as that of an arm that starts there."""
     arm.move()
     arm.command(None)
     standing = wait_standing(arm.states)
@@ -177,7 +177,7 @@ def test_the_next_effort_moves_it_on_from_where_it_stands(
     assert passed % PERIOD_NS == 0
     twin = ArmSimulation(model(), standing.position)
     twin.release()
-    for _ in range(passed // PERIOD_NS):  # it began at one of the states in between
+    for _ in range(passed // PERIOD_NS):  # the motion began at one of the states in between
         twin.step(np.array(EFFORT), 1.0 / RATE)
         if twin.v == pytest.approx(first.velocity, abs=1e-12):
             break
@@ -211,9 +211,9 @@ def test_a_reset_waits_for_a_first_effort_again(arm: Driven, client: RosClient) 
     arm.move()
 
 
-# --- how long is too long ------------------------------------------------------------------------
+# --- the duration of the timeout -----------------------------------------------------------------
 
-def test_with_0_the_last_effort_acts_for_ever(client: RosClient) -> None:
+def test_with_0_the_last_effort_acts_indefinitely(client: RosClient) -> None:
     with NodeProcess(SIMULATED_ARM, {**ARM, 'command_timeout': 0.0}, namespace='/ever') as node:
         arm = Driven(client, node, '/ever')
         arm.move()
@@ -231,14 +231,14 @@ def test_with_0_the_last_effort_acts_for_ever(client: RosClient) -> None:
 
 
 def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> None:
-    """It was for longer than the timeout, and yet goes on under the effort that it had."""
+    """The suspension is longer than the timeout; the arm continues under its last effort."""
     timeout = 2.0
     parameters = {**ARM, 'command_timeout': timeout, 'publish_clock': True}
     with NodeProcess(SIMULATED_ARM, parameters, namespace='/suspended') as node:
         arm = Driven(client, node, '/suspended')
 
         def moves_on() -> bool:
-            """Tell whether states were seen between the suspension and the end of the timeout."""
+            """Return whether states arrive between the suspension and the end of the timeout."""
             arm.move()
             arm.command(None)
             os.kill(node.pid, signal.SIGSTOP)
@@ -247,7 +247,7 @@ def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> No
                 arm.states.clear()
             finally:
                 os.kill(node.pid, signal.SIGCONT)
-            # by its own clock, which stands still while the process does
+            # by the clock of the process, which does not advance during the suspension
             end = arm.answered + round(1e9 * timeout) - PERIOD_NS
             arm.states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
             seen = [m for m in arm.states.messages if stamp_from_ros(m.header.stamp) < end]
@@ -255,7 +255,7 @@ def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> No
             return len(seen) > 1
 
         wait_until(moves_on, 'states after a suspension')
-        wait_standing(arm.states)  # silence goes on, and becomes too long
+        wait_standing(arm.states)  # still without efforts, so that the timeout expires
         arm.close()
 
 

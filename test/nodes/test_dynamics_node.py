@@ -54,7 +54,7 @@ TAU = [-48.74713301, -10.95795578]
 
 @dataclass
 class Bench:
-    """A node with something that publishes its joint states and listens to what it says."""
+    """A node, a publisher of its joint states, and collectors of the topics that it publishes."""
 
     client: RosClient
     node: NodeProcess
@@ -67,7 +67,7 @@ class Bench:
     next_second: int = 0
 
     def state(self, q: Any = Q, v: Any = V, names: Any = None) -> JointState:
-        """Return a joint state with a stamp that no other one has."""
+        """Return a joint state with a unique stamp."""
         self.next_second += 1
         message = JointState(name=names or NAMES, position=q, velocity=v)
         message.header.stamp = Time(sec=self.next_second, nanosec=123_456_789)
@@ -102,7 +102,7 @@ def make_bench(client: RosClient, node: NodeProcess, namespace: str) -> Bench:
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[Bench]:
-    """Return the node on the default arm, never with a reference."""
+    """Return the node on the default arm; no test sends it a reference."""
     with NodeProcess(
             DYNAMICS, {'robot_description': default_arm_urdf()}, namespace='/gravity') as node:
         yield make_bench(client, node, '/gravity')
@@ -124,7 +124,7 @@ def test_the_command_for_a_state_carries_its_stamp(bench: Bench) -> None:
 
 @pytest.mark.parametrize('stamp', [
     Time(sec=1_790_000_000, nanosec=987_654_321), Time(sec=2**31 - 1, nanosec=999_999_999)])
-def test_every_nanosecond_of_a_stamp_comes_back(bench: Bench, stamp: Time) -> None:
+def test_every_nanosecond_of_a_stamp_is_preserved(bench: Bench, stamp: Time) -> None:
     state = bench.state()
     state.header.stamp = stamp
     assert bench.command(state).header.stamp == stamp
@@ -166,7 +166,7 @@ def test_a_bad_state_is_dropped_alone_and_reported(
         message.header.stamp == bad.header.stamp for message in bench.efforts.messages)
 
 
-def test_states_of_other_joints_are_passed_over(bench: Bench) -> None:
+def test_states_of_other_joints_are_ignored(bench: Bench) -> None:
     other = bench.state(names=['left', 'right'])
     bench.states.publish(other)
     assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
@@ -203,7 +203,7 @@ def test_the_terms_of_gravity_compensation(bench: Bench) -> None:
 
 @pytest.fixture(scope='module')
 def tracking(client: RosClient) -> Iterator[Bench]:
-    """Return a node that gets references; `joints` gives it an order of its own."""
+    """Return a node that receives references; `joints` sets an order other than the model's."""
     parameters = {'joints': ['joint2', 'joint1'], 'gains.kp': [100.0, 200.0],
                   'gains.kd': [10.0, 20.0]}
     with NodeProcess(DYNAMICS, parameters, namespace='/tracking') as node:
@@ -222,9 +222,9 @@ def expected_torque(q: Any, v: Any, q_ref: Any, v_ref: Any = (0.0, 0.0),
 
 def settle(tracking: Bench, reference: Any) -> Any:
     """
-    Send states until the computed torque is that of a constant reference; return it.
+    Send states until the computed torque is that of a constant reference; return the torque.
 
-    Each has a new stamp, because the node may receive the first one before the reference.
+    Each state has a new stamp, because the node may receive the first state before the reference.
     """
     wanted = expected_torque(Q, V, *reference)
     tracking.computed_torque.clear()
@@ -254,7 +254,7 @@ def test_a_set_point_is_followed(tracking: Bench) -> None:
         commands.wait_matched()
         all_terms.wait_matched()
         terms = tracking.client.answer_to(tracking.states, tracking.state(), all_terms)
-        # asked until one is published: the joint order of each subscriber is checked first
+        # repeated until one is published: the joint order of each subscriber is checked first
         numbers = tracking.client.ask(
             tracking.states, tracking.state(), commands, lambda message: True)
     assert numbers.data == pytest.approx(TAU[::-1], abs=5e-9)  # the order of `joints`
@@ -286,14 +286,14 @@ def test_a_trajectory_moves_with_the_stamps_of_the_states(tracking: Bench) -> No
         stamp = state.header.stamp
         t = stamp.sec - start + 1e-9 * stamp.nanosec
         wanted = expected_torque(Q, [0.25, -0.25], [t / 4, -t / 4], [0.25, -0.25])
-        # asked until it is so: the trajectory may arrive after the first of these states
+        # repeated until the torque matches: the trajectory may arrive after the first state
         tracking.client.ask(
             tracking.states, state, tracking.computed_torque,
             lambda m, stamp=stamp, wanted=wanted: (  # type: ignore[misc]
                 m.header.stamp == stamp and m.effort == pytest.approx(wanted)))
 
 
-def test_a_continuous_joint_takes_the_short_way_round(tracking: Bench) -> None:
+def test_a_continuous_joint_takes_the_shortest_angular_distance(tracking: Bench) -> None:
     tracking.follow(JointTrajectoryPoint(positions=[Q[0] + 4 * np.pi + 0.01, Q[1] - 2 * np.pi]))
     wanted = expected_torque(Q, V, [Q[0] + 0.01, Q[1]])
     tracking.client.ask(
@@ -326,7 +326,7 @@ def test_a_refused_trajectory_is_reported_and_the_old_one_followed_on(
     settle(tracking, (Q,))
 
 
-# --- what is commanded ---------------------------------------------------------------------------
+# --- the parameters of the command ---------------------------------------------------------------
 
 def test_the_parameter_command_chooses(tracking: Bench) -> None:
     tracking.follow(JointTrajectoryPoint(positions=[Q[0] + 0.02, Q[1]]))
@@ -337,9 +337,9 @@ def test_the_parameter_command_chooses(tracking: Bench) -> None:
     assert tracking.command(tracking.state()).effort == pytest.approx(G[::-1], abs=5e-9)
     client.set_parameters(node, {'command': 'none'})
     client.answer_to(tracking.states, tracking.state(), tracking.gravity)
-    tracking.efforts.wait_for(lambda message: not any(message.effort))  # ramped out
+    tracking.efforts.wait_for(lambda message: not any(message.effort))  # the end of the ramp
     client.set_parameters(node, {'command': 'computed_torque'})
-    for _ in range(3):  # the reference has ended: gravity compensation until the next one
+    for _ in range(3):  # the reference has ended: gravity compensation until the next reference
         effort = tracking.command(tracking.state()).effort
         assert effort == pytest.approx(G[::-1], abs=5e-9)
     tracking.follow(JointTrajectoryPoint(positions=[Q[0] + 0.02, Q[1]]))
@@ -348,7 +348,7 @@ def test_the_parameter_command_chooses(tracking: Bench) -> None:
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_the_parameter_effort_scale_clamps(tracking: Bench, sign: float) -> None:
-    """It clamps to its share of the limits, or to what holds the arm where that is more."""
+    """The clamp is the scaled limit, or the gravity torque if that is larger."""
     client, node = tracking.client, tracking.topic('dynamics')
     goal = [Q[0] + sign, Q[1] - 1.5 * sign]
     tracking.follow(JointTrajectoryPoint(positions=goal))
@@ -371,7 +371,7 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient)
     descriptions.publish(String(data=one))
     with NodeProcess(
             DYNAMICS, {'hold_time': 0.0}, namespace='/described') as node:
-        node.wait_for_log("Model 'one_link'")  # latched: it was published before
+        node.wait_for_log("Model 'one_link'")  # transient local: it was published before
         bench = make_bench(client, node, '/described')
         effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
         assert list(effort.name) == ['hinge']
@@ -382,7 +382,7 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient)
         assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
         descriptions.publish(String(data=default_arm_urdf()))
         node.wait_for_log('Kept the model in use, as efforts go out by it')
-        loaded = node.log.count("Model 'planar_arm'")  # the embedded arm was there at first
+        loaded = node.log.count("Model 'planar_arm'")  # the embedded arm was loaded at first
         client.set_parameters('/described/dynamics', {'state_timeout': 0.3})
         wait_until(  # no joint states: the command ends
             lambda: node.log.count("Model 'planar_arm'") > loaded, 'the new model')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Real nodes: who holds the arm, as declared and not, and what `dynamics` says about it."""
+"""Real nodes: gravity compensation, declared correctly or not, and the logs of `dynamics`."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -49,7 +49,7 @@ PASSED, WARNED = 'Effort check passed: ', r'\[WARN\].*Effort check: '
 MOTORS = {
     'joints': NAMES, 'actuator.torque_constant': [0.1, 0.05], 'actuator.gear_ratio': [100.0, 50.0],
     'actuator.efficiency': [0.9, 0.8]}
-# more than gravity, so that the arm sticks whatever holds it, as many gears do
+# more than gravity, so that the arm sticks under any effort, as many gears do
 STICKY = {'joints': NAMES, 'friction.coulomb': [80.0, 20.0]}
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 
@@ -58,7 +58,7 @@ CONFIG = Path(__file__).resolve().parents[2] / 'config'
 def both(
     namespace: str, dynamics: Mapping[str, Any], arm: Mapping[str, Any],
 ) -> Iterator[NodeProcess]:
-    """Run both nodes, the arm in lock-step unless told otherwise; give the first."""
+    """Run both nodes, the arm in lock-step by default; yield the process of `dynamics`."""
     node = NodeProcess(DYNAMICS, dynamics, namespace=namespace)
     with running(node, NodeProcess(SIMULATED_ARM, {
             'rate': 200.0, 'lock_step': True, 'initial_position': START, **arm},
@@ -67,7 +67,7 @@ def both(
 
 
 def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
-    """Return k, and measured effort, command and g(q) of each joint."""
+    """Return k, and the measured effort, command and g(q) of each joint."""
     k = re.search(r'exceeds the command by (-?[\d.]+) times', line)
     assert k is not None, line
     return float(k[1]), {
@@ -82,11 +82,11 @@ def check_numbers(line: str, k: float, measured: Any, command: Any) -> None:
         assert joints[name] == pytest.approx([measured[j], command[j], G[j]], abs=0.05), name
 
 
-# --- as declared ---------------------------------------------------------------------------------
+# --- correct declarations ------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('dynamics', 'arm', 'k'), [
     ({}, {}, 0.0),
-    # on its brakes until its first effort arrives, and not again while `dynamics` is slow
+    # on its brakes until its first effort arrives, and not again if `dynamics` is slow
     ({}, {'lock_step': False, 'command_timeout': 0.0}, 0.0),
     ({'robot_compensates': ['gravity']}, {'robot_compensates': ['gravity']}, 1.0),
     ({'measured_effort': 'joint_torque_without_gravity'},
@@ -102,14 +102,14 @@ def test_what_is_as_declared_passes(
 ) -> None:
     with both('/declared', dynamics, arm) as node:
         line = node.wait_for_log(PASSED, LONG)
-    # the losses of the gears, which may be on either side of what is read without them
+    # the losses of the gears, by which the measured effort may be too large or too small
     margin = 0.13 if 'actuator.efficiency' in arm else 0.01
     assert numbers(line)[0] == pytest.approx(k, abs=margin)
     assert not re.search(WARNED, node.log)
 
 
 def test_the_bare_defaults_warn_of_nothing() -> None:
-    """The arm stands upright, where no joint bears gravity: it says once that it cannot tell."""
+    """The arm stands upright, without gravity torques: it logs once that no check is possible."""
     with NodeProcess(DYNAMICS, namespace='/bare') as node, \
             NodeProcess(SIMULATED_ARM, namespace='/bare'):
         node.wait_for_log('Effort check: cannot decide in this pose', LONG)
@@ -123,7 +123,7 @@ def test_the_bare_defaults_warn_of_nothing() -> None:
     ('xarm7.yaml', 'xarm7', 'cannot decide: the measured effort does not carry the arm'),
 ])
 def test_the_shipped_parameter_files_warn_of_nothing(file: str, robot: str, words: str) -> None:
-    """Those of real robots say command none, so that the simulated one stays on its brakes."""
+    """The files of real robots set command none, so that the simulated arm stays on its brakes."""
     description = {'robot_description_file': str(robot_path(robot))} if robot else {}
     arguments = ('--ros-args', '--params-file', str(CONFIG / file))
     with NodeProcess(DYNAMICS, description, arguments=arguments) as node, \
@@ -146,24 +146,24 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
     assert states.messages[-1].effort == pytest.approx(G, abs=1e-3)
 
 
-def test_a_new_model_is_checked_anew(client: RosClient) -> None:
-    descriptions = client.publisher(String, '/anew/robot_description', LATCHED, 0)
+def test_a_new_model_is_checked_again(client: RosClient) -> None:
+    descriptions = client.publisher(String, '/second/robot_description', LATCHED, 0)
     other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
-    with both('/anew', {}, {}) as node:
+    with both('/second', {}, {}) as node:
         node.wait_for_log(PASSED, LONG)
-        assert len(re.findall(PASSED, node.log)) == 1  # there is one verdict a model
+        assert len(re.findall(PASSED, node.log)) == 1  # there is one verdict per model
         descriptions.publish(String(data=other))
         node.wait_for_log("Model 'other_arm'", LONG)
         wait_until(lambda: len(re.findall(PASSED, node.log)) == 2, 'another verdict', LONG)
     client.node.destroy_publisher(descriptions)
 
 
-# --- not as declared -----------------------------------------------------------------------------
+# --- wrong declarations --------------------------------------------------------------------------
 
-def test_a_robot_that_holds_itself_is_found_before_anything_is_commanded(
+def test_a_self_compensating_robot_is_found_before_the_first_command(
     client: RosClient,
 ) -> None:
-    """As one starts beside a real robot: command none, and the robot stands in its own control."""
+    """As in a start with a real robot: command none, while the robot's own controller holds it."""
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
             both('/alone', {'command': 'none'}, {
                 'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False}) as node:
@@ -211,7 +211,7 @@ def test_an_effort_that_is_another_one_is_found(
     assert words in line
 
 
-def test_a_current_that_was_taken_for_a_torque_is_found() -> None:
+def test_a_current_interpreted_as_a_torque_is_found() -> None:
     motors = {**MOTORS, 'actuator.efficiency': [1.0]}
     with both('/current', motors, {**motors, 'measured_effort': 'motor_current'}) as node:
         line = node.wait_for_log(WARNED, LONG)
@@ -248,7 +248,7 @@ def test_states_without_an_effort_are_answered_all_the_same(
 def test_the_check_can_be_declared_away(
     client: RosClient, parameters: dict[str, Any], words: str,
 ) -> None:
-    """An arm that holds itself, of which the check would warn."""
+    """An arm that compensates its gravity, for which the check would warn."""
     arm = {'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False,
            'measured_effort': 'none' if 'measured_effort' in parameters else 'joint_torque'}
     with client.collect(JointState, '/away/joint_states') as states, \

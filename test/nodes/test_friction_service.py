@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction in the services of a running node: what rests, stays."""
+"""Friction in the services of a running node: a joint at rest stays at rest."""
 
 from collections.abc import Iterator
 

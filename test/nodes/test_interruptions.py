@@ -13,37 +13,42 @@
 # limitations under the License.
 
 """
-What ends a reference, on real nodes with default parameters, and what the command is afterwards.
+The end of a reference and the command after it, on real nodes with default parameters.
 
-After each interruption the effort stays near what holds the arm where it is measured, whatever was
-followed before and whatever was sent meanwhile.
+After each interruption the effort stays near the gravity torque of the measured position,
+independent of the reference before the interruption and of messages sent during it.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-import math
-import time
-from typing import Any
+from collections.abc import Iterator
 
-from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, RATE, SetPoints, wait_states
+from fault_bench import FaultBench, figure_of, G, Q
+from fault_stimuli import altered, RATE, wait_states
 from fault_table import fault
-from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
+from interruption_bench import (
+    check_held,
+    ELSEWHERE,
+    follow,
+    following,
+    gravity,
+    GROUP,
+    HELD,
+    interruption_bench,
+    LIMIT,
+    move_by_hand,
+    wait_rejected,
+)
+from lifecycle_bench import ACTIVATE, DEACTIVATE
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_interfaces.srv import InverseDynamicsBatch
-from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
+from ros_harness import RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+<<<<<<< HEAD
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Reference interruptions'
@@ -62,77 +67,22 @@ STREAM = {'reference_timeout': 60.0}
 """During a stream: no pause of it on a loaded machine ends it."""
 PAUSE = 0.3
 """[s] of `reference_timeout` once a stream has ended."""
+=======
+>>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with default parameters for an arm with limits, as tests leave it."""
-    with fault_bench(client, '/interruptions', {'robot_description': URDF}) as one:
+    """Return a node with default parameters for an arm with limits, as left by the last test."""
+    with interruption_bench(client, '/interruptions') as one:
         yield one
 
 
 @pytest.fixture
 def arm(bench: FaultBench) -> Iterator[FaultBench]:
-    """Return it with the arm at rest at `Q`, which it follows, and tidy up afterwards."""
-    bench.set_parameters(command='computed_torque', soften_gains=True)
-    bench.check_alive()
-    follow(bench, Q)
-    yield bench
-    bench.driver.v = [0.0, 0.0]
-    bench.driver.go_on()
-    bench.set_parameters(command='computed_torque')
-    bench.set_parameters(command='gravity_compensation')  # a change ends what is followed or held
-    move_by_hand(bench, Q)
-    bench.check_alive()
-
-
-def gravity(q: Sequence[float]) -> Any:
-    """Return what holds the arm at q [N m]."""
-    return BODY.gravity(np.array(q))
-
-
-def follow(bench: FaultBench, q: Sequence[float]) -> None:
-    """Let the node follow a set-point."""
-    bench.set_point(q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
-
-
-def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
-    """Let the driver report a motion to q, in steps that an arm can make, and rest there."""
-    begin = np.array(bench.driver.q)
-    steps = math.ceil(float(np.abs(np.subtract(q, begin)).max()) / 0.01)
-    for k in range(1, steps + 1):
-        bench.driver.q = (begin + k / steps * np.subtract(q, begin)).tolist()
-        wait_states(bench, 1)
-    wait_states(bench, 2)
-
-
-def trajectory_to(q: Sequence[float]) -> JointTrajectory:
-    """Return a trajectory of two points that leads far away in 2 s."""
-    return JointTrajectory(joint_names=NAMES, points=[
-        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
-        for one, sec in ((Q, 0), (q, 2))])
-
-
-def wait_rejected(bench: FaultBench, reason: str) -> None:
-    """Send a trajectory and a set-point; wait until diagnostics have the reason of a rejection."""
-    before = bench.figure('reference', 'refused')
-    bench.trajectories.publish(trajectory_to(FAR))
-    bench.set_point(FAR)
-    status = bench.wait_status(
-        'reference', lambda status: figure_of(status, 'refused') >= before + 2)
-    assert status.level == DiagnosticStatus.WARN
-    refusal, = (v.value for v in status.values if v.key == 'refusal of the latest')
-    assert reason in refusal
-
-
-def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
-    """Check that all efforts since the last `clear`, and so many, are near what holds the arm."""
-    messages = bench.efforts.wait_count(count)
-    hold = gravity(q)
-    for message in messages:
-        assert (np.abs(message.effort - hold) <= NEAR).all(), message
-    assert messages[-1].effort == pytest.approx(hold, abs=1e-6)
+    """Return the bench with the arm at rest at `Q` and following `Q`."""
+    with following(bench) as one:
+        yield one
 
 
 # --- trajectories that are sent while nothing can be followed ------------------------------------
@@ -147,18 +97,18 @@ def test_an_outage(arm: FaultBench) -> None:
     wait_rejected(arm, 'nothing can be followed now: fault state_timeout')
     arm.wait_silent()  # the fault action has ended
     arm.efforts.clear()
-    arm.driver.q = list(ELSEWHERE)  # nothing is known of the motion meanwhile
+    arm.driver.q = list(ELSEWHERE)  # the node has no data on the motion during the outage
     arm.driver.go_on()
     check_held(arm, ELSEWHERE)
     assert arm.next_status('reference').message.startswith('ended early: ')
-    follow(arm, ELSEWHERE)  # a later one is followed
+    follow(arm, ELSEWHERE)  # a later set-point is followed
 
 
 @fault(GROUP, 'a trajectory and a set-point during the fault `position_limit`',
        f'rejected with the fault as the reason; during the fault and after it {HELD}')
 def test_a_position_limit(arm: FaultBench) -> None:
     arm.set_parameters(command='gravity_compensation')
-    arm.set_parameters(command='computed_torque')  # the arm can be moved by hand
+    arm.set_parameters(command='computed_torque')  # allows the test to move the arm by hand
     beyond = [LIMIT + 0.02, Q[1]]
     move_by_hand(arm, beyond)
     assert "position of 'joint1' is 2.5" in arm.wait_fault('position_limit').message
@@ -175,7 +125,7 @@ def test_a_position_limit(arm: FaultBench) -> None:
 @fault(GROUP, 'a trajectory and a set-point before `~/reset_fault` of a latched fault',
        f'rejected with the fault as the reason; before the reset and after it {HELD}')
 def test_a_latched_fault(arm: FaultBench) -> None:
-    arm.set_parameters(soften_gains=False)  # so that the measured velocity is used as it is
+    arm.set_parameters(soften_gains=False)  # so that the measured velocity is used unchanged
     arm.driver.v = [1e200, 1e200]
     arm.wait_fault('non_finite')
     arm.driver.v = [0.0, 0.0]
@@ -233,7 +183,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     arm.efforts.clear()
     arm.set_parameters(command='computed_torque')
     check_held(arm, ELSEWHERE)
-    assert arm.next_status('reference').message == ended  # until the next one
+    assert arm.next_status('reference').message == ended  # until the next reference
     follow(arm, ELSEWHERE)
 
 
@@ -253,12 +203,13 @@ def test_velocities_that_are_absent(arm: FaultBench) -> None:
     arm.efforts.clear()
     arm.driver.go_on()
     with arm.client.collect(JointState, arm.name('reference')) as references:
-        reference = references.wait_for()  # velocities are back, and the position is held
+        reference = references.wait_for()  # velocities are present again: the position is held
     assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
     check_held(arm, ELSEWHERE)
     arm.set_parameters(require_measured_velocities=False)
 
 
+<<<<<<< HEAD
 # --- a planned stop ------------------------------------------------------------------------------
 
 class IdealArm:
@@ -450,6 +401,8 @@ def test_a_stream_that_pauses(arm: FaultBench) -> None:
         check_held(arm, where)
 
 
+=======
+>>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
 # --- faults --------------------------------------------------------------------------------------
 
 @fault(GROUP, '`~/reset_fault` while the cause of a fault persists',
@@ -498,7 +451,7 @@ def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
     for words, v in (('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
                      ('-20 and 20 rad/s', [-20.0, 20.0]))])
 def test_overspeed(arm: FaultBench, v: list[float]) -> None:
-    # The position does not change with the velocity, so that the default gains do not trust it.
+    # The position does not change with the velocity, so that default gains ignore the velocity.
     arm.set_parameters(soften_gains=False)
     before = arm.known('command', 'faults: overspeed')
     arm.efforts.clear()
@@ -514,7 +467,7 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     arm.driver.v = [0.0, 0.0]
     arm.wait_running()
     wait_until(
-        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'what holds the arm')
+        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'the gravity torque')
     arm.check_efforts()
     assert all((np.abs(m.effort) <= [150.0, 60.0]).all() for m in arm.efforts.messages)
     status = arm.next_status('reference')
@@ -540,7 +493,7 @@ def test_a_following_error(arm: FaultBench) -> None:
     assert 'from its reference, expected at most 0.05 (following_error_limit)' in status.message
     arm.wait_running()
     wait_until(
-        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'what holds the arm')
+        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'the gravity torque')
     assert (arm.efforts.steps() <= RATE * LONGEST_STEP + 1e-6).all()
     arm.efforts.clear()
     check_held(arm, Q)

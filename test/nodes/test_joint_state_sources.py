@@ -69,7 +69,7 @@ def message(
 
 
 class Arm:
-    """A node for one arm on a topic that others use too, and its efforts."""
+    """A node for one arm on a topic shared with other publishers, and a collector of efforts."""
 
     def __init__(self, stack: ExitStack, client: RosClient, namespace: str, prefix: str) -> None:
         self.prefix = prefix
@@ -83,13 +83,13 @@ class Arm:
 
 @contextmanager
 def arms(client: RosClient, count: int) -> Iterator[list[Arm]]:
-    """Run nodes for so many arms that share one topic."""
+    """Run `count` nodes, each for one arm; the arms share one topic of joint states."""
     with ExitStack() as stack:
         yield [Arm(stack, client, f'/sources{i}', f'arm{i}_') for i in range(count)]
 
 
 def wait_first_answers(publishers: Sequence[Any], nodes: Sequence[Arm]) -> None:
-    """Publish states, a name of the arm per publisher, until each arm has answered one."""
+    """Publish states until each arm has answered one; each publisher is for one arm."""
     deadline = time.monotonic() + TIMEOUT
     for k in range(10**6):
         assert time.monotonic() < deadline, f'{TIMEOUT:g} s passed without an answer'
@@ -115,7 +115,7 @@ def wait_first_answers(publishers: Sequence[Any], nodes: Sequence[Arm]) -> None:
     for order, words in (('arm first', 'after the arm states'), (
         'gripper first', 'before the arm states'), ('any', 'in any order'))])
 def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) -> None:
-    """Its messages arrive at the same rate, right before or after those of each arm."""
+    """Messages of the gripper have the same rate, directly before or after those of an arm."""
     rng = random.Random(0)
     with arms(client, count) as nodes:
         publisher = client.publisher(JointState, '/shared/joint_states', subscribers=count)
@@ -166,7 +166,7 @@ def test_an_arm_in_two_messages_is_answered(client: RosClient, phase: float) -> 
 def send_until(
     client: RosClient, namespace: str, names: Sequence[str], condition: Callable[[], bool],
 ) -> None:
-    """Publish states of these joints at 100 Hz, until a condition holds and for a second more."""
+    """Publish states of these joints at 100 Hz, until one second after a condition is true."""
     publisher = client.publisher(JointState, f'{namespace}/joint_states')
     deadline = time.monotonic() + TIMEOUT
     end, k = deadline, 0
@@ -177,7 +177,7 @@ def send_until(
         publisher.publish(message(1_000_000_000 + k * PERIOD, names, [0.1] * len(names)))
         time.sleep(0.01)
     client.node.destroy_publisher(publisher)
-    assert end < deadline, f'{TIMEOUT:g} s passed before it held'
+    assert end < deadline, f'{TIMEOUT:g} s passed before the condition was true'
 
 
 @pytest.mark.parametrize('names', [

@@ -53,7 +53,7 @@ FORCE = np.array([30.0, 0.0, -10.0])
 ROBOT = {
     'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'actuator.torque_constant': [0.1, 0.1],
     'actuator.gear_ratio': [100.0, 50.0], 'actuator.rotor_inertia': [2e-5, 2e-5]}
-"""What both nodes know of the arm beside its URDF."""
+"""Parameters of the arm that both nodes have in addition to the URDF."""
 ARM = load_arm(default_arm_urdf())
 BODY = ArmDynamics(ARM).rigid_body
 GRAVITY = BODY.gravity(np.array(START))
@@ -67,7 +67,7 @@ def by_stamp(messages: list[Any], field: str) -> dict[int, np.ndarray]:
 
 
 def pairs(states: Collector, estimates: Collector) -> list[int]:
-    """Return the stamps [ns] at which, as one step before, state and estimate were seen."""
+    """Return the stamps [ns] with a state and an estimate, at the stamp and one step before."""
     q, r = by_stamp(states.messages, 'position'), by_stamp(estimates.messages, 'effort')
     return [t for t in r if {t, t - STEP_NS} <= q.keys() and t - STEP_NS in r]
 
@@ -80,7 +80,7 @@ def push(wrench: bool) -> WrenchStamped:
 
 
 def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> None:
-    """In lock-step time, so that what is seen at each stamp does not depend on the machine."""
+    """In lock-step, so that the values at each stamp do not depend on the machine."""
     with client.collect(JointState, '/pushed/joint_states') as states, \
             client.collect(JointState, '/pushed/dynamics/external_effort') as estimates, \
             client.collect(JointState, '/pushed/dynamics/residual') as residuals, \
@@ -92,7 +92,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
                     **ROBOT, 'rate': RATE, 'lock_step': True, 'initial_position': START},
                     namespace='/pushed')):
         wrenches = client.publisher(WrenchStamped, '/pushed/simulated_arm/external_wrench')
-        states.wait_for(lambda m: any(m.effort), LONG)  # nothing is followed before the first
+        states.wait_for(lambda m: any(m.effort), LONG)  # nothing is followed before an effort
         holding = client.publisher(JointTrajectory, '/pushed/dynamics/joint_trajectory')
         holding.publish(JointTrajectory(joint_names=NAMES, points=[
             JointTrajectoryPoint(positions=START, velocities=[0.0, 0.0])]))
@@ -101,11 +101,11 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
         wrenches.publish(push(True))
         seen = estimates.wait_for(lambda m: np.abs(m.effort).max() > 1.0, LONG)
         end = stamp_from_ros(seen.header.stamp) + round(12e9 / K)
-        # an observer misses some
+        # an observer misses some messages
         wait_until(lambda: len(pairs(states, estimates)) > 20 and any(
             t >= end for t in pairs(states, estimates)), 'states in a row', LONG)
         residuals.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
-        left = residuals.messages[-1]  # later ones are of the end of the nodes
+        left = residuals.messages[-1]  # later residuals are affected by the end of the nodes
     assert list(first.name) == NAMES
     assert not len(first.position)
     assert np.abs(first.effort).max() < 1e-6
@@ -116,19 +116,19 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
         true = -BODY.external(0.5 * (q[t] + q[t - STEP_NS]), [wrench])
         acts = np.abs(found).max() > 1.0
         assert found == pytest.approx(true if acts else 0.0 * true, abs=0.05)
-    # It stands by now; later samples are of the end of the nodes, which lets it fall.
+    # The arm is at rest by now; later samples show how the arm falls once the nodes end.
     settled = next(t for t in sorted(pairs(states, estimates)) if t >= end)
     true = -BODY.external(q[settled], [wrench])
     assert np.abs(true).max() > 20.0
     assert r[settled] == pytest.approx(true, abs=0.05)
-    # measured − model is what the environment takes off the actuators
+    # measured − model is the torque that the actuators exert against the environment
     assert left.effort == pytest.approx(-true, abs=0.1)
 
 
-# ------------------------------------------------------------------------------ a robot of its own
+# ------------------------------------------------------------------------- a robot without nodes
 
 class Held:
-    """A robot at rest that is held, while somebody lifts joint2; each state has its answer."""
+    """A robot that is held at rest under an external torque on joint2; each state is answered."""
 
     def __init__(self, client: RosClient, namespace: str) -> None:
         self._client = client
@@ -139,7 +139,7 @@ class Held:
         self.stamp = round(1e9)
 
     def say(self, count: int = 1, step: float = STEP, **fields: Any) -> int:
-        """Let `step` [s] pass before each of `count` states; return the stamp of the last."""
+        """Publish `count` states, each `step` [s] after the previous; return the last stamp."""
         for _ in range(count):
             self.stamp += round(1e9 * step)
             message = JointState(**{
@@ -151,7 +151,7 @@ class Held:
 
 
 def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:
-    """Return whether a status of the estimates has these words, and this figure."""
+    """Return a predicate: a status of the estimates has these words and this figure."""
     def fits(message: DiagnosticArray) -> bool:
         status = next(s for s in message.status if s.name.endswith(': estimates'))
         return words in status.message and (status.level == DiagnosticStatus.WARN) == (
@@ -161,7 +161,7 @@ def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArra
     return fits
 
 
-def test_what_is_missing_is_reported_and_estimates_begin_anew(client: RosClient) -> None:
+def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> None:
     def begun(steps: int) -> Any:
         return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
 
@@ -199,7 +199,7 @@ def test_what_is_missing_is_reported_and_estimates_begin_anew(client: RosClient)
             assert client.call(SetPayload, '/held/dynamics/set_payload', SetPayload.Request(
                 payload=payload_to_ros(load))).success
             robot.say()
-            # the load that nobody carries is lifted by the environment from now on
+            # from now on the payload, which the measured effort lacks, appears as external torque
             lift = LIFT + ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(
                 np.array(START)) - GRAVITY
             fraction = -math.expm1(-K * STEP)
@@ -211,8 +211,8 @@ def test_what_is_missing_is_reported_and_estimates_begin_anew(client: RosClient)
         diagnostics.clear()
         wait_until(
             lambda: bool(robot.say() and diagnostics.find(says('nobody listens'), 0.1)),
-            'nobody to listen', LONG)
-        # so slow that what the first messages say is still little, should some be lost
+            'no subscriber', LONG)
+        # so slow that the estimates after the first messages are small, even if some are lost
         client.set_parameters('/held/dynamics', {'external_effort_bandwidth': 0.1})
         with client.collect(JointState, topic) as estimates:
             estimates.wait_matched()

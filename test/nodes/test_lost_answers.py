@@ -97,7 +97,7 @@ def busy_loops(count: int) -> Iterator[None]:
 
 
 def answers_of(pair: int, deadline: float) -> tuple[int, int]:
-    """Return how many servers a client has asked as soon as possible, and how many answered."""
+    """Return how many servers a client has called as early as possible, and how many answered."""
     asked = answered = 0
     server = ClientProcess('short_lived_server')
     with RosClient(f'client_{pair}') as client:
@@ -106,8 +106,8 @@ def answers_of(pair: int, deadline: float) -> tuple[int, int]:
             try:
                 server.ask(namespace)
             except (AssertionError, BrokenPipeError):
-                # Fast DDS may block while nodes end at the same time (eProsima/Fast-DDS issue
-                # 6513); the node before this one has ended its process then.
+                # Fast DDS may block if nodes end at the same time (eProsima/Fast-DDS issue 6513);
+                # the process of the previous node has ended at this point.
                 server.kill()
                 server = ClientProcess('short_lived_server')
                 continue

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The services speak of motors where there are any, in the order of the request."""
+"""The services report motor quantities if there are motors, in the order of the request."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -43,7 +43,7 @@ Q, V, A = [0.8, 0.5], [0.5, -0.3], [0.1, 0.2]
 
 
 def with_transmissions(*reductions: object) -> str:
-    """Return the default arm whose transmissions state these, from the first joint on."""
+    """Return the default arm with transmissions of these reductions, from the first joint on."""
     elements = ''.join(
         f'<transmission name="t{i}"><joint name="joint{i}"/><actuator name="m{i}">'
         f'<mechanicalReduction>{reduction}</mechanicalReduction></actuator></transmission>'
@@ -63,7 +63,7 @@ def dynamics() -> ArmDynamics:
     return ArmDynamics(arm.with_actuators(make_actuators(NAMES, **MOTORS)))
 
 
-def test_inverse_dynamics_tells_what_it_asks_of_the_motors(
+def test_inverse_dynamics_reports_the_load_of_the_motors(
         client: RosClient, dynamics: ArmDynamics) -> None:
     answer = client.call(InverseDynamics, '/dynamics/inverse_dynamics', InverseDynamics.Request(
         joint_names=NAMES[::-1], position=Q[::-1], velocity=V[::-1], acceleration=A[::-1]))
@@ -101,7 +101,7 @@ def test_a_trajectory_must_be_within_what_the_motors_have(
         InverseDynamicsTrajectory.Request(trajectory=trajectory_to_ros(path)))
     expected = efforts_along(dynamics, path)
     effort_alone = efforts_along(ArmDynamics(load_arm(default_arm_urdf())), path)
-    assert effort_alone.feasible  # it is a motor that lacks something
+    assert effort_alone.feasible  # only a motor is overloaded
     assert answer.success
     assert not answer.feasible
     assert answer.worst_joint == expected.worst_joint

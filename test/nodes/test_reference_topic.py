@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`~/reference` of a real node: what is followed at each state, and nothing where nothing is."""
+"""`~/reference` of a real node: the reference at each state, and no message without one."""
 
 from collections.abc import Iterator
 import time
@@ -40,7 +40,7 @@ START = 12_000_000_789
 # --- a trajectory --------------------------------------------------------------------------------
 
 def state(nanoseconds: int, **fields: Any) -> JointState:
-    """Return a joint state; the arm stays where it is, whatever is asked of it."""
+    """Return a joint state; the arm stays at its position, independent of commands."""
     message = JointState(**{'name': NAMES, 'position': Q, 'velocity': [0.0, 0.0], **fields})
     message.header.stamp = stamp_of(nanoseconds)
     return message
@@ -50,7 +50,7 @@ def state(nanoseconds: int, **fields: Any) -> JointState:
 def test_it_is_the_trajectory_at_the_stamp_of_the_state(
     client: RosClient, reaction: str,
 ) -> None:
-    """In the node's order of joints, whatever order the trajectory has."""
+    """In the joint order of the node, independent of the order of the trajectory."""
     trajectory = quintic_via_points(
         NAMES, [0.0, 1.0, 2.5], [Q, [Q[0] + 0.7, Q[1] - 0.4], [Q[0] - 0.3, Q[1] + 0.2]])
     rest = Reference(np.array(Q), np.zeros(2), np.zeros(2))
@@ -70,7 +70,7 @@ def test_it_is_the_trajectory_at_the_stamp_of_the_state(
             message = trajectory_to_ros(trajectory)
             message.header.stamp = stamp_of(START)
             trajectories.publish(message)
-            # asked until it is followed, from the arrival on
+            # repeated until the trajectory is followed, from its arrival on
             client.answer_to(states, state(START - 500_000_000), references)
             for ns in range(START, START + 3_000_000_000, 70_000_123):
                 found = client.answer_to(states, state(ns), references)
@@ -80,9 +80,9 @@ def test_it_is_the_trajectory_at_the_stamp_of_the_state(
                 assert found.velocity == pytest.approx(velocity[::-1], abs=1e-12)
                 assert list(found.effort) == []
             assert list(found.velocity) == [0.0, 0.0]  # the end is held
-            # without a velocity nothing is followed, and the trajectory has ended
+            # a state without velocity ends the trajectory, and nothing is followed
             client.answer_to(states, state(ns + 1_000_000, velocity=[]), gravity)
-            if reaction == 'hold':  # then the measured position
+            if reaction == 'hold':  # then the measured position is held
                 found = client.answer_to(states, state(ns + 2_000_000), references)
                 assert list(found.position) == Q[::-1]
                 assert list(found.velocity) == [0.0, 0.0]
@@ -100,9 +100,9 @@ def test_it_is_the_trajectory_at_the_stamp_of_the_state(
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """
-    Return a node with real safety, without a reference, as tests leave it.
+    Return a node with default safety parameters, as left by the last test, without a reference.
 
-    It holds nothing once a reference has ended; with `hold` there is a reference from then on.
+    The node holds no position after the end of a reference; a test that sets `hold` gets one.
     """
     with fault_bench(
             client, '/referred', {**NEVER, 'reference_loss': 'gravity_compensation'}) as one:
@@ -117,18 +117,18 @@ def references(bench: FaultBench) -> Iterator[Collector]:
 
 
 def is_gravity(message: JointState) -> bool:
-    """Tell whether an effort holds the arm and nothing else."""
+    """Return whether an effort is the gravity torque only."""
     return bool(np.allclose(message.effort, G, atol=1e-6))
 
 
 def after(references: Collector, moment: int) -> list[JointState]:
-    """Return the references at states of this time [ns] and later."""
+    """Return the references for states of this time [ns] and later."""
     return [message for message in references.messages
             if nanoseconds_of(message.header.stamp) >= moment]
 
 
 def check_silent(bench: FaultBench, references: Collector) -> None:
-    """Check that from the next effort on that just holds the arm there is no reference."""
+    """Check that there is no reference from the next effort on that is the gravity torque only."""
     asked = time.time_ns()
     moment = nanoseconds_of(bench.efforts.wait_for(
         lambda m: is_gravity(m) and nanoseconds_of(m.header.stamp) > asked).header.stamp)
@@ -139,7 +139,7 @@ def check_silent(bench: FaultBench, references: Collector) -> None:
 
 
 def check_followed(references: Collector, moment: int) -> None:
-    """Check that references from this time [ns] on go from `Q` to `GOAL`, and stay there."""
+    """Check that references from this time [ns] on lead from `Q` to `GOAL`, and stay there."""
     def is_there(message: JointState) -> bool:
         return list(message.velocity) == [0.0, 0.0] and (
             message.position == pytest.approx(GOAL, abs=1e-9))
@@ -155,7 +155,7 @@ def check_followed(references: Collector, moment: int) -> None:
 
 
 def check_stream(bench: FaultBench, references: Collector) -> None:
-    """Check that a stream is followed, and no longer after it has paused."""
+    """Check that a stream is followed, and is no longer followed after its timeout."""
     moment = time.time_ns()
     with SetPoints(bench, lambda: GOAL) as stream:
         check_followed(references, moment)
@@ -174,9 +174,9 @@ def test_without_a_stream_of_set_points_there_is_none(
     check_stream(bench, references)
 
 
-def test_a_fault_forgets_it(bench: FaultBench, references: Collector) -> None:
+def test_a_fault_discards_the_reference(bench: FaultBench, references: Collector) -> None:
     moment = time.time_ns()
-    bench.set_point(GOAL)  # one alone is held until something happens
+    bench.set_point(GOAL)  # a single set-point is held until another event ends the reference
     check_followed(references, moment)
     bench.driver.be_quiet()
     bench.wait_state_timeout()

@@ -41,7 +41,7 @@ STAMP = struct.Struct('<iI')
 
 
 class Replay:
-    """Publishes recorded joint states as they were recorded, and returns the node's answers."""
+    """Publishes recorded joint states unchanged, and returns the answers of the node."""
 
     def __init__(self, client: RosClient, namespace: str) -> None:
         self._client = client

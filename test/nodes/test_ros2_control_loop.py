@@ -15,7 +15,7 @@
 """
 The loop through ros2_control: arm, broadcaster, `dynamics`, effort controller, arm.
 
-ros2_control cannot be installed here; `ros2_control_standin` stands for it.
+ros2_control cannot be installed here; `ros2_control_standin` replaces it.
 """
 
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ ALWAYS = -1.0
 
 
 class Robot(NamedTuple):
-    """A simulated arm behind the stand-ins; what it reports and gets, and what is broadcast."""
+    """A simulated arm behind the stand-ins; collectors of its states, efforts and broadcasts."""
 
     space: str
     arm: NodeProcess
@@ -114,7 +114,7 @@ def test_before_the_first_command_there_is_none(client: RosClient, stack: ExitSt
 
 
 def wait_unchanged(efforts: Collector) -> list[float]:
-    """Wait until the efforts are the same for longer than the timeout of the arm; return them."""
+    """Wait until efforts are unchanged for longer than the timeout of the arm; return them."""
     efforts.clear()
 
     def last() -> set[tuple[float, ...]]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The policy in config/security names what the running nodes have, and security fails closed."""
+"""The policy in config/security matches the running nodes; without keys no node starts."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,7 +46,7 @@ def allowed(node: str, kind: str) -> set[str]:
 
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
-    """Run both nodes with all that parameters can add to their topics."""
+    """Run both nodes with all topics that parameters can add."""
     with NodeProcess(DYNAMICS, {'use_sim_time': True}), \
             NodeProcess(SIMULATED_ARM, {'publish_clock': True}):
         yield
@@ -86,10 +86,10 @@ def test_one_node_alone_may_publish_effort_command() -> None:
     ((), 'SECURITY ERROR|security'),
     (FILES, "doesn't have the security libraries|SECURITY|security"),
 ])
-def test_security_that_is_asked_for_and_cannot_be_had_ends_the_node(
+def test_a_node_without_the_required_security_ends(
     tmp_path: Path, files: tuple[str, ...], words: str,
 ) -> None:
-    """No node comes up unprotected: keys that are missing, or that are none, end it."""
+    """No node starts unprotected: a node ends if keys are missing or invalid."""
     enclave = tmp_path / 'enclaves' / 'arm'
     enclave.mkdir(parents=True)
     for name in files:

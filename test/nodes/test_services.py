@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The services of `dynamics` over DDS: numbers, refusals, and what they leave alone."""
+"""The services of `dynamics` over DDS: results, rejections, and the absence of side effects."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ TAU = (-48.74713301, -10.95795578)
 
 @dataclass
 class Served:
-    """A running node, and the same arm in this process."""
+    """A running node, and the dynamics of the same arm in this process."""
 
     client: RosClient
     namespace: str
@@ -91,7 +91,7 @@ def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.nda
     return random.uniform(low, high), random.uniform(-1, 1, n), random.uniform(-2, 2, n)
 
 
-# --- the anchors of the planar arm ---------------------------------------------------------------
+# --- reference values of the planar arm ----------------------------------------------------------
 
 def test_inverse_dynamics_of_the_planar_arm(planar: Served) -> None:
     response = planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A)
@@ -277,7 +277,7 @@ def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) ->
         assert words in equation.message
 
 
-def test_within_the_limits_there_is_nothing_to_say(planar: Served) -> None:
+def test_within_the_limits_there_is_no_warning(planar: Served) -> None:
     for service, fields in (
             ('inverse_dynamics', {}), ('manipulator_equation', {}),
             ('forward_dynamics', {'effort': [0.0, 0.0]})):
@@ -339,7 +339,7 @@ def test_a_trajectory_without_names_is_in_the_nodes_order(planar: Served) -> Non
         [-49.52282521, -11.37087883], abs=5e-9)
 
 
-# --- refusals ------------------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('service', 'fields', 'words'), REFUSALS)
 def test_a_request_that_cannot_be_answered_is_refused_by_name(
@@ -349,10 +349,10 @@ def test_a_request_that_cannot_be_answered_is_refused_by_name(
     assert not response.success
     assert re.search(words, response.message), response.message
     empty = SERVICES[service].Response(success=False, message=response.message)
-    assert response == empty  # nothing half filled in
+    assert response == empty  # no field is filled in
 
 
-def test_the_control_path_goes_on_between_bad_requests(
+def test_the_control_path_continues_between_bad_requests(
     planar: Served, client: RosClient,
 ) -> None:
     states = client.publisher(JointState, '/planar/joint_states', 1)
@@ -385,7 +385,7 @@ def test_a_payload_counts_in_every_service_and_is_latched(
     assert response.effort == pytest.approx(loaded.inverse_dynamics(q, v, a))
     equation = planar.answer('manipulator_equation', position=Q)
     assert equation.gravity == pytest.approx(loaded.rigid_body.gravity(q))
-    in_force = client.wait_for(  # it came after the payload did, and gets older messages as well
+    in_force = client.wait_for(  # a late subscriber receives the message published before it
         InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m > 0.0,
         qos=LATCHED)
     back = payload_from_ros(arm, in_force)
@@ -396,7 +396,7 @@ def test_a_payload_counts_in_every_service_and_is_latched(
     assert not planar.ask('set_payload', payload=payload_to_ros(
         Payload('hand', 1.0, LOAD.com, LOAD.inertia))).success
     assert planar.answer('inverse_dynamics', position=Q).terms.gravity == pytest.approx(
-        loaded.rigid_body.gravity(q))  # a refused one changes nothing
+        loaded.rigid_body.gravity(q))  # a rejected payload changes nothing
     assert planar.answer('set_payload').message == 'no payload'
     assert planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A).effort == (
         pytest.approx(TAU, abs=5e-9))
@@ -436,7 +436,7 @@ def test_a_transition_takes_the_time_of_the_joint_states(
 
 # --- a node without a model ----------------------------------------------------------------------
 
-def test_before_the_model_every_service_says_so(client: RosClient) -> None:
+def test_before_the_model_every_service_reports_it(client: RosClient) -> None:
     with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
         for service, kind in SERVICES.items():
             response = client.call(kind, f'/empty/dynamics/{service}')

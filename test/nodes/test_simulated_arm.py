@@ -45,7 +45,7 @@ PERIOD_NS = 2_000_000
 
 
 class LockStepped:
-    """A simulated arm that waits for each effort, and the test in the place of a controller."""
+    """A simulated arm that waits for each effort; the test is its controller."""
 
     def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
         self.client, self.node, self.namespace = client, node, namespace
@@ -55,7 +55,7 @@ class LockStepped:
         self.state = self.states.wait_for()
 
     def step(self, effort: Any, names: Any = None) -> JointState:
-        """Answer the newest state; return the one that comes of it."""
+        """Answer the newest state; return the state that follows."""
         answer = JointState(name=names or NAMES, effort=effort)
         answer.header.stamp = self.state.header.stamp
         before = stamp_from_ros(self.state.header.stamp)
@@ -83,7 +83,7 @@ def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped)
     assert list(stepped.state.name) == NAMES
     assert list(stepped.state.position) == START
     assert list(stepped.state.velocity) == [0.0, 0.0]
-    again = stepped.states.wait_count(3)  # it says so until someone answers
+    again = stepped.states.wait_count(3)  # the arm repeats its state until an effort arrives
     assert {stamp_from_ros(m.header.stamp) for m in again} == {PERIOD_NS}
 
 
@@ -91,7 +91,7 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
     twin = ArmSimulation(ARM, START)
     twin.release()
     stepped.step(ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist())
-    # where the loop was left by another test does not matter: go on from what it says
+    # the state after other tests does not matter: continue from the published state
     twin.place(np.array(stepped.state.position), np.array(stepped.state.velocity))
     for k in range(20):
         effort = [10.0 * np.sin(k), 5.0 * np.cos(k)]
@@ -111,7 +111,7 @@ def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
             remaps={'/clock': '/paced/clock'}) as node:
         paced = LockStepped(client, node, '/paced')
         began = time.monotonic()
-        for _ in range(11):  # the first state goes out after this moment, ten follow it
+        for _ in range(11):  # the arm publishes the first state after `began`, and ten more follow
             paced.step([0.0, 0.0])
         assert time.monotonic() - began >= 10 * 0.01 / 0.5
 
@@ -125,7 +125,7 @@ def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) 
             SIMULATED_ARM, parameters, namespace='/paused',
             remaps={'/clock': '/paused/clock'}) as node:
         paused = LockStepped(client, node, '/paused')
-        for _ in range(3):  # an effort is taken, and no time passes
+        for _ in range(3):  # the arm accepts an effort, and no simulated time passes
             paused.efforts.publish(JointState(
                 header=paused.state.header, name=NAMES, effort=[1.0, 1.0]))
             again = paused.states.wait_count(len(paused.states.messages) + 1)[-1]
@@ -175,11 +175,11 @@ def test_a_bad_effort_or_an_old_one_moves_nothing(
 
 
 def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped: LockStepped) -> None:
-    """The arm is in motion, and longer than `command_timeout` without an effort."""
+    """The arm moves, and gets no effort for longer than `command_timeout`."""
     before = stepped.step([20.0, -5.0])
     assert any(before.velocity)
     stamp = before.header.stamp
-    again = stepped.states.wait_count(4)  # as it is said every 0.1 s
+    again = stepped.states.wait_count(4)  # the arm repeats the state every 0.1 s
     assert all(message.header.stamp == stamp for message in again)
     twin = ArmSimulation(ARM, before.position, before.velocity)
     twin.release()
@@ -196,7 +196,7 @@ def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
     assert list(stepped.state.position) != START
     response = stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
     assert response.success
-    state = stepped.step([0.0, 0.0])  # time goes on
+    state = stepped.step([0.0, 0.0])  # simulated time continues
     twin = ArmSimulation(ARM, START)
     twin.release()
     assert list(state.position) == twin.step(np.zeros(2), 1.0 / RATE).position.tolist()
@@ -246,7 +246,7 @@ def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
 
     publish_until_it_acts(30.0)
     stepped.step([0.0, 0.0])
-    publish_until_it_acts(-20.0)  # in place of the one before
+    publish_until_it_acts(-20.0)  # replaces the previous wrench
     publish_until_it_acts(0.0)
     message.header.frame_id = 'hand'
     push.publish(message)
@@ -255,7 +255,7 @@ def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
 
 
 def test_noise_is_on_what_is_measured_alone() -> None:
-    """And that of one kind is there without the others."""
+    """The noise of each kind is independent of the other kinds."""
     for kind in range(3):
         plant = Plant(
             ArmSimulation(ARM, START), InnerController(ARM, EffortConvention()), True,
@@ -270,7 +270,7 @@ def test_noise_is_on_what_is_measured_alone() -> None:
         assert plant.simulation.q.tolist() == START
 
 
-def test_wall_time_goes_on_by_itself(client: RosClient) -> None:
+def test_wall_time_advances_without_efforts(client: RosClient) -> None:
     parameters = {'rate': 200.0, 'initial_position': START}
     with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall'), \
             client.collect(JointState, '/wall/joint_states') as states:
@@ -281,7 +281,7 @@ def test_wall_time_goes_on_by_itself(client: RosClient) -> None:
         assert (steps % 5_000_000 == 0).all()
         now = client.node.get_clock().now().nanoseconds
         assert abs(now - stamps[-1]) < TIMEOUT * 1e9
-        # the brakes hold, as there is no effort
+        # the brakes hold the arm, because there is no effort
         assert {tuple(m.position) for m in got} == {tuple(START)}
         assert client.node.count_publishers('/wall/clock') == 0
 
@@ -294,7 +294,7 @@ def test_without_brakes_it_falls_freely(client: RosClient) -> None:
         first, *_, last = states.wait_count(100)
         twin = ArmSimulation(ARM, START)
         twin.release()
-        # the first state has the stamp of one period, so the state at any stamp is known
+        # the first state has the stamp of one period, so that the state at each stamp is known
         ticks = stamp_from_ros(last.header.stamp) // 5_000_000 - 1
         for _ in range(ticks):
             twin.step(np.zeros(2), 1.0 / 200.0)

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-The node at work for long: states at 500 Hz, all services all the time, and silences in between.
+The node in long operation: states at 500 Hz, calls of all services, and pauses of the states.
 
 `scripts/test -m soak` runs a short form of half a minute and a long one of ten minutes. Both
-judge answers, finite numbers and memory, whatever the load of the machine. The long one, for an
-otherwise idle machine, judges a deadline too. It is missed if the first effort of a fault action
-is published later than the effort of the last state by more than the timeout and a period, and by
-more than a process that only sleeps woke up late at that time.
+check answers, finite numbers and memory, independent of the load of the machine. The long form,
+for an otherwise idle machine, also checks a deadline. The deadline is missed if the first effort
+of a fault action is published later after the effort of the last state than the timeout plus one
+period, plus the delay with which a process that only sleeps woke up at that time.
 """
 
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ SLACK = 0.01
 
 @contextmanager
 def watching(what: str, *arguments: str) -> Iterator[None]:
-    """Run a process of `soak_watch`; it has written its file at the end of the statement."""
+    """Run a process of `soak_watch`; it has written its file when the context ends."""
     process = children.popen(
         [sys.executable, str(SUPPORT / 'soak_watch.py'), what, *arguments])
     try:
@@ -74,9 +74,9 @@ def work(
     bench: FaultBench, load: ServiceLoad, duration: float, apart: float,
 ) -> tuple[list[int], int]:
     """
-    Let it run for a duration [s], and until there were enough silences so far apart.
+    Run for `duration` [s], and until there were enough pauses at the required interval.
 
-    Return the memory over time, and the number of silences.
+    Return the memory over time, and the number of pauses.
     """
     memory, silences, pause = [], 0, threading.Event()
     begin = time.monotonic()
@@ -94,15 +94,15 @@ def work(
 
 def overdue(efforts: npt.NDArray[Any], late: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """
-    Return by how much [s] each fault action began too late, less what the computer was late then.
+    Return by how much [s] each fault action was late, less the delay of the computer at that time.
 
-    `efforts` has rows of number, time of publication and stamp [ns]; `late` has rows of when a
-    process was to wake up [s], and how much later it did.
+    `efforts` has rows of number, time of publication and stamp [ns]; `late` has rows of the time
+    [s] at which a process was to wake up, and its delay [s].
     """
     number, published, stamp = efforts.T
     repeated = np.diff(stamp) == 0
     first = np.flatnonzero(repeated & ~np.concatenate([[False], repeated[:-1]])) + 1
-    first = first[number[first] - number[first - 1] == 1]  # none was lost on the way
+    first = first[number[first] - number[first - 1] == 1]  # no message was lost in between
     begin, end = 1e-9 * published[first - 1], 1e-9 * published[first]
     excuse = [
         max(late[(late[:, 0] < b) & (late[:, 0] + late[:, 1] > a), 1], default=0.0)
@@ -135,8 +135,8 @@ def test_soak(
     latest = misses.max(initial=-np.inf)
     warm = memory[len(memory) // 3:]
     growth = max(warm) - warm[0]
-    print(f'\n{duration:g} s: {int(found["heard"])} messages heard, {answered} requests answered, '
-          f'{silences} silences, {len(misses)} fault actions, the latest '
+    print(f'\n{duration:g} s: {int(found["heard"])} messages received, {answered} requests '
+          f'answered, {silences} silences, {len(misses)} fault actions, the latest '
           f'{1e3 * latest:.1f} ms after its deadline; memory {1e-6 * warm[0]:.1f} MB and '
           f'{1e-6 * growth:.1f} MB more')
     assert not wrong
@@ -145,5 +145,5 @@ def test_soak(
     assert growth < MOST_GROWTH
     assert 'Traceback' not in log
     if has_deadline:
-        assert len(misses) >= silences // 2  # of some the recorder lost an effort
+        assert len(misses) >= silences // 2  # the recorder lost an effort of some
         assert latest <= SLACK

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Nodes that cannot start: status 1 and one line that says why; and nodes whose file is xacro."""
+"""Nodes that cannot start: status 1 and a one-line error; and nodes with a xacro file."""
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -152,7 +152,11 @@ CASES = {
 
 
 def injected(name: str, case: Case) -> str:
+<<<<<<< HEAD
     """Return the description of a case for the table of fault tests."""
+=======
+    """Return the injected fault of a case, as text for the table of faults."""
+>>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
     given = ', '.join(
         f'{key}: {value}' for key, value in case.parameters.items() if key != 'robot_description')
     return f'{name}: `{given}`' if given else name
@@ -166,7 +170,7 @@ FAULTS = {
     for name, case in CASES.items()}
 
 
-# Starts one node after the other in one process, as a process for each would take its time.
+# Starts all nodes one after the other in one process: a process per node would be slower.
 DRIVER = """
 import importlib, json, sys
 for module, arguments in json.loads(sys.argv[1]):
@@ -177,7 +181,7 @@ for module, arguments in json.loads(sys.argv[1]):
 
 @pytest.fixture(scope='module')
 def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[str]]]:
-    """Return what `main` returned and printed for every case."""
+    """Return the status and the output of `main` for every case."""
     directory = tmp_path_factory.mktemp('parameters')
     calls = []
     for i, case in enumerate(CASES.values()):
@@ -195,11 +199,11 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[
 
 @pytest.mark.parametrize('name', [
     pytest.param(name, marks=mark) for name, mark in FAULTS.items()])
-def test_it_says_in_one_line_why_it_cannot_start(
+def test_a_node_that_cannot_start_logs_one_line(
     ends: dict[str, tuple[int, list[str]]], name: str,
 ) -> None:
     status, output = ends[name]
-    lines = [line for line in output if '[rcl]' not in line]  # which comes before the node
+    lines = [line for line in output if '[rcl]' not in line]  # rcl logs before the node starts
     assert status == 1, output
     assert len(lines) == 1, output
     assert lines[0].startswith('robot_dynamics: ')
@@ -254,7 +258,7 @@ def test_arguments_that_no_node_has(arguments: list[str]) -> None:
     ('simulated_arm', SIMULATED_ARM_SPECS, [
         'rate', 'lock_step', 'joint_states', 'effort_command', '~/reset'])])
 def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: list[str]) -> None:
-    """Of the installed executables, which run these functions."""
+    """The installed executables run these functions."""
     done = children.run(
         [sys.executable, '-c', 'import sys; from robot_dynamics.ros import entry_points; '
          f'sys.exit(entry_points.{function}())', flag, '--ros-args', '-p', 'use_sim_time:=true'],
@@ -309,7 +313,7 @@ def test_a_xacro_file_is_expanded(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
-def test_a_bad_xacro_file_says_so(tmp_path: Path) -> None:
+def test_a_bad_xacro_file_is_reported(tmp_path: Path) -> None:
     file = tmp_path / 'arm.urdf.xacro'
     file.write_text(XACRO.replace('${mass}', '${no_such_property}'), encoding='utf-8')
     node = NodeProcess(DYNAMICS, {'robot_description_file': str(file)}).launch()
@@ -321,8 +325,8 @@ def test_a_bad_xacro_file_says_so(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_at_any_moment_leaves_in_order() -> None:
-    """Whoever starts the wrong thing presses Ctrl-C at once, and wants no traceback for it."""
+    """An operator who started the wrong node presses Ctrl-C at once, and gets no traceback."""
     node = NodeProcess(DYNAMICS, ready=re.compile('Model ')).start()
-    node.interrupt()  # when the model is logged, before the node spins
+    node.interrupt()  # once the model is logged, before the node spins
     assert node.wait() == 0, node.log
     assert 'Traceback' not in node.log

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The log of an ordinary start, and of joint states that are dropped, as a newcomer reads it."""
+"""The log of an ordinary start, and of joint states that are dropped, as a new user reads it."""
 
 from collections.abc import Callable
 import re
@@ -44,7 +44,7 @@ def lines_of(node: NodeProcess) -> list[str]:
 
 
 def check_lines(node: NodeProcess, *patterns: str) -> None:
-    """Check that the lines are few, and that these are among them, in this order."""
+    """Check that the log has few lines, and that these are among them, in this order."""
     lines = lines_of(node)
     assert len(lines) <= MOST_LINES, node.log
     places = [next((i for i, line in enumerate(lines) if re.search(pattern, line)), -1)

@@ -42,7 +42,7 @@ COUNTER = itertools.count()
 
 
 class Robot:
-    """A node, and joint states of an arm at rest under any stamps."""
+    """A node, and joint states of an arm at rest with arbitrary stamps."""
 
     def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
         self.client, self.node, self.namespace = client, node, namespace
@@ -52,21 +52,21 @@ class Robot:
         self.diagnostics = client.collect(DiagnosticArray, '/diagnostics')
 
     def send(self, stamp_ns: int) -> None:
-        """Publish a state under a stamp."""
+        """Publish a state with a stamp [ns]."""
         state = JointState(name=NAMES, position=Q, velocity=[0.0, 0.0])
         sec, nanosec = divmod(stamp_ns, SECOND)
         state.header.stamp = Time(sec=sec, nanosec=nanosec)
         self.states.publish(state)
 
     def stream(self, first_ns: int, count: int) -> int:
-        """Publish so many states at 100 Hz; return the next stamp."""
+        """Publish `count` states at 100 Hz; return the next stamp [ns]."""
         for k in range(count):
             self.send(first_ns + k * PERIOD)
             time.sleep(0.01)
         return first_ns + count * PERIOD
 
     def stream_until_answered(self, first_ns: int) -> int:
-        """Publish states at 100 Hz until one of them is answered; return the next stamp."""
+        """Publish states at 100 Hz until one of them is answered; return the next stamp [ns]."""
         t = first_ns
         for _ in range(round(100 * TIMEOUT)):
             t = self.stream(t, 1)
@@ -76,7 +76,7 @@ class Robot:
         raise AssertionError(self.node.log)
 
     def wait_status(self, check: str, words: str) -> None:
-        """Wait for a report that contains words, from now on."""
+        """Wait for a status, published from now on, that contains these words."""
         self.diagnostics.clear()
         self.diagnostics.wait_for(lambda message: any(
             status.name == f'{self.namespace}/dynamics: {check}' and words in status.message
@@ -96,7 +96,7 @@ class Robot:
 
 @pytest.fixture
 def robot(client: RosClient) -> Iterator[Robot]:
-    """Return a node with the default rules on time."""
+    """Return a node with the default rules for stamps."""
     namespace = f'/clocks{next(COUNTER)}'
     parameters = {'robot_description': default_arm_urdf(), 'state_timeout': 60.0,
                   'state_max_age': 0.2}
@@ -172,7 +172,7 @@ def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
 def test_an_idle_publisher_is_no_conflict(robot: Robot) -> None:
     idle = robot.client.publisher(JointState, f'{robot.namespace}/joint_states')
     robot.stream_until_answered(1000 * SECOND)
-    robot.stream_until_answered(100 * SECOND)  # the simulator was set back
+    robot.stream_until_answered(100 * SECOND)  # the time of the simulator was reset
     assert robot.efforts.messages[-1].effort == pytest.approx(HOLD, abs=1e-6)
     assert 'several_publishers' not in robot.node.log
     robot.client.node.destroy_publisher(idle)

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-The work of a message and of a call, counted and not timed, so that none of it comes back unseen.
+The work per message and per call, counted instead of timed, so that every increase is detected.
 
-Counted are calls of Python functions, and of those that Python calls in C. Bounds leave a fifth to
-versions of Python and of libraries; a change that needs more has to say what for.
+The tests count calls of Python functions, and of functions in C that Python calls. Bounds leave
+a margin of a fifth for versions of Python and of libraries; a change that needs more has to state
+the reason.
 """
 
 from collections import Counter
@@ -58,7 +59,7 @@ def chain(n: int) -> str:
 
 
 def calls_of(work: Callable[[], object]) -> Counter[str]:
-    """Return how often each function was called; those of the counting left out."""
+    """Return how often each function was called, without the calls of the counting itself."""
     counts: Counter[str] = Counter()
 
     def count(frame: Any, event: str, argument: Any) -> None:
@@ -99,7 +100,7 @@ def pinocchio_calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 # ------------------------------------------------------------------------------ the control path
 
 class Node:
-    """A node whose control path is called as by its thread, in this one."""
+    """A node whose control path is called in this thread instead of in a separate one."""
 
     def __init__(self, urdf: str) -> None:
         rclpy.init(args=['--ros-args', '-r', '__ns:=/counted', '-p', 'state_timeout:=60.0',
@@ -110,7 +111,7 @@ class Node:
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
 
     def take_state(self) -> None:
-        """Answer a state of now."""
+        """Answer a state with the current stamp."""
         self._data[4:12] = struct.pack('<iI', *divmod(time.time_ns(), 1_000_000_000))
         self.node._loop._deliver(bytes(self._data))
 
@@ -133,7 +134,7 @@ def node(tmp_path: Any) -> Iterator[Node]:
     urdf.write_text(chain(JOINTS), encoding='utf-8')
     one = Node(str(urdf))
     try:
-        for _ in range(20):  # the rate and the noise of the states are known then
+        for _ in range(20):  # then the rate and the noise of the states are known
             one.take_state()
         yield one
     finally:
@@ -152,9 +153,9 @@ def test_the_calls_of_a_message(
     calls = calls_of(node.take_state)
     assert pinocchio_calls == {'computeGeneralizedGravity': 1, **({'rnea': 1} if follows else {})}
     assert calls['filled'] == published
-    assert calls['publish'] == 1  # ~/commands; the others go out without the wrapper of rclpy
+    assert calls['publish'] == 1  # ~/commands; other topics bypass the publisher of rclpy
     assert calls['deserialize_message'] == calls['serialize_message'] == 0
-    assert not CHECKS & calls.keys()  # of numbers that were checked once, when they were read
+    assert not CHECKS & calls.keys()  # numbers are checked once, when they are read
     assert calls.total() <= most
 
 
@@ -181,7 +182,7 @@ def state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize('n', [2, 7, 60])
 def test_one_call_of_pinocchio_for_one_question(pinocchio_calls: Counter[str], n: int) -> None:
-    """Whatever the number of joints, and with few calls around it."""
+    """For any number of joints, and with few additional calls."""
     body = UncheckedRigidBody(load_arm(chain(n)))
     q, v, a = state(n)
     for name, most, work in (
@@ -196,7 +197,7 @@ def test_one_call_of_pinocchio_for_one_question(pinocchio_calls: Counter[str], n
         assert pinocchio_calls == {name: 1}
 
 
-def test_a_frictionless_arm_pays_for_no_friction(pinocchio_calls: Counter[str]) -> None:
+def test_a_frictionless_arm_has_no_calls_for_friction(pinocchio_calls: Counter[str]) -> None:
     dynamics = ArmDynamics(load_arm(chain(JOINTS))).unchecked
     q, v, a = state(JOINTS)
     assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
@@ -215,7 +216,7 @@ def test_estimators_and_simulation_check_no_state() -> None:
         return (external.update(0.1, q, v, tau), residual.update(0.1, q, v, tau),
                 simulation.step(tau, 0.01))
 
-    for _ in range(20):  # the filters have settled then
+    for _ in range(20):  # then the filters have settled
         work()
     calls = calls_of(work)
     assert calls['_rnea_in_parallel' if HAS_PARALLEL_RNEA else '_rnea_one_by_one'] == 4
@@ -235,7 +236,7 @@ def test_a_batch_costs_no_calls_for_a_sample() -> None:
 @pytest.mark.parametrize('fields', [1, 2, 3])
 @pytest.mark.parametrize('points', [1000, 10_000])
 def test_a_point_of_a_plan_costs_few_calls(points: int, fields: int) -> None:
-    """Linear in the points; the segments between them are sampled many at once."""
+    """The calls grow linearly with the points; segments are sampled together."""
     arm = load_arm(chain(JOINTS))
     dynamics, message = ArmDynamics(arm), JointTrajectory(joint_names=NAMES)
     for i in range(points):

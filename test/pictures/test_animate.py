@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The animation: what stands on the stage and in the bars, and the tool that draws it."""
+"""The animation: the contents of stage and bars, and the tool that draws it."""
 
 from dataclasses import replace
 import re
@@ -153,7 +153,7 @@ def test_the_motion_stops_for_both_passes_of_each_link(swing):
 
 # --- the tool ------------------------------------------------------------------------------------
 
-def test_without_arguments_it_says_where_the_picture_is(tmp_path, monkeypatch, capsys):
+def test_without_arguments_the_path_of_the_picture_is_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(['--duration', '1', '--rate', '1']) == 0
     out = capsys.readouterr().out

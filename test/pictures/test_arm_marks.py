@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a 3-D view draws at an arm: arcs at joints, the force that explains an effort, payloads."""
+"""Marks of a 3-D view at an arm: arcs at joints, forces equivalent to efforts, payloads."""
 
 import numpy as np
 import numpy.testing as npt
@@ -39,14 +39,14 @@ PLACE = JointPlace(np.array([0.3, -0.2, 0.5]), AXIS, False)
 
 
 def turns(line, place):
-    """Return the angles that a line turns by, right-handed about the axis, from point to point."""
+    """Return the angles of a line from point to point, right-handed about the axis."""
     arms = line - place.origin
     return [np.arctan2(np.cross(a, b) @ place.axis, a @ b) for a, b in zip(arms, arms[1:])]
 
 
 @pytest.mark.parametrize('ratio', [0.01, 0.3, -0.3, 1.0, -1.1])
 def test_an_arc_is_about_the_axis_as_long_as_its_ratio(ratio):
-    arc = effort_line(PLACE, ratio, 0.2)[:-3]  # without the head
+    arc = effort_line(PLACE, ratio, 0.2)[:-3]  # without the arrow head
     arms = arc - PLACE.origin
     npt.assert_allclose(arms @ AXIS, 0.0, atol=1e-12)
     npt.assert_allclose(np.linalg.norm(arms, axis=1), 0.2)
@@ -101,7 +101,7 @@ def test_joints_of_the_planar_arm_are_where_trigonometry_puts_them():
 
 @pytest.mark.parametrize('name', ['ur10', 'panda', 'xarm7'])
 def test_axes_are_what_turns_the_tool(name):
-    """The tool moves by axis × (tool − origin), or along the axis: the columns of J, by steps."""
+    """The tool moves by axis × (tool − origin) or along the axis: columns of J by differences."""
     arm = load_arm(robot_urdf(name))
     marks, step = ArmMarks(arm), 1e-6
     q = np.clip(np.linspace(0.3, 1.2, arm.joint_count), arm.limits.lower, arm.limits.upper)
@@ -113,7 +113,7 @@ def test_axes_are_what_turns_the_tool(name):
         marks.move(moved)
         found = (marks.tool() - tool) / step
         expected = place.axis if place.slides else np.cross(place.axis, tool - place.origin)
-        if i < 6:  # fingers of a hand do not all move the link at the end
+        if i < 6:  # fingers do not all move the last link
             npt.assert_allclose(found, expected, atol=1e-5)
 
 
@@ -132,7 +132,7 @@ def test_the_force_at_the_tool_is_found_from_the_effort_that_it_exerts():
 
 
 def test_an_effort_that_no_force_at_the_tool_exerts_has_none():
-    """The last axis of a UR10 runs through the tool's origin, where no force turns it."""
+    """The last axis of a UR10 passes through the tool's origin: no force there has a moment."""
     arm = load_arm(robot_urdf('ur10'))
     marks = ArmMarks(arm)
     marks.move(np.array([0.3, -1.2, 1.4, 0.5, 0.8, 0.2]))

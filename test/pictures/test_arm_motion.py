@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Motions with all that goes with them: energy balance, terms that add up, the pose that hangs."""
+"""Motions with derived quantities: energy balance, sums of terms, the hanging pose."""
 
 import numpy as np
 import numpy.testing as npt

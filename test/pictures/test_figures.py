@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures: a unit on every axis, lines that can be told apart, and something on the paper."""
+"""Figures: a unit on every axis, distinguishable lines, and visible contents."""
 
 import sys
 
@@ -104,7 +104,7 @@ def test_values_of_zero_are_drawn_on_a_finite_axis():
 
 
 def test_without_matplotlib_it_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'matplotlib', None)  # as Python marks what cannot be found
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)  # Python's mark of a missing module
     with pytest.raises(MissingDependencyError, match='matplotlib'):
         joint_figure('x', ('a',), ('revolute',), (error_panel(TIMES, WAVES),))
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A planar chain out of a URDF: the passes of the recursion, and Newton's law for each link."""
+"""A planar chain from a URDF: the passes of the recursion, and Newton's law for each link."""
 
 import re
 
@@ -108,7 +108,7 @@ def test_newton_and_euler_hold_for_each_link(robot):
             beyond = now.force[i + 1] if i + 1 < n else np.zeros(2)
             total = now.force[i] - beyond + view.weight(i)
             npt.assert_allclose(total, masses[i] * now.com_acceleration[i], rtol=0.0, atol=1e-9)
-        # What the recursion passes on is what the general equation says of each joint.
+        # The results of the recursion agree with the general equation at each joint.
         npt.assert_allclose(
             now.tau, ArmDynamics(arm).rigid_body.inverse_dynamics(*state),
             rtol=0.0, atol=1e-9)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps over two joints: each value is the library's at that point, and obeys its laws."""
+"""Maps over two joints: each value is the library's at that point, and has its properties."""
 
 import re
 
@@ -99,7 +99,7 @@ def test_gravity_is_the_slope_of_the_potential_energy(arm):
     grid = make_grid(arm, samples=61)
     first, second = grid.joints
     gravity, body = gravity_efforts(arm, grid), RigidBody(arm)
-    # Round a field of the grid the work against gravity is 0, and along an edge it is the energy.
+    # Around a cell the work against gravity is 0, and along an edge it is the energy difference.
     along = np.trapezoid(gravity[0, :, first], grid.x) if hasattr(np, 'trapezoid') else (
         np.trapz(gravity[0, :, first], grid.x))
     energies = [body.potential_energy(grid.positions[0, column]) for column in (0, -1)]
@@ -181,7 +181,7 @@ def test_an_unknown_link_is_refused():
 
 @pytest.fixture(scope='module')
 def loaded():
-    """Return the default arm with a load at its tip that it cannot hold everywhere."""
+    """Return the default arm with a payload that it cannot hold in every pose."""
     return DEFAULT.with_payloads([make_payload('tool0', 8.0)])
 
 
@@ -200,7 +200,7 @@ def test_places_have_the_ratios_of_the_poses_that_reach_them(loaded):
         if np.isnan(found.most[row, column]):
             continue
         ratio = limit_ratios(loaded, body.gravity(q)[None])[0]
-        # Another pose in the same cell may differ by what gravity changes across the cell.
+        # Another pose in the same cell may differ by the change of gravity across the cell.
         assert found.least[row, column] - 0.15 < ratio < found.most[row, column] + 0.15
         known += 1
     assert known > 250

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pictures of maps, and the tool that draws them."""
+"""The figures of maps, and the tool that draws them."""
 
 import re
 
@@ -158,7 +158,7 @@ def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
     assert 0.1 < (pixels.min(axis=2) < 0.9).mean() < 0.95
 
 
-def test_without_arguments_it_says_where_the_picture_is(tmp_path, monkeypatch, capsys):
+def test_without_arguments_the_path_of_the_picture_is_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main([]) == 0
     path = tmp_path / 'out' / 'planar_arm_gravity.png'

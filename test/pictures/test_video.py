@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Moving pictures: what is written is read back, frame by frame."""
+"""Videos: the written file is read back, frame by frame."""
 
 from pathlib import Path
 import sys
@@ -28,7 +28,7 @@ from PIL import ImageSequence  # noqa: E402
 
 
 def bar(k, colour=(0, 114, 178)):
-    """Return a white picture with a bar that reaches to 4 k."""
+    """Return a white frame with a bar of length 4 k."""
     pixels = np.full((40, 65, 3), 255, dtype=np.uint8)
     pixels[10:30, :4 * k] = colour
     return pixels

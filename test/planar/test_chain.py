@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The Newton-Euler recursion: its laws, the closed form, and recursions that do not work."""
+"""The Newton-Euler recursion: its properties, the closed form, and incorrect recursions."""
 
 import dataclasses
 import math
@@ -59,17 +59,17 @@ def motions(draw, least=1, most=8):
 
 
 def assert_close(actual, expected, atol):
-    """Compare by the absolute difference alone, as `atol` has the scale of the arm in it."""
+    """Compare only by the absolute difference, because `atol` contains the scale of the arm."""
     npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
 
 
 def along(q, v, a, t):
-    """Return the positions at t of the motion that passes q with v and a at t = 0."""
+    """Return the positions at t of the motion with q, v and a at t = 0."""
     return q + t * v + 0.5 * t**2 * a
 
 
 def second_derivative(function, step=1e-3):
-    """Return the second derivative at 0, from five points and so to the fourth order."""
+    """Return the second derivative at 0 from five points, to fourth order."""
     weights = {-2: -1.0, -1: 16.0, 0: -30.0, 1: 16.0, 2: -1.0}
     return sum(w * function(k * step) for k, w in weights.items()) / (12.0 * step**2)
 
@@ -81,12 +81,12 @@ def first_derivative(function, step=1e-4):
 
 
 def size(chain):
-    """Return a torque that the chain's own reach and mass set, as the unit of errors."""
+    """Return a torque from the reach and mass of the chain, as the unit of errors."""
     reach = sum(chain.lengths)
     return (sum(chain.masses) * reach * (reach + chain.gravity) + sum(chain.inertias))
 
 
-# --- the laws ---------------------------------------------------------------------------------
+# --- properties -------------------------------------------------------------------------------
 
 @law
 @given(motion=motions())
@@ -108,7 +108,7 @@ def test_joint_moment_is_the_rate_of_the_angular_momentum_beyond(motion):
     chain, q, v, a = motion
     result = newton_euler(chain, q, v, a)
     for i in range(chain.link_count):
-        # Euler about the fixed point where joint i is at this instant, for all links beyond it.
+        # Euler about the fixed point at the present position of joint i, for all links beyond it.
         expected = sum(
             chain.inertias[k] * result.omega_dot[k] + float(
                 lever[1] * needed[0] - lever[0] * needed[1])
@@ -199,7 +199,7 @@ def test_worked_example_with_its_vectors():
     assert_close(result.tau, EXAMPLE, atol=PRINTED)
     npt.assert_allclose(result.omega, [0.5, 0.8], rtol=1e-14)
     npt.assert_allclose(result.omega_dot, [0.1, 0.3], rtol=1e-14)
-    # By hand: the elbow is at 45° and 1 m, so it has 0.1 across and 0.25 inward.
+    # By hand: the elbow is at 45° and 1 m, with acceleration 0.1 tangential and 0.25 inward.
     half = math.sqrt(0.5)
     assert_close(
         result.joint_acceleration[1], [(0.1 - 0.25) * half, (-0.1 - 0.25) * half], atol=1e-15)
@@ -208,7 +208,7 @@ def test_worked_example_with_its_vectors():
     npt.assert_allclose(result.joint_position[1], [half, half], rtol=1e-14)
 
 
-# --- what is often got wrong: a test for each row of the table in docs/planar_arm.md --------
+# --- common errors: a test for each row of the table in docs/planar_arm.md ------------------
 
 def scalar_recursion_that_forgets_the_joint():
     """Add gravity, tangential and inward terms in one direction; joint 2 starts at rest."""
@@ -223,7 +223,7 @@ def scalar_recursion_that_forgets_the_joint():
 
 
 def scalar_recursion_from_centre_to_centre():
-    """Add the same scalars, with the acceleration of COM 1 handed on as that of joint 2."""
+    """Add the same scalars, with the acceleration of COM 1 used as that of joint 2."""
     first = 9.81 + 0.1 * 0.5 - 0.5**2 * 0.5
     second = first + 0.3 * 0.4 - 0.8**2 * 0.4
     force2 = 3.0 * second
@@ -244,7 +244,7 @@ def test_correction_scalar_recursions_are_wrong(recursion, wrong):
 
 
 def vector_recursion(start='end', carry_moment=True, up=1.0):
-    """Return the torques of the example by a recursion in which one step can be spoilt."""
+    """Return the torques of the example by a recursion with at most one incorrect step."""
     result = newton_euler(CHAIN, Q, V, A)
     levers = result.com_position - result.joint_position
     ends = np.array([result.joint_position[1], result.tip_position]) - result.joint_position
@@ -283,7 +283,7 @@ def test_correction_force_of_the_next_link_has_a_moment():
 
 
 def test_correction_force_acts_at_the_joint_and_not_at_the_centre_of_mass():
-    # "Lever to the COM times the whole force" takes the next link's force at the COM as well.
+    # "Lever to the COM times the whole force" applies the next link's force at the COM as well.
     result = newton_euler(CHAIN, Q, V, A)
     (x, y), (fx, fy) = result.com_position[0], result.force[0]
     written = result.tau[1] + CHAIN.inertias[0] * result.omega_dot[0] + y * fx - x * fy

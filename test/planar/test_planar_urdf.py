@@ -45,7 +45,7 @@ TWO = {
 
 
 def assert_close(actual, expected, atol):
-    """Compare by the absolute difference alone, as `atol` has the scale of the arm in it."""
+    """Compare only by the absolute difference, because `atol` contains the scale of the arm."""
     npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
 
 
@@ -59,7 +59,7 @@ def model_of(urdf):
 
 
 def unrolled(q):
-    """Return q as Pinocchio keeps continuous joints: cosine and sine of each."""
+    """Return q as Pinocchio stores continuous joints: cosine and sine of each."""
     return np.column_stack([np.cos(q), np.sin(q)]).ravel()
 
 
@@ -74,7 +74,7 @@ def motions(draw):
     return chain, rng.uniform(-7.0, 7.0, n), rng.normal(0.0, 3.0, n), rng.normal(0.0, 10.0, n)
 
 
-# --- the general engine finds the same --------------------------------------------------------
+# --- agreement with Pinocchio -----------------------------------------------------------------
 
 @settings(deadline=None, derandomize=True)
 @given(motion=motions())
@@ -141,7 +141,7 @@ def test_default_arm_is_the_closed_form():
         assert_close(planar.forward_dynamics(arm, q, v, tau), back, atol=1e-10)
 
 
-# --- what stands in it ------------------------------------------------------------------------
+# --- contents of the URDF ---------------------------------------------------------------------
 
 def test_default_arm_has_the_limits_of_its_motors():
     model = model_of(default_arm_urdf())
@@ -165,7 +165,7 @@ def test_every_link_is_a_body_that_can_exist(motion):
         npt.assert_allclose(inertia.lever, [0.0, 0.0, chain.com_distances[i]], rtol=1e-14)
         assert inertia.inertia[1, 1] == pytest.approx(chain.inertias[i], rel=1e-14)
         moments = np.diag(inertia.inertia)
-        # Each second moment of mass is half of what two principal moments exceed the third by.
+        # A second moment of mass is half the excess of two principal moments over the third.
         assert (moments.sum() - 2.0 * moments > 0.0).all()
         pseudo = pinocchio.PseudoInertia.FromInertia(inertia).toMatrix()
         assert np.linalg.eigvalsh(pseudo).min() > 0.0
@@ -270,14 +270,14 @@ def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
      'planar_urdf: viscous_friction has 1 values, expected 2, '
      "one for each of ['joint1', 'joint2']\n"),
 ])
-def test_tool_says_in_one_line_what_is_wrong(arguments, message, capsys):
+def test_tool_reports_errors_in_one_line(arguments, message, capsys):
     assert main(arguments) == 2
     captured = capsys.readouterr()
     assert captured.err == message
     assert captured.out == ''
 
 
-def test_tool_says_where_it_cannot_write(tmp_path, capsys):
+def test_tool_reports_the_path_that_it_cannot_write(tmp_path, capsys):
     assert main(['-o', str(tmp_path / 'missing' / 'arm.urdf')]) == 1
     err = capsys.readouterr().err
     assert err.startswith('planar_urdf: cannot write ')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The two-link arm in closed form: the worked example, the laws, and what is often got wrong."""
+"""The two-link arm in closed form: the worked example, the properties, and common errors."""
 
 import ast
 import dataclasses
@@ -37,7 +37,7 @@ ARM = PlanarTwoLink()
 Q = np.array([math.pi / 4, math.pi / 6])
 V = np.array([0.5, 0.3])
 A = np.array([0.1, 0.2])
-PRINTED = 5e-9  # half of the last of the eight decimals in which the example is given
+PRINTED = 5e-9  # half of the last of the eight decimals of the example
 
 
 def pairs(limit):
@@ -59,7 +59,7 @@ law = settings(deadline=None, derandomize=True)
 
 
 def assert_close(actual, expected, atol):
-    """Compare by the absolute difference alone, as `atol` has the scale of the arm in it."""
+    """Compare only by the absolute difference, because `atol` contains the scale of the arm."""
     npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
 
 
@@ -111,7 +111,7 @@ def test_page_names_only_tests_that_exist():
     assert named <= defined, f'not found: {sorted(named - defined)}'
 
 
-# --- the laws ---------------------------------------------------------------------------------
+# --- properties -------------------------------------------------------------------------------
 
 @law
 @given(arm=arms(), q=pairs(7.0))
@@ -119,7 +119,7 @@ def test_mass_matrix_is_symmetric_positive_definite(arm, q):
     M = planar.mass_matrix(arm, q)
     assert M[0, 1] == M[1, 0]
     assert M[0, 0] > 0.0
-    # The determinant in a form that has no cancellation: no arm makes it vanish.
+    # The determinant in a form without cancellation: it is positive for every arm.
     lever = arm.m2 * arm.l1 * arm.r2 * math.sin(q[1])
     expected = (
         (arm.I1 + arm.m1 * arm.r1**2) * M[1, 1] + arm.m2 * arm.l1**2 * arm.I2 + lever**2)
@@ -178,7 +178,7 @@ def test_power_of_the_torques_is_the_rate_of_the_energy(arm, q, v, a):
         return planar.energies(arm, q + t * v + 0.5 * t**2 * a, v + t * a).total
 
     step = 1e-4
-    # Two steps, so that the error of each cancels to the fourth order.
+    # Two steps: their errors cancel to fourth order.
     near = (total_energy(step) - total_energy(-step)) / (2.0 * step)
     far = (total_energy(2.0 * step) - total_energy(-2.0 * step)) / (4.0 * step)
     power = planar.inverse_dynamics(arm, q, v, a) @ v
@@ -188,7 +188,7 @@ def test_power_of_the_torques_is_the_rate_of_the_energy(arm, q, v, a):
 
 @law
 @given(**states)
-def test_forward_dynamics_undoes_inverse_dynamics(arm, q, v, a):
+def test_forward_dynamics_inverts_inverse_dynamics(arm, q, v, a):
     tau = planar.inverse_dynamics(arm, q, v, a)
     M = planar.mass_matrix(arm, q)
     found = planar.forward_dynamics(arm, q, v, tau)
@@ -229,14 +229,14 @@ def test_forward_kinematics_puts_a_positive_angle_towards_positive_x():
     assert_close(bent.tip, [1.0, -0.8], atol=1e-15)
 
 
-# --- what is often got wrong: a test for each row of the table in docs/planar_arm.md --------
+# --- common errors: a test for each row of the table in docs/planar_arm.md --------------------
 
 def test_correction_mass_matrix_has_the_term_of_link_1():
     short = ARM.I1 + ARM.I2 + ARM.m2 * (
         ARM.l1**2 + ARM.r2**2 + 2.0 * ARM.l1 * ARM.r2 * math.cos(Q[1]))
     M11 = planar.mass_matrix(ARM, Q)[0, 0]
     assert M11 - short == pytest.approx(ARM.m1 * ARM.r1**2, rel=1e-13)
-    # Link 1 alone, with next to nothing behind it, is a compound pendulum: I_1 + m_1 r_1².
+    # Link 1 with a negligible mass behind it is a compound pendulum: I_1 + m_1 r_1².
     alone = dataclasses.replace(ARM, m2=1e-12, I2=1e-12)
     assert planar.mass_matrix(alone, Q)[0, 0] == pytest.approx(0.1 + 5.0 * 0.5**2, rel=1e-10)
 
@@ -248,7 +248,7 @@ def test_correction_example_torque_and_energy():
     assert energies.kinetic == pytest.approx(1.12904219, abs=PRINTED)
     assert energies.potential == pytest.approx(41.19876418, abs=PRINTED)
     assert energies.total == energies.kinetic + energies.potential
-    # The wrong numbers are those without m_1 r_1² in M_11, to their last decimal.
+    # The wrong numbers are those without m_1 r_1² in M_11, in all decimals.
     missing = ARM.m1 * ARM.r1**2
     assert tau[0] - missing * A[0] == pytest.approx(-48.872, abs=5e-4)
     assert energies.kinetic - 0.5 * missing * V[0]**2 == pytest.approx(0.973, abs=5e-4)
@@ -258,7 +258,7 @@ def test_correction_example_torque_and_energy():
 
 def test_correction_zero_is_upright():
     heights = [planar.potential_energy(ARM, (angle, 0.0)) for angle in np.linspace(-3.1, 3.1, 63)]
-    assert np.argmax(heights) == 31  # the middle one, q_1 = 0
+    assert np.argmax(heights) == 31  # the middle position, q_1 = 0
     assert planar.forward_kinematics(ARM, (0.0, 0.0)).tip[1] == ARM.l1 + ARM.l2
     # A horizontal link would need the largest holding torque; at q = 0 none is needed.
     npt.assert_array_equal(planar.gravity_vector(ARM, (0.0, 0.0)), [0.0, 0.0])
@@ -275,7 +275,7 @@ def test_correction_gravity_acts_at_joint_1_even_with_link_1_upright():
 def test_correction_upright_is_unstable():
     tilt = np.array([1e-3, 0.0])
     falling = planar.forward_dynamics(ARM, tilt, (0.0, 0.0), (0.0, 0.0))
-    assert falling[0] > 0.0  # away from upright: nothing restores it
+    assert falling[0] > 0.0  # away from upright: no restoring torque
     stiffness = partial_derivatives(lambda x: planar.gravity_vector(ARM, x), np.zeros(2))
     assert np.linalg.eigvalsh(stiffness).max() < 0.0
     hanging = np.array([math.pi, 0.0])
@@ -287,7 +287,7 @@ def test_correction_gravity_vector_is_what_the_motors_deliver():
     g = planar.gravity_vector(ARM, Q)
     npt.assert_array_equal(planar.inverse_dynamics(ARM, Q, (0.0, 0.0), (0.0, 0.0)), g)
     assert_close(planar.forward_dynamics(ARM, Q, (0.0, 0.0), g), 0.0, atol=1e-13)
-    # Taken for the pull of the weight and compensated with -g, it would double the fall.
+    # With g interpreted as the weight's torque and compensated with -g, the fall would double.
     free = planar.forward_dynamics(ARM, Q, (0.0, 0.0), (0.0, 0.0))
     npt.assert_allclose(
         planar.forward_dynamics(ARM, Q, (0.0, 0.0), -g), 2.0 * free, rtol=1e-13)
@@ -298,11 +298,11 @@ def test_correction_eight_christoffel_symbols():
     c = planar.christoffel_symbols(ARM, Q)
     npt.assert_allclose(c[0], [[0.0, -h], [-h, -h]], rtol=1e-14)
     npt.assert_allclose(c[1], [[h, 0.0], [0.0, 0.0]], rtol=1e-14)
-    # With the four of the first row alone, joint 2 would feel nothing of joint 1's speed.
+    # With only the four symbols of the first row, joint 2 would be independent of joint 1's speed.
     four = np.stack([c[0], np.zeros((2, 2))])
     assert np.einsum('ijk,j,k->i', four, V, V)[1] == 0.0
     assert planar.coriolis_vector(ARM, Q, V)[1] == pytest.approx(0.15, abs=1e-15)
-    # Nor would C be the one that makes dM/dt - 2C skew.
+    # Nor would C be the matrix for which dM/dt - 2C is skew.
     rate = partial_derivatives(lambda x: planar.mass_matrix(ARM, x), Q) @ V
     S = rate - 2.0 * four @ V
     assert np.abs(S + S.T).max() > 0.1
@@ -319,7 +319,7 @@ def test_correction_coriolis_does_not_brake():
     mirrored = Q * (1.0, -1.0)
     npt.assert_allclose(
         planar.coriolis_vector(ARM, mirrored, V), -planar.coriolis_vector(ARM, Q, V), rtol=1e-14)
-    # Its power is half of v·(dM/dt)v, of either sign: it moves kinetic energy and burns none.
+    # Its power is half of v·(dM/dt)v, of either sign: it transfers and does not dissipate energy.
     powers = [planar.coriolis_vector(ARM, q, V) @ V for q in (Q, mirrored)]
     assert min(powers) < 0.0 < max(powers)
     for q, power in zip((Q, mirrored), powers):
@@ -331,7 +331,7 @@ def test_correction_coupling_inertia_can_be_the_smallest_entry():
     M = planar.mass_matrix(ARM, (0.0, math.pi))
     assert M[0, 1] == pytest.approx(0.05 + 3.0 * 0.4 * (0.4 - 1.0), rel=1e-14)
     assert M[0, 1] < 0.0 < M[1, 1]
-    # And M_11 is not always the largest: here the folded arm has its mass near joint 1.
+    # And M_11 is not always the largest: here the mass of the folded arm is near joint 1.
     folded = PlanarTwoLink(m1=0.1, m2=3.0, l1=0.5, l2=1.0, r1=0.25, r2=0.5, I1=0.01, I2=0.05)
     M = planar.mass_matrix(folded, (0.0, math.pi))
     assert M[0, 0] < M[1, 1]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Damaged recordings: what can be read is given as it was, and what is lost is said."""
+"""Damaged recordings: readable data are returned unchanged, and losses are reported."""
 
 import secrets
 import shutil
@@ -36,7 +36,7 @@ from robot_dynamics.exceptions import MissingDependencyError, RecordingError  # 
 from robot_dynamics.recordings.bag_files import find_recordings  # noqa: E402
 from robot_dynamics.recordings.reader import Recording  # noqa: E402
 
-# A warning of numpy is a number that nobody checked.
+# A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 MOTION = KnownMotion(seconds=60.0)
@@ -57,14 +57,14 @@ def copied(recordings, tmp_path):
 
 
 def read(path):
-    """Return the series, and what was said of losses."""
+    """Return the series, and the reported losses."""
     with Recording(path) as recording:
         series = recording.joint_series(recording.joint_state_topic())
         return series, list(recording.losses), list(recording.notes)
 
 
 def assert_part_of_it(series):
-    """Every sample is one of those written, with its own stamp."""
+    """Check that every sample is one of the written samples, with its stamp."""
     rows = np.searchsorted(MOTION.stamps_ns, series.stamps_ns)
     np.testing.assert_array_equal(MOTION.stamps_ns[rows], series.stamps_ns)
     np.testing.assert_array_equal(series.position, MOTION.q[rows])
@@ -78,7 +78,7 @@ def resave(file, change):
     file.write_bytes(data)
 
 
-# --- whole ---------------------------------------------------------------------------------------
+# --- undamaged -----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('form', FORMATS)
 def test_every_format_is_read_as_directory_and_as_file(recordings, form):
@@ -106,7 +106,7 @@ def test_split_recordings_are_one(tmp_path, form):
 
 
 def test_chunks_in_lz4_without_an_index(recordings, tmp_path):
-    """As some writers make them; rosbags writes none, so a chunk is packed anew."""
+    """As from some writers; rosbags does not write LZ4, so the test compresses a chunk."""
     lz4 = pytest.importorskip('lz4.frame')
     data = stored_file(recordings['mcap']).read_bytes()
     (length,) = struct.unpack_from('<Q', data, 9)
@@ -132,7 +132,7 @@ def test_chunks_in_lz4_without_an_index(recordings, tmp_path):
     assert 'cut off' in losses[0].reason
 
 
-# --- missing -------------------------------------------------------------------------------------
+# --- missing parts -------------------------------------------------------------------------------
 
 def test_a_missing_file_of_a_split_recording(tmp_path):
     path = write_split(tmp_path / 'bag', MESSAGES, 3)
@@ -182,7 +182,7 @@ def test_an_empty_file(copied, form):
         Recording(path)
 
 
-def test_an_empty_file_beside_whole_ones(tmp_path):
+def test_an_empty_file_next_to_complete_ones(tmp_path):
     path = write_split(tmp_path / 'bag', MESSAGES, 3)
     (path / 'bag_2.mcap').write_bytes(b'')
     series, losses, _ = read(path)
@@ -191,7 +191,7 @@ def test_an_empty_file_beside_whole_ones(tmp_path):
     assert losses[1].lost_messages == WHOLE // 3
 
 
-# --- cut off -------------------------------------------------------------------------------------
+# --- truncation ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('form', FORMATS)
 @pytest.mark.parametrize('fraction', [0.4, 0.8])
@@ -200,11 +200,11 @@ def test_of_a_cut_off_file_about_its_fraction_is_read(copied, form, fraction):
     file = cut(stored_file(path), fraction)
     series, losses, _ = read(path)
     assert_part_of_it(_without_half_written(series))
-    # The index of sqlite3 by time takes a part of the file, wherever it happens to be.
+    # The time index of sqlite3 occupies some pages anywhere in the file.
     assert (fraction - 0.25) * WHOLE < len(series.stamps_ns) <= WHOLE
     assert losses[0].file == file.name
     assert 'cut off' in ' '.join(loss.reason for loss in losses)
-    if len(series.stamps_ns) < WHOLE:  # else nothing but the index was cut off
+    if len(series.stamps_ns) < WHOLE:  # otherwise only the index was truncated
         stated = losses[-1]
         assert stated.file == 'metadata.yaml'
         assert stated.lost_messages == WHOLE - series.faults.message_count
@@ -215,7 +215,7 @@ def test_of_a_cut_off_file_about_its_fraction_is_read(copied, form, fraction):
 
 
 def _without_half_written(series):
-    """Return the series without a last row that sqlite3 gives with zeros where its page ends."""
+    """Return the series without a last row that sqlite3 fills with zeros after its page's end."""
     known = np.isin(series.stamps_ns, MOTION.stamps_ns)
     rows = np.searchsorted(MOTION.stamps_ns, series.stamps_ns[known])
     whole = (series.effort[known] == MOTION.tau[rows]).all(axis=1)
@@ -223,7 +223,7 @@ def _without_half_written(series):
     return series.at(np.flatnonzero(known)[whole])
 
 
-# --- noise ---------------------------------------------------------------------------------------
+# --- random damage -------------------------------------------------------------------------------
 
 def test_noise_in_a_chunk_costs_what_it_hits(copied):
     path = copied('mcap')
@@ -264,7 +264,7 @@ def test_a_chunk_that_fails_its_checksum_is_left_out(tmp_path):
     assert losses[-1].lost_messages == 10_000 - left
 
 
-def test_without_any_message_left_it_is_said_why(copied):
+def test_without_any_readable_message_the_reason_is_reported(copied):
     path = copied('mcap')
     stored_file(path).write_bytes(stored_file(path).read_bytes()[:300])
     with pytest.raises(RecordingError, match=r'can.* be read.*mcap\.mcap: cut off'):
@@ -322,7 +322,7 @@ def test_a_time_beyond_int64_is_lost(tmp_path):
 
 
 def spoil_and_read(path, seed):
-    """Replace bytes anywhere: samples must come, or one clear error; never another exception."""
+    """Replace random bytes: the reader returns samples or raises one clear error, no other."""
     rng = np.random.default_rng(seed)
 
     def spoil(data):
@@ -342,7 +342,7 @@ def spoil_and_read(path, seed):
 
 @pytest.mark.parametrize('form', FORMATS)
 @pytest.mark.parametrize('seed', range(2))
-def test_whatever_hits_a_recording_is_answered(copied, form, seed):
+def test_any_damage_of_a_recording_is_handled(copied, form, seed):
     spoil_and_read(copied(form), seed)
 
 
@@ -366,7 +366,7 @@ def test_a_database_with_a_journal_is_read_with_what_that_holds(copied):
     connection.execute('INSERT INTO messages (topic_id, timestamp, data) '
                        'SELECT topic_id, timestamp + 60000000000, data FROM messages LIMIT 100')
     connection.commit()
-    killed = shutil.copytree(path, path.with_name('killed'))  # as it is while it is written
+    killed = shutil.copytree(path, path.with_name('killed'))  # a copy taken during writing
     connection.close()
     with Recording(killed) as recording:
         states = recording.joint_states('/joint_states')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording that expands to far more than its size is refused, and others are read."""
+"""A recording that expands to far more than its size is rejected; other recordings are read."""
 
 import subprocess
 import sys
@@ -45,7 +45,7 @@ def _low_limit(monkeypatch):
 
 
 def expanding(path, form, size=10 * LIMIT):
-    """Return a file of a recording with one message of zeros."""
+    """Return a recording file with one message of zeros."""
     return stored_file(write_recording(path, [(START_NS, b'\0\1\0\0' + bytes(size))], form))
 
 
@@ -113,7 +113,7 @@ def test_a_chunk_that_an_index_lists_again_and_again_counts_each_time():
                 assert storage_mcap.decompress(data, kind, len(chunk), 0) == chunk
             with pytest.raises(DecompressionLimitError):
                 storage_mcap.decompress(data, kind, len(chunk), 0)
-        assert storage_mcap.decompress(data, kind, len(chunk), 0) == chunk  # of other programs
+        assert storage_mcap.decompress(data, kind, len(chunk), 0) == chunk  # from other programs
 
 
 def test_a_large_file_may_expand_further():
@@ -133,7 +133,7 @@ def test_a_file_of_zeros_is_refused_in_bounded_memory(tmp_path):
         'from robot_dynamics.recordings.reader import Recording\n'
         'try:\n    Recording(pathlib.Path(sys.argv[1]))\n'
         'except ValueError as error:\n    print(type(error).__name__)\n'
-        # of this program alone: the resource usage contains what the parent had at the fork
+        # of this process only: the resource usage includes memory of the parent at the fork
         'status = pathlib.Path("/proc/self/status").read_text()\n'
         'print(re.search("VmHWM: *([0-9]+) kB", status.replace(chr(9), ""))[1])')
     done = children.run(

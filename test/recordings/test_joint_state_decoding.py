@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Joint states out of bytes: as rosbags and rclpy read them, whatever their layout."""
+"""Joint states decoded from bytes: equal to rosbags and rclpy, for any layout."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,7 +23,7 @@ from robot_dynamics.recordings.joint_series import RecordedJointStates
 from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
 from robot_dynamics.recordings.message_encoding import DYNAMICS_TERMS_TEXT, joint_state_messages
 
-# A warning of numpy is a number that nobody checked.
+# A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 typesys = pytest.importorskip('rosbags.typesys')
@@ -125,7 +125,7 @@ def test_padding_may_be_anything():
     assert [len(block.rows) for block in decoded.blocks] == [2]
 
 
-# --- which samples stay --------------------------------------------------------------------------
+# --- selection of samples ------------------------------------------------------------------------
 
 def series_of(stamps):
     stamps = np.array(stamps, dtype=np.int64)
@@ -141,7 +141,7 @@ def test_as_few_samples_as_possible_are_left_out(stamps):
     rows = series.position[:, 0].astype(int)
     assert (np.diff(rows) > 0).all()
     assert [stamps[row] for row in rows] == series.stamps_ns.tolist()
-    # Against every subsequence of the first occurrences.
+    # Compared with every subsequence of the first occurrences.
     first = [s for i, s in enumerate(stamps) if s not in stamps[:i]]
     best = [1] * len(first)
     for i in range(len(first)):

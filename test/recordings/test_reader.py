@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings: what is written is read back, by this package and by rosbags alone."""
+"""Recordings: written data are read back, by this package and by plain rosbags."""
 
 import os
 from pathlib import Path
@@ -63,7 +63,7 @@ def pair(stamp_ns, values, note):
 
 
 def write_states(path, states, topic='/joint_states'):
-    """Write joint states, each (stamp, names, position, velocity, effort), 1 ns apart."""
+    """Write joint states (stamp, names, position, velocity, effort) with times 1 ns apart."""
     with RecordingWriter(path) as writer:
         writer.add_topic(topic, JOINT_STATE)
         for i, state in enumerate(states):
@@ -73,7 +73,7 @@ def write_states(path, states, topic='/joint_states'):
 
 @pytest.fixture
 def recording(tmp_path):
-    """Return the path of a recording with a topic of a common type and one of another."""
+    """Return the path of a recording with one topic of a common type and one of another type."""
     path = tmp_path / 'bag'
     with RecordingWriter(path, {PAIR: PAIR_TEXT}) as writer:
         writer.add_topic('/joint_states', JOINT_STATE)
@@ -86,7 +86,7 @@ def recording(tmp_path):
 
 
 def test_rosbags_alone_reads_it(recording):
-    # No store of types is given: the definitions have to be in the files.
+    # Without a type store: the definitions have to be in the files.
     with AnyReader([recording]) as reader:
         assert {c.topic: c.msgtype for c in reader.connections} == {
             '/joint_states': JOINT_STATE, '/pairs': PAIR}
@@ -213,9 +213,9 @@ def test_the_first_seconds(tmp_path):
     ([], 100), (range(10), 90), (range(90, 100), 90), (range(40, 50), 90), (range(40, 44), 100),
     (range(100), 100)])
 def test_brakes_are_recognized_by_an_effort_of_nothing(braked, left):
-    """At an end, or for more than 0.06 s; with no effort at all, none was measured."""
+    """At an end, or for more than 0.06 s; if all efforts are zero, none was measured."""
     effort = np.ones((100, 2))
-    effort[:, 0] = 0.0  # one joint alone says nothing
+    effort[:, 0] = 0.0  # one joint is not sufficient
     effort[list(braked)] = 0.0
     stamps = 10**7 * np.arange(100)
     series = JointSeries(('a', 'b'), stamps, effort.copy(), None, effort, 0)
@@ -232,7 +232,7 @@ def test_brakes_are_recognized_by_an_effort_of_nothing(braked, left):
     st.integers(0, 59))
 @settings(deadline=None)
 def test_whole_turns_are_removed_only_at_continuous_joints(steps, first, gap_at):
-    """A law: unwrapped positions are the true ones, up to whole turns of each stretch."""
+    """Unwrapped positions are the true ones, up to whole revolutions of each segment."""
     true = first + np.cumsum(steps)
     q = np.column_stack([np.remainder(true + np.pi, 2.0 * np.pi) - np.pi, 4.0 * true])
     stamps = 10**7 * np.arange(len(q))
@@ -256,7 +256,7 @@ def test_positions_that_do_not_wrap_are_unchanged():
     assert without.unwrapped(np.array([True, True])) is without
 
 
-# --- which topic ---------------------------------------------------------------------------------
+# --- selection of the topic ----------------------------------------------------------------------
 
 @pytest.mark.parametrize(('topics', 'chosen'), [
     (['/joint_states', '/effort_command'], '/joint_states'),
@@ -287,7 +287,7 @@ def test_several_topics_to_choose_from_or_none(tmp_path):
             opened.joint_state_topic()
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 def test_what_is_not_a_recording_is_refused(tmp_path):
     with pytest.raises(RecordingError, match='does not exist'):
@@ -314,7 +314,7 @@ def test_a_message_that_cannot_be_decoded_is_refused(tmp_path, definition, words
             list(opened.messages('/long'))
 
 
-def test_a_fault_of_the_program_is_not_taken_for_damage(recording, monkeypatch):
+def test_an_error_of_the_program_is_not_reported_as_damage(recording, monkeypatch):
     with Recording(recording) as opened:
         monkeypatch.setattr(opened._types, '_own', None)
         with pytest.raises(AttributeError, match='fielddefs'):
@@ -354,7 +354,7 @@ def test_an_exception_leaves_a_readable_recording(tmp_path):
 
 
 def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
-    """A signal amid every write: each ends in KeyboardInterrupt, and the recording is whole."""
+    """A signal during any write ends with KeyboardInterrupt and a complete recording."""
     interrupts = 0
     with RecordingWriter(tmp_path / 'bag') as writer:
         writer.add_topic('/text', 'std_msgs/msg/String')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Message definitions of a recording are checked before code is made of them."""
+"""Message definitions of a recording are checked before code is generated from them."""
 
 import time
 

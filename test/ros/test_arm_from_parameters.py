@@ -65,14 +65,14 @@ def values_of_node(path: Path) -> dict[str, Any]:
 
 
 def both_values(tmp_path: Path, parameters: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return what the reader of the tools and a node make of one parameter file."""
+    """Return the interpretation of one parameter file by the tools and by a node."""
     path = tmp_path / 'dynamics.yaml'
     path.write_text(yaml.safe_dump({'dynamics': {'ros__parameters': parameters}}))
     return [read_parameter_file(path), values_of_node(path)]
 
 
 def numbers_of(arm: ArmModel) -> dict[str, Any]:
-    """Return all numbers of an arm that parameters decide."""
+    """Return all numbers of an arm that depend on parameters."""
     parts = {'friction': arm.friction, 'motors': arm.actuators, 'limits': arm.limits}
     numbers = {f'{part}.{name}': value.tolist() for part, record in parts.items()
                if record is not None for name, value in vars(record).items()

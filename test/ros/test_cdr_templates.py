@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is read from serialized joint states, and written as such, is what rclpy reads."""
+"""Serialized joint states that are read or written with templates agree with rclpy."""
 
 from typing import Any
 
@@ -63,7 +63,7 @@ def check(read: SensedState, message: JointState) -> None:
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(messages=st.lists(STATES, min_size=1, max_size=4), order=st.lists(st.integers(0, 3)))
 def test_states_are_read_as_rclpy_reads_them(messages: list[JointState], order: list[int]) -> None:
-    """Whatever layouts follow each other, those of before among them."""
+    """For any sequence of layouts, including repetitions of earlier ones."""
     decoder = JointStateDecoder()
     for i in [0, 0, *order]:
         message = messages[i % len(messages)]
@@ -90,7 +90,7 @@ def test_other_names_of_the_same_lengths_are_seen() -> None:
 
 
 def test_numbers_are_no_copies_of_one_message() -> None:
-    """A state that is kept does not change when the next one is read."""
+    """A stored state does not change when the next one is read."""
     decoder = JointStateDecoder()
     read = [decoder.decode(serialize_message(state('', ['a'], [float(i)], [], [])))
             for i in range(3)]
@@ -108,7 +108,7 @@ def test_bytes_that_end_early_are_left_to_rclpy() -> None:
 
 
 def outcome(read: Any, data: bytes) -> Any:
-    """Return the positions that were read, None where that cannot be."""
+    """Return the positions that were read, or None if they cannot be read."""
     try:
         return list(read(data).position)
     except Exception:
@@ -119,7 +119,7 @@ def outcome(read: Any, data: bytes) -> Any:
 def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
     names = [f'joint{i}' for i in range(n)]
     named, bare = effort_template(names), array_template(n)
-    strict = get_typestore(Stores.ROS2_JAZZY)  # refuses what is not of the very length
+    strict = get_typestore(Stores.ROS2_JAZZY)  # rejects data with extra bytes
     for shift in (0.0, 0.5):
         stamp = state('', [], [], [], [], 2**31 - 1, 999_999_999)
         efforts = np.arange(n) - shift
@@ -138,7 +138,7 @@ def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
 
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
 def test_motion_without_effort_is_written_as_rclpy_reads_it(n: int) -> None:
-    names = ['joint' + 'x' * i for i in range(n)]  # padded by any number of bytes
+    names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
     q, v = np.arange(2.0 * n).reshape(2, n) - 0.5
     data = state_template(names, has_effort=False).filled(bytes(8), q, v)
     message = deserialize_message(data, JointState)

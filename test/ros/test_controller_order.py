@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The check of the joint order: subscribers of `~/commands` that come and go, on real nodes."""
+"""The check of the joint order: changing subscribers of `~/commands`, on real nodes."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, ExitStack
@@ -27,7 +27,7 @@ NAMES = ['joint1', 'joint2']
 
 
 class Commander:
-    """A node that publishes commands, and checks who subscribes to them."""
+    """A node that publishes commands, and checks its subscribers."""
 
     def __init__(self, client: RosClient, topic: str) -> None:
         self.faults: list[Fault] = []
@@ -39,7 +39,7 @@ class Commander:
 
     @contextmanager
     def subscriber(self, name: str, joints: Sequence[str]) -> Iterator[None]:
-        """Run a controller with the parameter `joints` until the end of the statement."""
+        """Run a controller with the parameter `joints` until the context ends."""
         before = self.publisher.get_subscription_count()
         with RosClient(name, has_parameters=True) as controller:
             controller.node.declare_parameter('joints', list(joints))

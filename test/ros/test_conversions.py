@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages to arrays and back: round trips, and what is refused."""
+"""Conversions between messages and arrays: round trips, and rejections."""
 
 import re
 
@@ -56,7 +56,7 @@ numbers = st.floats(-1e6, 1e6)
 
 
 def over_the_wire(message: object) -> object:
-    """Return the message as a subscriber has it."""
+    """Return the message as a subscriber receives it."""
     return deserialize_message(serialize_message(message), type(message))
 
 
@@ -94,7 +94,7 @@ def test_a_stamp_before_the_epoch_comes_back() -> None:
     st.floats(1e-3, 100.0), st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
     st.integers(0, 2**32 - 1))
 def test_payloads_come_back(mass: float, com: list[float], seed: int) -> None:
-    # the second moments of a body give an inertia that exists
+    # the second moments of a body give a physically possible inertia
     A = np.random.default_rng(seed).standard_normal((3, 3))
     S = A @ A.T
     payload = make_payload('tool0', mass, com, np.trace(S) * np.eye(3) - S)
@@ -106,7 +106,7 @@ def test_payloads_come_back(mass: float, com: list[float], seed: int) -> None:
 
 def test_no_payload_is_a_mass_of_zero() -> None:
     assert payload_from_ros(ARM, payload_to_ros(None)) is None
-    # whatever link it names: there is nothing to put there
+    # for any link name: without mass the link has no meaning
     message = InertiaStamped()
     message.header.frame_id = 'no such link'
     assert payload_from_ros(ARM, message) is None
@@ -180,7 +180,7 @@ def test_trajectories_come_back(gaps_ns: list[int], highest: str, seed: int) -> 
     random = np.random.default_rng(seed)
     times = [1e-9 * t for t in np.cumsum(gaps_ns).tolist()]
     rows = random.uniform(-3.0, 3.0, (3, len(times), 2))
-    rows[1, -1] = 0.0  # the last point of several rests
+    rows[1, -1] = 0.0  # the last of several points is at rest
     given_fields = 1 + ['positions', 'velocities', 'accelerations'].index(highest)
     q, v, a = (
         rows[k].tolist() if k < given_fields else () for k in range(3))
@@ -250,7 +250,7 @@ def test_joint_states_are_read_by_name(names: list[str], seed: int) -> None:
     q, v, tau = random.standard_normal((3, 4)).tolist()
     message = JointState(name=names, position=q, velocity=v, effort=tau)
     reader = JointStateReader(NAMES)
-    for _ in range(2):  # the order is learnt once
+    for _ in range(2):  # the order is cached at the first message
         position, velocity = reader.read(message)
         assert position.tolist() == [q[names.index(name)] for name in NAMES]
         assert velocity is not None
@@ -287,20 +287,20 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number: float, is_finite: 
     with pytest.raises(InvalidInputError, match=re.escape(
             f'effort {words}number in [-1e+09, 1e+09]')):
         reader.finite_effort(JointState(name=names, effort=values))
-    if is_finite:  # a measured state may be beyond: where its efforts overflow, that is a fault
+    if is_finite:  # a measured state may exceed bounds: a non-finite effort is then a fault
         q, v = reader.read(JointState(name=names, position=values, velocity=values))
         assert v is not None
         assert q[1] == v[1] == number
     else:
         with pytest.raises(InvalidInputError, match=f'position {words}finite number'):
             reader.read(JointState(name=names, position=values))
-        if np.isnan(number):  # as a driver sends for a velocity that it does not measure
+        if np.isnan(number):  # sent by drivers that do not measure the velocity
             assert reader.read(JointState(
                 name=names, position=[0.0] * 3, velocity=values))[1] is None
             return
         with pytest.raises(InvalidInputError, match=f'velocity {words}finite number'):
             reader.read(JointState(name=names, position=[0.0] * 3, velocity=values))
-    # What is measured may lack a joint.
+    # A measured state may lack a joint.
     effort = reader.effort(JointState(name=names, effort=values))
     assert effort is not None
     assert effort[0] == -1e9

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`~/markers` of a real node: where they are, what they tell, and that nobody pays for them."""
+"""`~/markers` of a real node: positions, meaning, and no cost without subscribers."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -48,7 +48,7 @@ FORCE = np.array([15.0, 0.0, -25.0])
 
 
 class Robot:
-    """A robot that stands at Q, and sends a state whenever it is told to."""
+    """A robot at rest at Q that sends states on request."""
 
     def __init__(self, client: RosClient) -> None:
         self._client = client
@@ -61,7 +61,7 @@ class Robot:
         self, markers: Collector, fits: Callable[[dict[tuple[str, int], Any]], bool],
         effort: list[float],
     ) -> MarkerArray:
-        """Send states with this effort until there are markers that fit; return them."""
+        """Send states with this effort until matching markers arrive; return them."""
         for _ in range(round(TIMEOUT / 0.1)):
             self._stamp += STEP
             state = JointState(name=NAMES, position=Q, velocity=[0.0, 0.0], effort=effort)
@@ -118,7 +118,7 @@ def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
     assert [text.x, text.z] == pytest.approx([ELBOW[0], ELBOW[2]])
 
 
-def test_without_measured_efforts_nobody_is_warned(client: RosClient, robot: Robot) -> None:
+def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: Robot) -> None:
     def status(message: DiagnosticArray) -> DiagnosticStatus:
         return next(s for s in message.status if s.name.endswith(': estimates'))
 

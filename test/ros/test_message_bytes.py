@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bytes to messages: whatever arrives is a message, or refused in one way; and not for long."""
+"""Bytes to messages: any bytes are decoded, or rejected with one error type, in short time."""
 
 import struct
 from typing import Any
@@ -46,7 +46,7 @@ MESSAGES = [
 
 
 def read_or_refuse(data: bytes, message_type: type) -> bool:
-    """Tell whether bytes were a message; fail at any other error than that of this module."""
+    """Return whether bytes were a message; fail at any error other than this module's."""
     try:
         return isinstance(read_message(data, message_type), message_type)
     except UnreadableMessageError:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters over their services: what describes them, what is refused, and what acts."""
+"""Parameters through their services: descriptions, rejections, and effects."""
 
 from collections.abc import Iterator
 import re
@@ -47,7 +47,7 @@ def nodes(client: RosClient) -> Iterator[None]:
         yield
 
 
-# --- what describes them -------------------------------------------------------------------------
+# --- descriptions --------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('node', [NODE, ARM_NODE])
 def test_every_parameter_is_declared_with_type_range_and_description(
@@ -82,7 +82,7 @@ def test_unset_parameters_have_their_defaults(client: RosClient, node: str) -> N
 
 
 def test_what_cannot_change_while_the_nodes_run(client: RosClient) -> None:
-    """The model, its joints, and how time passes."""
+    """The model, its joints, and the mode of time."""
     fixed = {spec.name for specs in SPECS.values() for spec in specs if spec.read_only}
     assert fixed >= {
         'robot_description', 'robot_description_file', 'joints', 'gravity', 'state_thread',
@@ -103,7 +103,7 @@ def another_value(spec: ParameterSpec) -> Any:
         Type.DOUBLE_ARRAY: [1.0, 2.0, 3.0], Type.STRING_ARRAY: ['x']}[spec.kind]
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('node', 'name', 'value', 'words'), [
     (NODE, 'effort_scale', 1.5, 'effort_scale.*1.5'),
@@ -145,7 +145,7 @@ def test_gains_cannot_be_unset(client: RosClient) -> None:
     assert 'cannot be' in result.reason
 
 
-# --- what acts -----------------------------------------------------------------------------------
+# --- effects -------------------------------------------------------------------------------------
 
 def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     q, error = np.array([0.8, 0.5]), np.array([0.05, -0.02])
@@ -155,14 +155,14 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')
     state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
     usual = client.get_parameter(NODE, 'state_timeout')
-    client.set_parameters(NODE, {'state_timeout': 10.0})  # states come one by one
-    client.set_parameters(NODE, EXACT)  # also of the tests that follow, which use the arm alone
+    client.set_parameters(NODE, {'state_timeout': 10.0})  # the test sends single states
+    client.set_parameters(NODE, EXACT)  # also for later tests, which use only the arm
     with client.collect(JointState, f'{NODE}/computed_torque') as torques, \
             client.collect(JointState, f'{NODE}/gravity_compensation') as gravity:
         torques.wait_matched()
         gravity.wait_matched()
         state.header.stamp.sec = 1
-        client.answer_to(states, state, gravity)  # nothing is followed before the first state
+        client.answer_to(states, state, gravity)  # required before a trajectory
 
         def torque() -> Any:
             state.header.stamp.nanosec += 10_000_000

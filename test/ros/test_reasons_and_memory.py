@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How much memory a node may take, and how much it says of what went wrong."""
+"""Memory of a node, and the length of its error messages."""
 
 import sys
 
@@ -55,18 +55,18 @@ print('found')
 
 
 def output_of(program: str) -> list[str]:
-    """Return the lines that a program prints in a process of its own."""
+    """Return the lines that a program prints in a separate process."""
     return children.run(
         [sys.executable, '-c', program], check=True, text=True,
         capture_output=True).stdout.splitlines()
 
 
-@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux tells what it has')
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux reports its memory')
 def test_more_memory_than_the_limit_cannot_be_had() -> None:
     assert output_of(UNLIMITED_AGAIN + LIMITED) == ['some', 'not so much', str(100 * 2**20)]
 
 
-@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux tells what it has')
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux reports its memory')
 def test_a_stricter_limit_of_the_user_stays() -> None:
     strict = """
 import resource

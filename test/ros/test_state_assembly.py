@@ -63,7 +63,7 @@ def test_a_message_with_none_of_the_joints_is_another_one() -> None:
 @laws
 @given(st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 def test_two_halves_are_answered_once_per_period(phase: float, seed: int) -> None:
-    """Whatever the time between both halves is, and with jitter of 2 % of a period."""
+    """For any time between both halves, and with jitter of 2 % of a period."""
     assembly, rng, answers = StateAssembly(NAMES), np.random.default_rng(seed), []
     times = sorted(
         (round(PERIOD * (k + offset + 0.01 * rng.uniform(-1.0, 1.0))), part)
@@ -90,7 +90,7 @@ def test_a_half_that_is_missing_is_named() -> None:
         assert assembly.missing == ['b']
     assert assembly.take(message(19 * PERIOD + PERIOD // 5, ['b'])) is not None
     assert assembly.missing == []
-    for k in range(21, 30):  # it no longer arrives
+    for k in range(21, 30):  # the second half no longer arrives
         state = assembly.take(message(k * PERIOD, ['a', 'c']))
         assert state is None
         assert assembly.missing == ['b']
@@ -103,7 +103,7 @@ def test_the_largest_age_of_a_sample_may_be_set() -> None:
     assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
 
 
-def test_time_that_begins_anew_forgets_the_samples() -> None:
+def test_a_reset_of_time_discards_the_samples() -> None:
     assembly = StateAssembly(NAMES)
     for k in range(10, 13):
         assembly.take(message(k * PERIOD, ['a', 'c']))

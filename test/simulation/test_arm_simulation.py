@@ -12,52 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated arm: energy, convergence, friction that sticks, brakes, loads."""
+"""The simulated arm: energy, convergence, brakes, payloads, wrenches."""
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
 from scipy.integrate import solve_ivp
-
-laws = settings(deadline=None, derandomize=True, max_examples=25)
-
-# One link that turns about a vertical axis, so to say: without gravity.
-MASS, LENGTH, COM, INERTIA = 2.0, 1.0, 0.5, 0.1
-ABOUT_JOINT = INERTIA + MASS * COM**2
-
-
-def two_link() -> ArmModel:
-    return load_arm(default_arm_urdf())
-
-
-def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
-    return load_arm(
-        planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [coulomb]),
-        gravity=(0.0, 0.0, 0.0))
-
-
-def released(arm: ArmModel, position: object = None, velocity: object = None,
-             max_step: float = 1e-3) -> ArmSimulation:
-    simulation = ArmSimulation(arm, position, velocity, max_step)
-    simulation.release()
-    return simulation
+from simulated_arms import COM, INERTIA, LENGTH, MASS, released, two_link
 
 
 def exact_motion(
     arm: ArmModel, q: np.ndarray, v: np.ndarray, duration: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state after a free motion, from another integrator at a tight tolerance."""
+    """Return the state after a free motion, from another integrator with a tight tolerance."""
     dynamics, n = ArmDynamics(arm), arm.joint_count
 
     def slope(_: float, x: np.ndarray) -> np.ndarray:
@@ -71,14 +46,14 @@ def exact_motion(
 # --- free motion ---------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('q0', 'v0'), [
-    ((np.pi / 2, 0.0), (0.0, 0.0)),  # let go stretched out, level
-    ((0.3, 0.5), (0.0, 0.0)),  # near upright: falls and turns over
-    ((np.pi - 0.5, 1.0), (6.0, -4.0)),  # thrown
+    ((np.pi / 2, 0.0), (0.0, 0.0)),  # released horizontally outstretched
+    ((0.3, 0.5), (0.0, 0.0)),  # near upright: the arm falls and rotates past the lowest pose
+    ((np.pi - 0.5, 1.0), (6.0, -4.0)),  # with an initial velocity
 ])
 def test_a_free_arm_keeps_its_energy(
     q0: tuple[float, float], v0: tuple[float, float],
 ) -> None:
-    """The relative drift over 60 s at 1 ms is below 1e-6, from the lowest pose and in itself."""
+    """The drift over 60 s at 1 ms is below 1e-6 of the energy, also of that above the lowest."""
     arm = two_link()
     simulation = released(arm, q0, v0)
     at_start = sum(simulation.energy())
@@ -94,7 +69,7 @@ def test_a_free_arm_keeps_its_energy(
 
 @pytest.mark.parametrize(('q0', 'v0', 'tolerance'), [
     ((np.pi - 0.5, 1.0), (3.0, -2.0), 1e-7),
-    ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # turns over, where neighbouring motions part quickly
+    ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # full rotations: neighbouring motions diverge quickly
 ])
 def test_a_free_arm_moves_as_another_integrator_has_it(
     q0: tuple[float, float], v0: tuple[float, float], tolerance: float,
@@ -136,246 +111,11 @@ def test_a_real_arm_keeps_its_energy() -> None:
     at_start = sum(simulation.energy())
     simulation.step(np.zeros(6), 2.0)
     kinetic, potential = simulation.energy()
-    assert kinetic > 10.0  # it fell
+    assert kinetic > 10.0  # the arm fell
     assert kinetic + potential == pytest.approx(at_start, abs=1e-5 * kinetic)
 
 
-# --- friction ------------------------------------------------------------------------------------
-
-def test_viscous_friction_slows_down_exponentially() -> None:
-    b, v0, t = 0.8, 3.0, 1.5
-    simulation = released(one_link(viscous=b), (0.0,), (v0,))
-    q, v = simulation.step(np.zeros(1), t)
-    decay = np.exp(-b * t / ABOUT_JOINT)
-    assert v[0] == pytest.approx(v0 * decay, rel=1e-10)
-    assert q[0] == pytest.approx(v0 * ABOUT_JOINT / b * (1.0 - decay), rel=1e-10)
-
-
-def test_coulomb_friction_slows_down_linearly_and_stops_for_good() -> None:
-    friction, v0 = 0.6, 1.2
-    slowing = friction / ABOUT_JOINT
-    stop = v0 / slowing
-    simulation = released(one_link(coulomb=friction), (0.0,), (v0,))
-    half, = simulation.step(np.zeros(1), stop / 2).velocity
-    assert half == pytest.approx(v0 / 2, rel=1e-9)
-    at_stop, v = simulation.step(np.zeros(1), stop / 2 + 2e-3)
-    assert v.tolist() == [0.0]
-    assert at_stop[0] == pytest.approx(v0 * stop / 2, abs=1e-6)
-    for _ in range(10):
-        assert simulation.step(np.zeros(1), 0.1).velocity.tolist() == [0.0]
-    assert simulation.q.tolist() == at_stop.tolist()
-
-
-@pytest.mark.parametrize('fraction', [0.0, 0.5, 0.999, -0.999])
-def test_a_joint_at_rest_stays_below_its_friction(fraction: float) -> None:
-    simulation = released(one_link(coulomb=0.6), (0.4,))
-    simulation.step(np.array([fraction * 0.6]), 1.0)
-    assert simulation.v.tolist() == [0.0]
-    assert simulation.q.tolist() == [0.4]
-
-
-def test_a_joint_moves_above_its_friction() -> None:
-    simulation = released(one_link(coulomb=0.6), (0.4,))
-    _, v = simulation.step(np.array([0.9]), 1.0)
-    assert v[0] == pytest.approx(0.3 / ABOUT_JOINT, rel=1e-9)
-
-
-def test_friction_holds_one_joint_while_another_one_moves() -> None:
-    arm = load_arm(planar_arm_urdf(
-        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], coulomb_friction=[500.0, 0.0]))
-    simulation = released(arm, (1.0, 0.5))
-    for _ in range(20):
-        _, v = simulation.step(np.zeros(2), 0.05)
-        assert v[0] == 0.0
-    assert abs(v[1]) > 0.1
-    assert simulation.q[0] == 1.0
-
-
-@laws
-@given(
-    st.lists(st.floats(0.0, 5.0), min_size=4, max_size=4),
-    st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4))
-def test_friction_never_adds_energy(friction: list[float], state: list[float]) -> None:
-    arm = load_arm(planar_arm_urdf(
-        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05],
-        viscous_friction=friction[:2], coulomb_friction=friction[2:]))
-    simulation = released(arm, state[:2], state[2:])
-    energy = sum(simulation.energy())
-    scale = 1.0 + abs(energy) + simulation.energy()[0]
-    for _ in range(20):
-        simulation.step(np.zeros(2), 0.01)
-        after = sum(simulation.energy())
-        assert after <= energy + 1e-9 * scale
-        energy = after
-
-
-def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing() -> None:
-    """
-    A small swing about the lowest point loses 2 F_c / (m g r) each half period, then sticks.
-
-    Analytic for a linear restoring torque (J. P. Den Hartog, 1931); the swing is 0.02 rad, so that
-    the pendulum's own torque is linear to 1e-4.
-    """
-    friction = 0.02
-    arm = load_arm(planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [0.0], [friction]))
-    lost = 2.0 * friction / (MASS * 9.81 * COM)
-    simulation = released(arm, (np.pi + 0.02,))
-    turns, direction = [0.02], 1.0
-    for _ in range(6000):
-        _, v = simulation.step(np.zeros(1), 1e-3)
-        if v[0] * direction > 0.0 or v[0] == 0.0:
-            turns.append(-direction * (simulation.q[0] - np.pi))
-            direction = -direction
-            if v[0] == 0.0:
-                break
-    assert len(turns) >= 4
-    assert -np.diff(turns) == pytest.approx(np.full(len(turns) - 1, lost), rel=2e-3)
-    q, _ = simulation.state
-    assert simulation.step(np.zeros(1), 10.0).position.tolist() == q.tolist()
-
-
-def test_dry_friction_does_not_cost_the_method_its_order() -> None:
-    """The sliding direction changes several times; only where it does, the step is cut."""
-    arm = load_arm(planar_arm_urdf(
-        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], coulomb_friction=[2.0, 1.0]))
-
-    def end(step: float) -> np.ndarray:
-        simulation = released(arm, (2.5, 0.8), (0.5, -1.0), max_step=step)
-        return np.concatenate(simulation.step(np.zeros(2), 1.2))
-
-    exact = end(0.0005)
-    errors = [np.abs(end(step) - exact).max() for step in (0.02, 0.01, 0.005)]
-    assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
-
-
-def stiff_solution(
-    arm: ArmModel, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray, duration: float,
-) -> np.ndarray:
-    """Return the end of the motion by an implicit method (Radau IIA), friction included."""
-    dynamics = ArmDynamics(arm)
-    n = arm.joint_count
-
-    def slope(_: float, y: np.ndarray) -> np.ndarray:
-        return np.concatenate((y[n:], dynamics.forward_dynamics(y[:n], y[n:], tau)))
-
-    solution = solve_ivp(
-        slope, (0.0, duration), np.concatenate((q0, v0)), 'Radau', rtol=1e-10, atol=1e-12)
-    return np.asarray(solution.y[:, -1])
-
-
-def heavily_damped_arm() -> ArmModel:
-    """Return an arm whose last link relaxes ten times a step of 1 ms."""
-    return load_arm(planar_arm_urdf(
-        [5.0, 0.01], [1.0, 0.1], [0.5, 0.05], [0.1, 1e-5], viscous_friction=[1.0, 0.4]))
-
-
-def test_stiff_viscous_friction_is_followed_at_a_long_step() -> None:
-    arm = heavily_damped_arm()
-    q0, v0, tau = np.array([1.0, 0.5]), np.array([0.0, 2.0]), np.array([-20.0, 0.3])
-    exact = stiff_solution(arm, q0, v0, tau, 0.2)
-    errors = []
-    for step in (2e-3, 1e-3, 5e-4):
-        simulation = released(arm, q0, v0, max_step=step)
-        errors.append(np.abs(np.concatenate(simulation.step(tau, 0.2)) - exact).max())
-    assert errors[1] < 1e-5, errors
-    # the order of 2 is not reached where the friction is this stiff
-    assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 1.0).all(), errors
-
-
-@pytest.mark.parametrize('static', [(), [0.0, 3.0, 3.0, 100.0, 100.0, 100.0]])
-def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static: object) -> None:
-    """The wrists of the UR10 are held by dry friction; viscous friction would relax them fast."""
-    urdf, viscous, steps = robot_urdf('ur10'), 0.3, (8e-3, 4e-3, 2e-3)
-    coulomb = [0.0, 2.0, 2.0, 100.0, 100.0, 100.0] if static else [0.0] * 3 + [100.0] * 3
-    arm = load_arm(urdf)
-    arm = arm.with_friction(make_friction(
-        arm.joint_names, [viscous], coulomb, static if static else ()))
-    fixed = load_arm(urdf, arm.joint_names[:3])
-    fixed = fixed.with_friction(make_friction(
-        fixed.joint_names, [viscous], coulomb[:3], static[:3] if static else ()))
-    M = ArmDynamics(arm).rigid_body.mass_matrix(np.zeros(6))
-    assert viscous * np.linalg.inv(M)[5, 5] * steps[-1] > 1.0  # friction at wrist 3 is stiff
-    q0, v0 = np.array([0.2, -1.0, 0.8]), np.array([1.0, 0.6, -0.4])
-    exact = released(fixed, q0, v0, 2.5e-4).step(np.zeros(3), 0.3).position
-    assert np.abs(exact - q0).min() > 0.1
-    errors = []
-    for step in steps:
-        simulation = released(arm, [*q0, 0.0, 0.0, 0.0], [*v0, 0.0, 0.0, 0.0], step)
-        q, v = simulation.step(np.zeros(6), 0.3)
-        assert q[3:].tolist() == v[3:].tolist() == [0.0] * 3
-        errors.append(np.abs(q[:3] - exact).max())
-    assert errors[-1] < 1e-9, errors
-    if not static:
-        assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
-
-
-def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away() -> None:
-    """The first link falls; the second one, light and damped, is stuck meanwhile."""
-    arm = heavily_damped_arm()
-    arm = arm.with_friction(make_friction(arm.joint_names, [1.0, 0.4], [0.2, 0.012]))
-
-    def end(step: float) -> np.ndarray:
-        simulation = released(arm, (1.0, 0.5), max_step=step)
-        q, v = simulation.step(np.zeros(2), 0.256)
-        assert v[1] == 0.0
-        return np.asarray(q)
-
-    exact = end(1e-3)
-    errors = [float(np.abs(end(step) - exact).max()) for step in (16e-3, 8e-3, 4e-3)]
-    assert errors[-1] < 1e-11, errors
-    assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
-
-
-@pytest.mark.parametrize(('v0', 'tau'), [
-    (0.0, 0.08),  # breaks away, and slides on where friction still falls with speed
-    (0.5, 0.0),  # slows down and comes to rest
-    (1.0, 0.05),  # slows down to a speed at which friction has risen
-])
-def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
-    v0: float, tau: float,
-) -> None:
-    """J v̇ = τ − F_v v − [F_c + (F_s − F_c) exp(−(v/v_s)²)], which relaxes 23 times in 2 ms."""
-    J, F_v, F_c, F_s, v_s, duration = 3.5e-5, 0.4, 0.02, 0.04, 0.05, 0.02
-    arm = load_arm(
-        planar_arm_urdf([0.01], [0.1], [0.05], [1e-5]), gravity=(0.0, 0.0, 0.0))
-    arm = arm.with_friction(make_friction(arm.joint_names, [F_v], [F_c], [F_s], [v_s]))
-
-    def slope(_: float, y: np.ndarray) -> np.ndarray:
-        dry = F_c + (F_s - F_c) * np.exp(-(y[1] / v_s)**2)
-        return np.array([y[1], (tau - F_v * y[1] - dry) / J])
-
-    def speed(_: float, y: np.ndarray) -> float:
-        return float(y[1])
-
-    speed.terminal, speed.direction = True, -1.0  # type: ignore[attr-defined]
-    exact = solve_ivp(
-        slope, (0.0, duration), [0.0, v0], 'Radau', events=speed, rtol=1e-11, atol=1e-13).y[:, -1]
-    for step in (4e-3, 2e-3, 1e-3):
-        simulation = released(arm, (0.0,), (v0,), step)
-        before = sum(simulation.energy())
-        q, v = simulation.step(np.array([tau]), duration)
-        assert q == pytest.approx(exact[:1], abs=2e-8)
-        assert v == pytest.approx(exact[1:], abs=1e-7 / np.sqrt(J))  # tolerance of a piece
-        gain = sum(simulation.energy()) - before
-        assert simulation.work - simulation.heat == pytest.approx(gain, abs=1e-8)
-
-
-def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates() -> None:
-    """The xArm 7 describes friction that relaxes its wrist 14 times a step."""
-    arm = load_arm(robot_urdf('xarm7'))
-    assert arm.friction.viscous.min() > 0.0
-    assert arm.friction.coulomb.min() > 0.0
-    simulation = released(arm, np.full(7, 0.3), np.full(7, 1.0))
-    energy = sum(simulation.energy())
-    for _ in range(100):
-        simulation.step(np.zeros(7), 0.01)
-        after = sum(simulation.energy())
-        assert after <= energy + 1e-9
-        energy = after
-    assert np.abs(simulation.v).max() < 10.0
-
-
-# --- brakes, reset, load, wrench -----------------------------------------------------------------
+# --- brakes, reset, payload, wrench --------------------------------------------------------------
 
 def test_brakes_hold_until_they_are_released() -> None:
     simulation = ArmSimulation(two_link(), (1.0, 0.5))
@@ -412,7 +152,7 @@ def test_the_home_pose_is_within_the_limits() -> None:
     assert (q >= arm.limits.lower).all()
     assert (q <= arm.limits.upper).all()
     outside = (arm.limits.lower > 0.0) | (arm.limits.upper < 0.0)
-    assert outside.any()  # this arm cannot stand at 0
+    assert outside.any()  # 0 is outside the limits of this arm
     assert not q[~outside].any()
 
 
@@ -432,7 +172,7 @@ def test_an_arm_holds_under_the_effort_for_its_load() -> None:
 
 @pytest.mark.parametrize('brakes', [False, True])
 def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
-    """A point mass at the tool brings ½ m |ẋ|² + m g z, and takes it away."""
+    """A point mass at the tool adds ½ m |ẋ|² + m g z; its removal subtracts the same."""
     m, lengths = 2.0, np.array([0.7, 0.4])
     arm = load_arm(planar_arm_urdf([3.0, 2.0], lengths, [0.3, 0.2], [0.1, 0.05]))
     payload = make_payload('tool0', m)
@@ -471,7 +211,7 @@ def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
 def test_the_energy_of_a_geared_arm_does_not_depend_on_how_axes_point(
     axis: str, kind: str,
 ) -> None:
-    """A free arm keeps its energy, rotors included."""
+    """An arm without friction keeps its energy, rotors included."""
     urdf = planar_arm_urdf([1.0, 0.8], [2.0, 1.0], [0.5, 0.4], [0.1, 0.05]).replace(
         '<axis xyz="0 1 0"', f'<axis xyz="{axis}"').replace('"continuous"', f'"{kind}"').replace(
         '<limit ', '<limit lower="-100" upper="100" ')
@@ -501,7 +241,7 @@ def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:
     assert np.abs(simulation.q - q0).max() > 0.01
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     ({'position': (1.0,)}, 'initial_position has 1 values, expected 2'),
@@ -514,13 +254,13 @@ def test_bad_arguments_are_refused_by_name(arguments: dict[str, object], words: 
 
 
 @pytest.mark.filterwarnings('error::RuntimeWarning')
-def test_an_arm_flung_to_infinity_says_so() -> None:
+def test_a_diverged_arm_is_reported() -> None:
     simulation = released(two_link(), (1.0, 0.5))
     with pytest.raises(InvalidInputError, match='no finite solution'):
         simulation.step(np.array([1e200, -1e200]), 1.0)
 
 
-# Two joints about one axis, with nothing in between: each turns the bob, but M is singular.
+# Two joints about one axis without a mass in between: each moves the bob, but M is singular.
 TWO_FOR_ONE_MOTION = """
 <robot name="r">
   <link name="base"/>
@@ -556,16 +296,16 @@ def test_a_motion_without_inertia_is_refused_with_any_friction(
 
 
 def test_a_joint_that_moves_no_mass_is_named() -> None:
-    # the bob as a point on its axis
+    # the bob is a point on its axis
     urdf = TWO_FOR_ONE_MOTION.format(viscous=0.0, coulomb=0.0).replace('="1" ixy', '="0" ixy')
-    ArmSimulation(load_arm(urdf)).check_inertia()  # it still has an inertia about that axis
+    ArmSimulation(load_arm(urdf)).check_inertia()  # the inertia about that axis remains
     with pytest.raises(ModelError, match=r"joints \['one', 'other'\] of robot 'r' move no mass"):
         ArmSimulation(load_arm(urdf.replace('izz="1"', 'izz="0"'))).check_inertia()
 
 
 @pytest.mark.parametrize('viscous', [1.0, 5000.0])
 def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
-    # a push at the tip that the stiff and the soft way of integration both have to account for
+    # a push at the tip that both the stiff and the non-stiff integration have to include
     arm = load_arm(
         planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [0.0]),
         gravity=(0.0, 0.0, 0.0))
@@ -573,7 +313,7 @@ def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
     push = ExternalWrench('tool0', np.array([50.0, 0.0, 0.0]), np.zeros(3))
     for _ in range(400):
         simulation.step(np.zeros(1), 0.005, [push])
-    # The push stays across the link: its moment is the same all the way.
+    # The push stays normal to the link: its moment is constant during the motion.
     work = 50.0 * LENGTH * float(simulation.q[0])
     kinetic, _ = simulation.energy()
     assert work > 0.1

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Backlash in the simulated arm: the gap, impacts, energy, an exact solution, the order."""
+"""Backlash in the simulated arm: gap, impacts, energy, an exact solution, convergence order."""
 
 from collections.abc import Callable
 
@@ -114,7 +114,7 @@ def test_the_gap_holds_in_long_steps(restitution: float) -> None:
 
 
 @pytest.mark.parametrize('n', [1, 2, 3])
-def test_an_arm_that_is_let_go_leans_on_its_gears(n: int) -> None:
+def test_a_released_arm_rests_on_its_gears(n: int) -> None:
     arm, at_rest = geared(links(n), backlash=[0.02]), np.array([0.4, -0.7, 0.5])[:n]
     simulation = released(arm, at_rest)
     weight = ArmDynamics(arm).rigid_body.gravity(at_rest)
@@ -127,7 +127,7 @@ def test_an_arm_that_is_let_go_leans_on_its_gears(n: int) -> None:
 
 
 def sway(arm: ArmModel) -> FloatArray:
-    """Return the way (m, n) of two links under efforts that change."""
+    """Return the motion (m, n) of two links under varying efforts."""
     simulation, way = released(arm, (0.2, -0.3)), []
     for k in range(300):
         wave = np.array([20.0 * np.sin(0.05 * k), 8.0 * np.cos(0.08 * k)])
@@ -150,7 +150,7 @@ def test_a_gap_that_closes_is_a_rigid_gear() -> None:
 @pytest.mark.parametrize('restitution', [0.0, 0.3, 0.8, 1.0])
 def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitution: float) -> None:
     simulation = released(one_link(restitution=[restitution]))
-    simulation.step(np.array([2.0]), 0.05)  # the motor alone, in the gap
+    simulation.step(np.array([2.0]), 0.05)  # only the motor moves, inside the gap
     assert simulation.v.tolist() == [0.0]
     momentum, energy = J * simulation.motor_state.velocity[0], sum(simulation.energy())
     assert momentum == pytest.approx(2.0 * 0.05)
@@ -165,7 +165,7 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
             assert simulation.heat == heat
             continue
         impacts += 1
-        lasting = abs(before) > 1e-3  # slower teeth stay together
+        lasting = abs(before) > 1e-3  # slower teeth stay in contact
         e = restitution if lasting else 0.0
         assert after == pytest.approx(-e * before, abs=1e-9)
         assert simulation.heat - heat == pytest.approx(
@@ -177,7 +177,7 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
 
 
 def test_angular_momentum_of_two_links_lasts_through_every_impact() -> None:
-    """About the base: (M v)₁ + J ω₁, with no weight and no effort."""
+    """About the base: (M v)₁ + J ω₁, without weight and effort."""
     bare = links(2, gravity=0.0)
     simulation = released(
         geared(bare, restitution=[0.7], backlash=[0.05]), (0.2, 0.9), (1.0, -2.5))
@@ -195,7 +195,7 @@ def test_angular_momentum_of_two_links_lasts_through_every_impact() -> None:
 
 
 def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
-    """M v + J ω (2,) across microseconds in which one of two joints meets its motor."""
+    """M v + J ω (2,) over microseconds in which one of two joints hits its motor."""
     bare = links(2, gravity=0.0)
     simulation = released(
         geared(bare, restitution=[0.7], backlash=[0.05]), (0.2, 0.9), (1.0, -2.5))
@@ -213,8 +213,8 @@ def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
         simulation.step(np.zeros(2), h if near else 1e-4)
         if near and (np.abs(closing(simulation) - w) > 0.01).any():
             impacts += 1
-            assert np.abs(simulation.v - v).max() > 0.005  # the joints were struck
-            assert momentum() == pytest.approx(before, abs=20.0 * h)  # ∂T/∂q acts meanwhile
+            assert np.abs(simulation.v - v).max() > 0.005  # the impact changed the velocity
+            assert momentum() == pytest.approx(before, abs=20.0 * h)  # ∂T/∂q acts during the step
 
 
 # --- energy --------------------------------------------------------------------------------------
@@ -244,15 +244,15 @@ def test_no_energy_comes_or_goes(restitution: float) -> None:
     assert abs(error) < 1e-6 * scale
 
 
-# --- against solutions in closed form ------------------------------------------------------------
+# --- comparison with solutions in closed form ----------------------------------------------------
 
 @pytest.mark.parametrize(('restitution', 'accuracy'), [
     (0.0, 1e-10), (0.5, 1e-9), (0.8, 1e-8),
-    (1.0, 1e-6),  # bounces without end, each of which magnifies differences
+    (1.0, 1e-6),  # unbounded number of impacts, each of which magnifies differences
 ])
 def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(
         restitution: float, accuracy: float) -> None:
-    """A PD law on the joint, its effort held over each millisecond, swings through the gap."""
+    """A PD law on the joint, with its effort held for each millisecond, oscillates in the gap."""
     viscous, gap, h = 0.5, 0.02, 1e-3
     simulation = released(rubbing(
         one_link(restitution=[restitution], backlash=[gap]), viscous=[viscous]))
@@ -289,7 +289,7 @@ def test_events_do_not_cost_the_method_its_order(restitution: float) -> None:
         simulation = released(arm, (0.4, 0.6), max_step=step)
         side = np.sign(motor_offset(simulation))
         simulation.step(np.array([-15.0, 4.0]), 0.64)
-        assert (side * motor_offset(simulation) < 0.0).any()  # teeth met on the other side
+        assert (side * motor_offset(simulation) < 0.0).any()  # contact on the other side
         return np.concatenate([simulation.q, simulation.v])
 
     steps = [0.02, 0.01, 0.005, 0.0025]
@@ -315,7 +315,7 @@ def test_motors_with_inductance_are_coupled_with_order_two() -> None:
     assert orders(steps, wrong).mean() > 1.8
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('changes', 'words'), [
     ({'backlash': [-0.01]}, "actuator.backlash of 'joint1' is -0.01, expected a number >= 0"),
@@ -328,6 +328,6 @@ def test_motors_with_inductance_are_coupled_with_order_two() -> None:
     ({'rotor_inertia': [0.0]},
      "actuator.rotor_inertia of 'joint1' is 0, expected a number > 0 where there is backlash"),
 ])
-def test_what_cannot_be_is_refused_by_name(changes: dict[str, list[float]], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(changes: dict[str, list[float]], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         one_link(**changes)

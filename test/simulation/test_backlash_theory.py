@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Backlash in the simulated arm against theory: dead zone, describing function, limit cycle."""
+"""Backlash compared with theory: dead zone, describing function, limit cycle."""
 
 from backlash_theory import (
     after,
@@ -53,13 +53,13 @@ def test_it_stands_still_while_the_motor_crosses_the_gap(way: Way) -> None:
     inside = crossing[1:] & crossing[:-1]
     assert inside.sum() > 0.2 * len(inside)
     assert (np.diff(settled.q)[inside] == 0.0).all()
-    # The motor's way through the gap, from each end of its swing, takes acos(1 − 2b/A)/ω.
+    # The motor crosses the gap after each reversal in acos(1 − 2b/A)/ω.
     fraction = 2.0 * np.arccos(1.0 - 2.0 * HALF_GAP / AMPLITUDE) / (2.0 * np.pi)
     assert inside.mean() == pytest.approx(fraction, rel=0.01)
 
 
 def test_the_loop_is_the_parallelogram_of_the_gap(way: Way) -> None:
-    """Its height is 2 (A − b), and its area 4 b (A − b)."""
+    """The height of the hysteresis is 2 (A − b), and its area 4 b (A − b)."""
     period = after(way, 4.0)
     assert 0.5 * np.ptp(period.theta) == pytest.approx(AMPLITUDE, rel=1e-3)
     assert 0.5 * np.ptp(period.q) == pytest.approx(AMPLITUDE - HALF_GAP, rel=1e-3)
@@ -83,7 +83,7 @@ def test_amplitude_and_phase_are_those_of_the_describing_function(way: Way) -> N
 @pytest.mark.parametrize('start', [0.03, pytest.param(0.3, marks=pytest.mark.soak)])
 def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: float) -> None:
     predicted = predicted_cycle()
-    # What the describing function asks for: friction brakes the load, and hardly the motor.
+    # As the describing function assumes: friction acts on the load, and hardly on the motor.
     effort = MOTOR * predicted.amplitude * predicted.frequency**2
     assert 2.0 * LOAD / MOTOR * effort < CYCLE_DRAG
     assert effort > 100.0 * CYCLE_DRAG
@@ -92,7 +92,7 @@ def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: flo
     amplitude = later.amplitude / predicted.amplitude - 1.0
     frequency = later.frequency / predicted.frequency - 1.0
     print(f'{predicted} predicted, {later} measured: {amplitude:+.2%}, {frequency:+.2%}')
-    assert later == pytest.approx(cycle, rel=1e-3)  # it neither grows nor fades
+    assert later == pytest.approx(cycle, rel=1e-3)  # the amplitude neither grows nor decays
     assert later.amplitude == pytest.approx(predicted.amplitude, rel=0.05)
     assert later.frequency == pytest.approx(predicted.frequency, rel=0.03)
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Brakes that close on a moving arm: it stands, and its motion is heat."""
+"""Brakes that engage on a moving arm: the arm stops, and its kinetic energy becomes heat."""
 
 from collections.abc import Callable
 
@@ -42,7 +42,7 @@ def rubbing() -> ArmModel:
 
 
 def driven(**changes: list[float]) -> ArmModel:
-    """Return an arm whose motors have an inductance, so that they have a current of their own."""
+    """Return an arm whose motors have inductance: their current is a state variable."""
     arm = rubbing()
     return arm.with_actuators(make_actuators(arm.joint_names, **{
         'torque_constant': [0.05], 'gear_ratio': [100.0], 'resistance': [0.8],
@@ -57,7 +57,7 @@ ARMS = pytest.mark.parametrize('make_arm', [bare, rubbing, driven, with_backlash
 
 
 def moving(arm: ArmModel) -> ArmSimulation:
-    """Return an arm on the way down, that fell and was pushed."""
+    """Return an arm that moves down after a fall and a push."""
     simulation = ArmSimulation(arm, START)
     simulation.release()
     simulation.step(np.array([20.0, -8.0]), 0.1)
@@ -66,7 +66,7 @@ def moving(arm: ArmModel) -> ArmSimulation:
 
 
 @ARMS
-def test_everything_stands_where_it_is(make_arm: Callable[[], ArmModel]) -> None:
+def test_every_joint_and_motor_stops_in_place(make_arm: Callable[[], ArmModel]) -> None:
     simulation = moving(make_arm())
     q, theta = simulation.state.position, simulation.motor_state.position
     simulation.brake()
@@ -95,7 +95,7 @@ def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmM
 
 
 def test_a_motor_within_its_gap_has_a_motion_of_its_own() -> None:
-    """The case above in which motors do not move as their joints do."""
+    """The case above with motors that do not move with their joints."""
     simulation = moving(with_backlash())
     assert np.abs(simulation.motor_state.velocity - simulation.v).max() > 0.1
 
@@ -116,8 +116,8 @@ def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmMo
 
 
 @pytest.mark.parametrize('make_arm', [bare, rubbing, driven])
-def test_it_goes_on_as_one_that_starts_there(make_arm: Callable[[], ArmModel]) -> None:
-    """At rest, its motors without current and without a past."""
+def test_it_continues_like_an_arm_that_starts_there(make_arm: Callable[[], ArmModel]) -> None:
+    """At rest, with its motors without current and with initial friction states."""
     simulation = moving(make_arm())
     simulation.brake()
     twin = ArmSimulation(make_arm(), simulation.q)
@@ -130,7 +130,7 @@ def test_it_goes_on_as_one_that_starts_there(make_arm: Callable[[], ArmModel]) -
 
 
 def test_brakes_that_are_closed_already_change_nothing() -> None:
-    simulation = ArmSimulation(bare(), START, (0.3, -0.2))  # to be let go in motion
+    simulation = ArmSimulation(bare(), START, (0.3, -0.2))  # to be released in motion
     simulation.brake()
     assert simulation.heat == 0.0
     assert simulation.v.tolist() == [0.3, -0.2]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands that fail to come: how silence is counted, and what the simulated robot does then."""
+"""Missing commands: how missing steps are counted, and how the simulated robot reacts."""
 
 from collections.abc import Sequence
 
@@ -39,14 +39,14 @@ def received_once(timeout: float = TIMEOUT) -> CommandTimeout:
 
 
 def steps_until_over(commands: CommandTimeout, passed: float, period: float = PERIOD) -> int:
-    """Return how many silent steps of `passed` [s] it takes; 0 where a thousand do not do."""
+    """Return the number of missed steps of `passed` [s] to the timeout; 0 for more than 1000."""
     for k in range(1, 1001):
         if commands.end_step(passed, period):
             return k
     return 0
 
 
-# --- silence -------------------------------------------------------------------------------------
+# --- the counter ---------------------------------------------------------------------------------
 
 def test_it_is_over_after_the_timeout_and_only_once() -> None:
     commands = received_once()
@@ -64,7 +64,7 @@ def test_with_a_timeout_of_0_nothing_is_ever_missed() -> None:
     assert steps_until_over(received_once(0.0), PERIOD) == 0
 
 
-def test_each_command_begins_anew() -> None:
+def test_each_command_restarts_the_timeout() -> None:
     commands = received_once()
     for _ in range(50):
         for _ in range(ENOUGH - 2):
@@ -74,7 +74,7 @@ def test_each_command_begins_anew() -> None:
         assert commands.silence == 0.0
     assert steps_until_over(commands, PERIOD) > 0
     commands.receive()
-    assert steps_until_over(commands, PERIOD) > 0  # it is missed again after it came again
+    assert steps_until_over(commands, PERIOD) > 0  # a second timeout after a command
 
 
 def test_a_reset_waits_for_a_first_command() -> None:
@@ -84,13 +84,13 @@ def test_a_reset_waits_for_a_first_command() -> None:
     assert commands.silence == 0.0
     assert steps_until_over(commands, PERIOD) == 0
     commands.receive()
-    commands.reset()  # in the step in which it came
+    commands.reset()  # in the same step as the command
     assert steps_until_over(commands, PERIOD) == 0
 
 
 @pytest.mark.parametrize('stall', [0.25, 10.0, float('inf')])
 def test_a_loop_that_was_held_up_could_not_receive(stall: float) -> None:
-    """A stall longer than the timeout counts as the one step that it was."""
+    """A stall longer than the timeout counts as one step."""
     commands = received_once()
     assert not commands.end_step(stall, PERIOD)
     assert commands.silence == PERIOD
@@ -124,7 +124,7 @@ def robot(brakes: bool = True, robot_compensates: Sequence[str] = ()) -> Plant:
 
 
 def times_out(plant: Plant) -> bool:
-    """Tell whether it happens that efforts fail to come for too long; let that time pass."""
+    """Return whether efforts are missing for too long; let that time pass."""
     for _ in range(2 * ENOUGH):
         if plant.watch_commands(PERIOD, PERIOD):
             return True
@@ -192,7 +192,7 @@ def test_an_arm_without_brakes_falls() -> None:
     assert plant.simulation.q.tolist() == twin.q.tolist()
 
 
-def test_what_a_robot_adds_by_itself_it_goes_on_adding() -> None:
+def test_the_compensation_of_the_robot_continues() -> None:
     plant = robot(brakes=False, robot_compensates=['gravity'])
     plant.take_effort(np.zeros(2))
     assert times_out(plant)
@@ -209,5 +209,5 @@ def test_an_arm_that_was_reset_waits_for_its_first_effort() -> None:
     assert plant.measure().position.tolist() == START
     assert not times_out(plant)
     command(plant, 10)
-    plant.reset()  # while silence is counted
+    plant.reset()  # while missed steps are counted
     assert not times_out(plant)

@@ -15,9 +15,9 @@
 """
 Rotors and friction at the joints, against MuJoCo's `armature`, `damping` and `frictionloss`.
 
-MuJoCo's dry friction is a soft constraint: a joint at rest creeps under a load, at a rate that its
-`solref` and `solimp` set (MuJoCo's documentation, chapter "Computation", "Constraint model"). So
-motions with dry friction agree within that softness, and the more closely the harder it is.
+MuJoCo's dry friction is a soft constraint: a joint at rest creeps under a load, at a rate set by
+`solref` and `solimp` (MuJoCo's documentation, chapter "Computation", "Constraint model"). Motions
+with dry friction agree within this softness, and more closely the harder the constraint is.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class Pair(NamedTuple):
 
 
 def pair(urdf: str, gravity: Sequence[float] = DOWN, **friction: Sequence[float]) -> Pair:
-    """Return an arm with this friction alone, and MuJoCo's model of it, which has none yet."""
+    """Return an arm with only this friction, and MuJoCo's model of it, still without friction."""
     arm = load_arm(urdf, gravity=gravity)
     mujoco = MujocoEngine(urdf, gravity)
     assert mujoco.joint_names == list(arm.joint_names)
@@ -55,7 +55,7 @@ def pair(urdf: str, gravity: Sequence[float] = DOWN, **friction: Sequence[float]
 
 
 def skew_urdf() -> str:
-    """Return an arm of three links with an axis that points backwards and one that is oblique."""
+    """Return an arm of three links with one reversed and one oblique axis."""
     urdf = planar_arm_urdf([3.0, 2.0, 1.0], [0.5, 0.4, 0.3], [0.2, 0.2, 0.1], [0.05, 0.03, 0.01])
     for axis in ('0 -1 0', '0.6 0.8 0'):
         urdf = urdf.replace('<axis xyz="0 1 0"', f'<axis xyz="{axis}"', 1)
@@ -118,7 +118,7 @@ def test_viscous_friction_is_damping(name: str) -> None:
 def runge_kutta(
     mujoco: MujocoEngine, q: Array, v: Array, tau: Array, duration: float, h: float,
 ) -> list[tuple[Array, Array]]:
-    """Return position and velocity after each step of h [s] of MuJoCo's own RK4."""
+    """Return position and velocity after each step of h [s] of MuJoCo's RK4."""
     model, data = mujoco.model, mujoco.data
     model.opt.integrator, model.opt.timestep = mujoco.mj.mjtIntegrator.mjINT_RK4, h
     mujoco.mj.mj_resetData(model, data)
@@ -155,7 +155,7 @@ def test_mujocos_motion_converges_to_ours_with_its_order(
 def with_frictionloss(
     mujoco: MujocoEngine, loss: Sequence[float], time_constant: float, impedance: float,
 ) -> None:
-    """Turn on dry friction alone of MuJoCo's constraints, so soft."""
+    """Enable only the dry friction of MuJoCo's constraints, with this softness."""
     model, disable = mujoco.model, mujoco.mj.mjtDisableBit
     model.opt.disableflags = (
         disable.mjDSBL_CONTACT | disable.mjDSBL_LIMIT | disable.mjDSBL_REFSAFE)
@@ -182,7 +182,7 @@ def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
     with_frictionloss(mujoco, loss, *HARD)
     dynamics = ArmDynamics(arm)
     for q, v, tau in states(arm.joint_count):
-        # so fast that even the soft constraint asks for more than its bound
+        # so fast that even the soft constraint exceeds its bound
         a = mujoco.forward_dynamics(q, 50.0 * v, tau)
         difference = dynamics.forward_dynamics(q, 50.0 * v, tau) - a
         assert np.abs(difference).max() <= TOLERANCE * np.abs(a).max()
@@ -190,7 +190,7 @@ def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
 
 @on_dry_arms
 def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) -> None:
-    """Both slide to a stop in the first half; at the end MuJoCo's joints still creep."""
+    """Both slide and stop in the first half; at the end MuJoCo's joints still creep."""
     loss, q, v = DRY[name]
     arm, _ = pair(urdf_of(name), coulomb=loss)
     zero = np.zeros(arm.joint_count)
@@ -199,8 +199,8 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) ->
     ours = [simulation.step(zero, 1e-3) for _ in range(600)]
     stop = next(k for k, state in enumerate(ours) if not state.velocity.any())
     assert 20 <= stop <= 400
-    assert np.abs(ours[-1].position - q).max() > 0.02  # it went some way
-    assert ours[-1].position.tolist() == ours[stop].position.tolist()  # and stuck for good
+    assert np.abs(ours[-1].position - q).max() > 0.02  # the joints moved
+    assert ours[-1].position.tolist() == ours[stop].position.tolist()  # and then stuck
 
     errors, drifts = [], []
     for softness in ((4e-2, 0.9), (1e-2, 0.99), HARD):
@@ -216,8 +216,8 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) ->
     assert drifts[0] > 30.0 * drifts[1] > 300.0 * drifts[2] > 0.0
 
 
-def test_what_sticks_here_creeps_there_at_the_rate_of_its_softness() -> None:
-    """Steadily R f = −b v: v = (1 − d)/d τ / (M b), with b = 2 / (d T_c) of the `solref`."""
+def test_a_sticking_joint_creeps_in_mujoco_at_the_rate_of_its_softness() -> None:
+    """In the steady state R f = −b v: v = (1 − d)/d τ / (M b), b = 2 / (d T_c) from `solref`."""
     M, torque, loss = 0.1 + 2.0 * 0.25, 1.0, [2.0]
     urdf = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])
     for time_constant, d in ((2e-2, 0.9), (4e-3, 0.99), HARD):

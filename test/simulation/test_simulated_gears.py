@@ -77,7 +77,7 @@ def acceleration_of_lift(v: float, effort: float, arm: ArmModel) -> float:
 def test_one_joint_under_a_constant_load_moves_as_the_integral_says(
     effort: float, v0: float,
 ) -> None:
-    """The time to a velocity is ∫ dv / a(v), and the way ∫ v dv / a(v): no integration of time."""
+    """Time to a velocity is ∫ dv / a(v), distance ∫ v dv / a(v): no integration over time."""
     arm = lift(3.0, 0.1, 0.15, 0.5, viscous=0.4)
     simulation = released(arm, [0.0], [v0])
     state = simulation.step(np.array([effort]), 0.15)
@@ -96,7 +96,7 @@ def test_one_joint_under_a_constant_load_moves_as_the_integral_says(
 
 @pytest.mark.parametrize('width', [0.1, 0.001, 1e-5])
 def test_under_a_load_below_its_friction_a_joint_creeps(width: float) -> None:
-    """At up to 500 relaxations per step: v_a artanh of the share of the load."""
+    """With up to 500 time constants per step: v_a artanh of the fraction of the load."""
     arm = lift(5.0, width, 0.1, 0.5)
     simulation = released(arm, [0.0])
     for _ in range(500):
@@ -163,8 +163,8 @@ def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> N
     assert np.abs(expected).max() > 1.0
 
 
-def test_forward_dynamics_undoes_inverse_dynamics_beside_a_joint_at_rest() -> None:
-    """Joint 2 sticks, joint 1 slides: the share of its load is of what its dry friction leaves."""
+def test_forward_dynamics_inverts_inverse_dynamics_with_a_joint_at_rest() -> None:
+    """Joint 2 sticks, joint 1 slides: the load of joint 2 is its effort less dry friction."""
     arm = geared(load=[0.5, 0.5])
     q, v, a = np.array([0.4, -0.3]), np.array([0.2, 0.0]), np.array([3.0, 0.0])
     dynamics = ArmDynamics(arm)
@@ -202,7 +202,7 @@ def test_load_dependent_friction_acts_where_teeth_touch() -> None:
 
 
 def test_teeth_that_do_not_touch_bear_no_load() -> None:
-    """A motor that runs ahead leaves the lift to gravity and to friction without load."""
+    """While the motor is inside the gap, only gravity and unloaded friction act on the lift."""
     motors = make_actuators(['slide'], [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.5])
     arm = lift(2.0, 0.01, 0.5).with_actuators(motors)
     simulation = released(arm, [0.0], [1.0])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A block on a rail with dry friction: every number of its motion is known in closed form."""
+"""A block on a rail with dry friction: its motion is known in closed form."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ EXACT = 1e-12
 
 
 def block(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmSimulation:
-    """Return a block on a rail that falls by `slope` [rad] along its axis."""
+    """Return a block on a rail that is inclined by `slope` [rad] along its axis."""
     arm = load_arm(RAIL.replace('SLOPE', repr(slope)))
     arm = arm.with_friction(make_friction(
         arm.joint_names, **{name: [value] for name, value in friction.items()}))
@@ -46,7 +46,7 @@ def block(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmSi
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_a_push_a_slide_and_a_stop(sign: float) -> None:
-    """Pushed by F it gains (F − F_c)/m; let go, it slides v²/(2 F_c/m) in v/(F_c/m) and sticks."""
+    """A push F gives (F − F_c)/m; then the block slides v²/(2 F_c/m) in v/(F_c/m) and sticks."""
     force, pushed = 15.0, 0.4
     simulation = block(coulomb=DRY)
     q, v = simulation.step(np.array([sign * force]), pushed)
@@ -67,7 +67,7 @@ def test_a_push_a_slide_and_a_stop(sign: float) -> None:
 
 
 def test_the_time_of_the_stop_is_met_within_a_step() -> None:
-    """A push back that is longer than the slide: first it stops, then it is driven back."""
+    """A push back that is longer than the slide: the block stops, then moves back."""
     force, v0 = -9.0, 1.0
     simulation = block(velocity=v0, coulomb=DRY)
     slowing, driving = (DRY - force) / MASS, (DRY + force) / MASS
@@ -81,9 +81,9 @@ def test_the_time_of_the_stop_is_met_within_a_step() -> None:
 @pytest.mark.parametrize('fraction', [0.99, 1.01])
 def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction: float) -> None:
     """
-    It holds while m g sin(slope) ≤ F_s, and slides with g sin(slope) − F_c/m beyond.
+    It sticks for m g sin(slope) ≤ F_s, and otherwise slides with g sin(slope) − F_c/m.
 
-    The fall from F_s to F_c lasts about 1e-5 s here.
+    The decrease from F_s to F_c lasts about 1e-5 s here.
     """
     static = 1.2 * DRY
     slope = float(np.arcsin(fraction * static / (MASS * 9.81)))
@@ -96,7 +96,7 @@ def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction: float) -> 
 
 
 def test_viscous_friction_adds_its_exponential() -> None:
-    """Of m v̇ = −F_c − F_v v: it stops after m/F_v ln(1 + F_v v_0/F_c)."""
+    """From m v̇ = −F_c − F_v v: the block stops after m/F_v ln(1 + F_v v_0/F_c)."""
     viscous, v0 = 2.0, 1.5
     until = MASS / viscous * np.log(1.0 + viscous * v0 / DRY)
     way = MASS / viscous * (v0 - DRY / MASS * until)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Stick and slip of the running simulated arm, measured in its recording."""
+"""Stick-slip of the running simulated arm, measured in its recording."""
 
 import numpy as np
 import pytest
@@ -56,9 +56,9 @@ def test_each_break_away_is_at_the_static_friction(series: JointSeries) -> None:
     effort = series.effort[departures(series), 0]
     print(f'{len(effort)} break-aways, at {effort} N·m')
     assert np.abs(effort) == pytest.approx(np.full(len(effort), STATIC), rel=0.01)
-    assert (np.abs(effort) >= STATIC).all()  # not before
-    assert (effort > 0.0).sum() >= 3  # there
-    assert (effort < 0.0).sum() >= 2  # and back
+    assert (np.abs(effort) >= STATIC).all()  # no earlier break-away
+    assert (effort > 0.0).sum() >= 3  # in the positive direction
+    assert (effort < 0.0).sum() >= 2  # in the negative direction
 
 
 def test_below_it_the_joint_does_not_move_at_all(series: JointSeries) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The demo as its user runs it: a process, with real nodes under it."""
+"""The demo as a user runs it: a process that starts real nodes."""
 
 import os
 from pathlib import Path
@@ -57,7 +57,7 @@ NODE_TOPICS = {
 def start_demo(directory, *arguments):
     environment = {
         name: value for name, value in os.environ.items()
-        if name != 'ROS_DOMAIN_ID'}  # the demo finds one of its own
+        if name != 'ROS_DOMAIN_ID'}  # the demo chooses a free domain
     return children.popen(
         [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -65,14 +65,14 @@ def start_demo(directory, *arguments):
 
 
 def run_demo(directory, *arguments):
-    """Run the demo to its end; return its exit status, and what it printed and complained of."""
+    """Run the demo to its end; return its exit status, its output and its error output."""
     with start_demo(directory, *arguments) as process:
         out, err = process.communicate(timeout=4 * TIMEOUT)
         return process.returncode, out, err
 
 
 def wait_for_line(stream, pattern):
-    """Read the output or the progress (stderr) of the demo up to a line of this pattern."""
+    """Read the output or the progress (stderr) of the demo until a line matches this pattern."""
     lines = []
     for line in stream:
         lines.append(line)
@@ -82,7 +82,7 @@ def wait_for_line(stream, pattern):
 
 
 def nodes_of(process):
-    """Return the processes that the demo has started, by what they run."""
+    """Return the processes that the demo has started, by the name of their program."""
     pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
     return {
         Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].split('.')[-2]: int(pid)
@@ -96,7 +96,7 @@ def errors_of(out):
 
 
 def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
-    """One joint moves 0.2 rad from where it starts, against friction that both nodes have."""
+    """One joint moves 0.2 rad from its start, against friction that both nodes know."""
     names = ['joint1', 'joint2']
     path = quintic_point_to_point(names, [0.4, 0.1], [0.6, 0.1], 1.0)
     write_trajectory(tmp_path / 'trajectory.yaml', path)
@@ -111,7 +111,7 @@ def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
         _, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
     assert states.position[0] == pytest.approx([0.4, 0.1])
     assert [list(point.positions) for point in sent.points] == [[0.4, 0.1], [0.6, 0.1]]
-    # 3 N m s/rad at the largest velocity of the quintic, 15/8 of the mean, and what errors add
+    # 3 N m s/rad at the largest velocity of the quintic, 15/8 of the mean, plus effects of errors
     assert terms['friction'][:, 0].max() > 0.9 * 3.0 * 0.2 * 15.0 / 8.0
 
 
@@ -127,7 +127,7 @@ def closed_loop(tmp_path_factory):
     return directory / 'here', out, err
 
 
-def test_it_tracks_and_says_so(closed_loop):
+def test_it_tracks_and_reports_the_errors(closed_loop):
     _, out, _ = closed_loop
     errors = errors_of(out)
     assert set(errors) == {'joint1', 'joint2'}
@@ -141,7 +141,7 @@ def test_it_tracks_and_says_so(closed_loop):
 
 
 def test_the_recording_contains_the_motion_and_little_else(closed_loop):
-    """Simulated time does not run before the trajectory arrives, and is cut after the motion."""
+    """Simulated time waits for the trajectory; the recording ends after the motion."""
     directory, _, _ = closed_loop
     with Recording(directory / 'recording') as recording:
         for topic in ('/joint_states', '/effort_command', '/dynamics/computed_torque'):
@@ -160,7 +160,7 @@ def test_the_printed_errors_are_those_of_the_recording(closed_loop):
         states = recording.joint_series('/joint_states')
         (_, sent), = recording.messages('/dynamics/joint_trajectory')
     start = sent.header.stamp.sec * 10**9 + sent.header.stamp.nanosec
-    # Here by a general interpolation of the points, which are quintics between them.
+    # Here from a general interpolation of the points, which are connected by quintics.
     from scipy.interpolate import BPoly
     times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in sent.points]
     curve = BPoly.from_derivatives(
@@ -184,7 +184,7 @@ def test_every_topic_is_in_the_recording(closed_loop):
         states = recording.joint_series('/joint_states')
         commands = recording.joint_series('/effort_command')
         _, terms = next(recording.messages('/dynamics/terms'))
-    # the recorder may lose some of either on a busy machine
+    # the recorder may lose some of either topic on a busy machine
     assert (commands.stamps_ns % 2_000_000 == 0).all()
     assert np.isin(commands.stamps_ns, states.stamps_ns).any()
     np.testing.assert_allclose(
@@ -259,7 +259,7 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
         tmp_path, '--replay', recorded / 'recording', '--out', 'here')
     assert status == 0, out + err
     assert 'all answered' in out
-    # The model is the one that made the motion, and the recording has its description.
+    # The model is the one that made the motion, and the recording contains its description.
     assert max(relative_residuals(out).values()) < 10.0
     with Recording(recorded / 'recording') as first, \
             Recording(tmp_path / 'here' / 'recording') as second:
@@ -272,7 +272,7 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
 
 
 def test_replay_of_positions_that_wrap(tmp_path):
-    """Exact effort of the default arm that swings about its rest pose, positions within ±π."""
+    """Exact effort of the default arm in a swing about its rest pose, positions within ±π."""
     motion = KnownMotion(seconds=4.0, rest=(np.pi, 0.0))
     write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
     status, out, err = run_demo(
@@ -282,7 +282,7 @@ def test_replay_of_positions_that_wrap(tmp_path):
 
 
 def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
-    """A dynamics node that hangs makes the arm brake, which no model of the arm explains."""
+    """A dynamics node that hangs makes the arm brake, which no model of the arm can explain."""
     wall_time = write_parameters(tmp_path / 'wall_time.yaml', {'lock_step': False})
     start, goal = [0.4, 0.1], [0.6, 0.1]
     rest = [0.0, 0.0]
@@ -298,7 +298,7 @@ def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
         os.kill(suspended, signal.SIGSTOP)
         try:
             wait_until(lambda: 'the brakes hold the arm' in log.read_text(), 'brakes')
-            time.sleep(0.3)  # recorded with the brakes
+            time.sleep(0.3)  # part of the recording has brakes
         finally:
             os.kill(suspended, signal.SIGCONT)
         process.communicate(timeout=4 * TIMEOUT)
@@ -328,7 +328,7 @@ def test_replay_of_an_arm_with_six_joints(tmp_path):
 
 def test_replay_of_a_real_arm(tmp_path):
     if not UR10.exists():
-        pytest.skip('the recording of a UR10 is not here: there is no shared/data/ur10 beside '
+        pytest.skip('the recording of a UR10 is missing: expected shared/data/ur10 next to '
                     'the repository')
     status, out, err = run_demo(
         tmp_path, '--replay', UR10, '--robot', robot_path('ur10'), '--no-plot', '--out', 'here')
@@ -337,7 +337,7 @@ def test_replay_of_a_real_arm(tmp_path):
     relative = [float(fraction) for fraction in re.findall(
         r'^\w+_joint .*?([\d.]+) % ', out, re.MULTILINE)]
     assert len(relative) == 6
-    # What the description of this robot leaves unexplained: friction, and motors.
+    # Effects that the description of this robot does not include: friction, and motors.
     assert 32.0 < min(relative) < 34.0
     assert 99.0 < max(relative) <= 101.0
     with Recording(tmp_path / 'here' / 'recording') as recording:
@@ -388,9 +388,9 @@ def test_a_directory_in_use_gets_one_of_its_own_inside(tmp_path):
     assert (tmp_path / 'note').read_text() == 'mine'
 
 
-# --- the parts -----------------------------------------------------------------------------------
+# --- components ----------------------------------------------------------------------------------
 
-def test_what_the_user_has_set_about_domains_stays():
+def test_domain_settings_of_the_user_are_kept():
     assert choose_domain({
         'ROS_DOMAIN_ID': '7', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}) == {}
     chosen = choose_domain({})

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`ros2 dynamics`: what its verbs answer of real nodes, and what they say where they cannot."""
+"""`ros2 dynamics`: the output of its verbs for real nodes, and their error messages."""
 
 import ast
 from collections.abc import Callable, Iterator
@@ -74,7 +74,7 @@ def nodes() -> Iterator[None]:
 
 @pytest.fixture(scope='module')
 def clients() -> Iterator[dict[str, DynamicsClient]]:
-    """Return a client for each node, as finding it takes the most time."""
+    """Return a client for each node, because the discovery takes most of the time."""
     with DynamicsClient('dynamics', TIMEOUT) as arm, \
             DynamicsClient('/lift/dynamics', TIMEOUT) as lift:
         yield {'/dynamics': arm, '/lift/dynamics': lift}
@@ -82,7 +82,7 @@ def clients() -> Iterator[dict[str, DynamicsClient]]:
 
 @pytest.fixture
 def ask(capsys: pytest.CaptureFixture[str], clients: dict[str, DynamicsClient]) -> Ask:
-    """Return a function that runs a verb: exit status, what it printed, what it complained of."""
+    """Return a function that runs a verb: exit status, output, error output."""
     def ask(*words: str, node: str = '/dynamics') -> tuple[int, str, str]:
         arguments = make_parser().parse_args(words)
         status = run(arguments.verb, arguments, lambda *_: nullcontext(clients[node]))
@@ -96,7 +96,7 @@ def texts(*values: float) -> list[str]:
     return [str(value) for value in values]
 
 
-# --- what is typed -------------------------------------------------------------------------------
+# --- arguments -----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('typed', 'values'), [
     ('0.1 -0.2', [0.1, -0.2]), ('b=1e-3 a=-2', [-2.0, 1e-3])])
@@ -131,7 +131,7 @@ def test_numbers_line_up_at_the_right_and_text_at_the_left() -> None:
         'c        0.0000')
 
 
-# --- what is answered ----------------------------------------------------------------------------
+# --- results -------------------------------------------------------------------------------------
 
 def test_inverse_is_that_of_the_library(ask: Ask) -> None:
     terms = DYNAMICS_OF.terms(np.array(Q), np.array(V), np.array(A))
@@ -159,7 +159,7 @@ def test_tables_have_units(ask: Ask) -> None:
     assert status == 0
     assert 'Effort by term [N m, N]' in out
     assert re.search(r'rail +prismatic .* 39\.2400\n', out)
-    assert 'Warning: ' in out  # the elbow is too weak
+    assert 'Warning: ' in out  # the elbow cannot deliver the effort
 
 
 def test_negative_numbers_are_no_options(ask: Ask) -> None:
@@ -234,20 +234,20 @@ def test_status(ask: Ask) -> None:
     assert {check['check'] for check in answer['checks']} >= {'joint states', 'command', 'model'}
 
 
-# --- what cannot be answered ---------------------------------------------------------------------
+# --- errors --------------------------------------------------------------------------------------
 
 def test_several_nodes_and_none(capsys: pytest.CaptureFixture[str]) -> None:
     with DynamicsClient() as client:
         wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
         with pytest.raises(NoAnswerError, match='expected --node with one of: /dynamics, /lift/'):
             client.name  # noqa: B018
-    with DynamicsClient('nobody', 0.1) as client:
+    with DynamicsClient('absent', 0.1) as client:
         wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
         with pytest.raises(
-                NoAnswerError, match="no dynamics node '/nobody' in 0.1 s; those that run: /dyn"):
+                NoAnswerError, match="no dynamics node '/absent' in 0.1 s; those that run: /dyn"):
             client.name  # noqa: B018
-    assert main(['inverse', '1', '2', '--node', 'nobody', '--timeout', '0.1']) == 2
-    assert "no dynamics node '/nobody' in 0.1 s" in capsys.readouterr().err
+    assert main(['inverse', '1', '2', '--node', 'absent', '--timeout', '0.1']) == 2
+    assert "no dynamics node '/absent' in 0.1 s" in capsys.readouterr().err
 
 
 def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
@@ -289,13 +289,13 @@ def test_completion(line: str, offered: set[str]) -> None:
         'COMP_POINT': str(len(line)), '_ARGCOMPLETE_SUPPRESS_SPACE': '1'}
 
     def found() -> set[str]:
-        # In a process of its own, as of a shell: argcomplete takes the file descriptor 9.
+        # In a separate process, as in a shell: argcomplete uses the file descriptor 9.
         words = children.run(
             [sys.executable, '-c', COMPLETE], env=environment, stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL, text=True).stdout
         return {word for word in words.split('\n') if not word.startswith('-')}
 
-    wait_until(lambda: found() == offered, f'{offered}')  # a busy machine is slow to find nodes
+    wait_until(lambda: found() == offered, f'{offered}')  # discovery is slow on a busy machine
 
 
 def test_every_verb_is_an_extension_of_ros2cli() -> None:
@@ -311,7 +311,7 @@ def test_every_verb_is_an_extension_of_ros2cli() -> None:
 
 
 def test_ros2_dynamics() -> None:
-    """The command as users type it, where there is ros2cli."""
+    """The command as users type it, if ros2cli is installed."""
     pytest.importorskip('ros2cli', reason='ros2cli comes with apt, and has no wheel')
     words = ['inverse', '-0.1', '-2e-1', '--node', '/dynamics', '--timeout', str(TIMEOUT)]
     result = children.run(

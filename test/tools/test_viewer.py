@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The viewer's parts without a browser: its requests, its scene, its controls and its plots."""
+"""The components of the viewer without a browser: requests, scene, controls and plots."""
 
 from contextlib import closing
 
@@ -78,9 +78,9 @@ def server():
 # --- requests ------------------------------------------------------------------------------------
 
 def check_motion_time(arm, fastest, q, goal, speed):
-    """Check on the motion itself that no joint is too fast, and that it takes no longer."""
+    """Check on the motion that no joint is too fast, and that the motion is not slower."""
     T = requests.motion_time(arm, q, goal, speed)
-    turns = np.array(arm.joint_kinds) == 'continuous'  # which dynamics leads the short way
+    turns = np.array(arm.joint_kinds) == 'continuous'  # dynamics takes the shorter direction
     goal = np.where(turns, q + wrap_to_pi(goal - q), goal)
     p0, p1 = quintic_point_to_point(arm.joint_names, q, goal, T).points
     samples = [sample_segment(t, 0.0, p0, T, p1) for t in np.linspace(0.0, T, 601)]
@@ -120,7 +120,7 @@ def test_a_reference_arrives_at_rest_and_stays(name, seconds):
     q = np.linspace(-0.3, 0.3, arm.joint_count)
     goal = np.linspace(0.7, -0.5, arm.joint_count)
     message = requests.reference_to(arm, goal, seconds, 'me')
-    assert (message.header.frame_id, message.header.stamp) == ('me', Time())  # from now on
+    assert (message.header.frame_id, message.header.stamp) == ('me', Time())  # starts immediately
     follower = TrajectoryFollower(arm.joint_names)
     trajectory = trajectory_from_ros(message, arm.joint_names)
     assert not trajectory.is_set_point
@@ -164,7 +164,7 @@ def test_a_push_is_the_same_force_whatever_the_link_is_turned_by(turn, force):
     assert message.wrench.torque == Vector3()
 
 
-# --- what is heard -------------------------------------------------------------------------------
+# --- received messages ---------------------------------------------------------------------------
 
 def test_values_are_found_by_name():
     arm = arm_called('default')
@@ -177,7 +177,7 @@ def test_values_are_found_by_name():
     assert values_of(arm, JointState(name=['joint1'], position=[1.0])) is None
 
 
-def test_what_is_not_ok_is_said_by_its_name():
+def test_a_status_that_is_not_ok_is_shown_by_its_name():
     levels = [getattr(DiagnosticStatus, name) for name in ('OK', 'WARN', 'ERROR', 'STALE')]
     message = DiagnosticArray(status=[
         DiagnosticStatus(name=f'/left/dynamics: part {i}', message=f'why {i}', level=level)
@@ -194,7 +194,7 @@ def test_the_hand_is_what_holds_the_tool(robot, link):
 # --- the scene -----------------------------------------------------------------------------------
 
 def nodes_of(scene, i):
-    """Return the names of what is drawn of the i-th link."""
+    """Return the names of the scene nodes of the i-th link."""
     names = [f'/arm/{i}/{kind}{k}' for kind in ('', 'bone') for k in range(20)]
     return [name for name in names if scene.get_handle_by_name(name) is not None]
 
@@ -214,7 +214,7 @@ def test_a_real_arm_is_drawn_moved_and_taken_away(server, robot):
         by_name = dict(zip(arm.joint_names, q))
         scene.move(q)
         pin.framesForwardKinematics(model, data, np.array([
-            by_name.get(name, q[-1]) for name in model.names[1:]]))  # fingers move alike
+            by_name.get(name, q[-1]) for name in model.names[1:]]))  # all fingers move equally
         for i, link in enumerate(arm.link_names):
             place = data.oMf[model.getFrameId(link, pin.FrameType.BODY)]
             handle = server.scene.get_handle_by_name(f'/arm/{i}')
@@ -375,7 +375,7 @@ def test_the_slider_of_a_joint_that_has_turned_round_shows_where_it_is(server):
     with panel_of(server, one_joint('continuous')) as panel:
         panel.follow(np.array([4.0]))
         assert panel._sliders[0].value == pytest.approx(4.0 - 2.0 * np.pi, abs=1e-3)
-        assert panel.take_goal()[0] == 4.0  # nobody moved it
+        assert panel.take_goal()[0] == 4.0  # the user has not moved the slider
         panel._sliders[0].value = 1.5
         assert panel.take_goal()[0] == 1.5
 
@@ -390,7 +390,7 @@ def plot(server):
 
 
 def drawn_of(plot):
-    """Return the columns that are drawn, (3, m), and the range of the values."""
+    """Return the plotted columns, (3, m), and the range of the values."""
     return np.array(plot._handle.data), plot._handle.scales['y']['range']
 
 
@@ -403,13 +403,13 @@ def test_a_plot_shows_the_last_seconds(plot):
     npt.assert_allclose(columns, [times - 139.5, times, -times])
     assert low < -139.5
     assert high > 139.5
-    plot.show(150.0)  # nothing new
+    plot.show(150.0)  # no new data
     npt.assert_allclose(drawn_of(plot)[0][0], np.arange(135.0, 140.0, 0.5) - 150.0)
     plot.show(200.0)
     assert np.array(plot._handle.data).shape == (3, 0)
 
 
-def test_a_plot_begins_anew_where_time_goes_back(plot):
+def test_a_plot_restarts_if_time_goes_back(plot):
     for time, value in ((7.0, 1.0), (8.0, 2.0), (8.0, 9.0), (3.0, 4.0), (3.5, 5.0)):
         plot.add(time, [value, value])
     plot.show(3.5)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The viewer in a real browser, beside real nodes: what is seen, and what its controls do."""
+"""The viewer in a real browser, with real nodes: its display, and its controls."""
 
 from contextlib import contextmanager
 import os
@@ -80,7 +80,7 @@ def address_of(viewer):
 
 
 def wait_for_position(states, joint, value, tolerance=0.01):
-    """Wait until a joint is where it is expected."""
+    """Wait until a joint is at the expected position."""
     return states.wait_for(lambda state: abs(
         dict(zip(state.name, state.position))[joint] - value) < tolerance, LONG)
 
@@ -113,9 +113,9 @@ def test_without_its_meshes_an_arm_is_a_stick_figure(browser, tmp_path):
         assert page.picture().std() > 0.03
 
 
-# --- beside the demo -----------------------------------------------------------------------------
+# --- viewer and demo -----------------------------------------------------------------------------
 
-def test_the_demo_waits_for_the_page_and_goes_on_after_the_motion(browser, tmp_path):
+def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp_path):
     environment = {
         name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'}
     command = [
@@ -134,7 +134,7 @@ def test_the_demo_waits_for_the_page_and_goes_on_after_the_motion(browser, tmp_p
         except BaseException:
             demo.kill()
             raise
-    assert demo.returncode == 0 or 'did not track' in err, out + err  # a machine that is too busy
+    assert demo.returncode == 0 or 'did not track' in err, out + err  # possible on a busy machine
     assert re.search(r'^joint2 .* 0\.01 rad', out, re.MULTILINE)
     assert 'Traceback' not in err
 
@@ -147,7 +147,7 @@ def wait_for_line(process, pattern):
     pytest.fail(f'the demo ended without {pattern!r}: {process.stderr.read()}')
 
 
-# --- the default arm, whose page stays open ------------------------------------------------------
+# --- the default arm, on one page for all tests --------------------------------------------------
 
 @pytest.fixture(scope='module')
 def default_arm(browser):

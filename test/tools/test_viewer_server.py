@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The viewer as it is served: who gets in, which arm it shows, and what its command says."""
+"""The viewer as a server: permitted connections, the displayed arm, and its command line."""
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
@@ -85,7 +85,7 @@ def connected(server, **options):
         open_timeout=TIMEOUT, close_timeout=TIMEOUT, max_size=None, **options)
 
 
-# --- who gets in ---------------------------------------------------------------------------------
+# --- permitted connections -----------------------------------------------------------------------
 
 @pytest.mark.parametrize('origin', [
     pytest.param('http://evil.example', marks=fault(
@@ -170,16 +170,16 @@ def test_what_is_this_computer_alone(host, expected):
 
 
 def is_shared(server):
-    """Tell whether a page that asks for a public address makes the server get one."""
+    """Return whether a page that requests a public address makes the server request one."""
     asked = []
-    server.request_share_url = lambda: asked.append(True)  # instead of going to the network
+    server.request_share_url = lambda: asked.append(True)  # instead of a network access
     slider = server.gui.add_slider('order', 0.0, 1.0, 0.5, 0.0)
     with connected(server) as connection:
         for message in (
                 {'type': 'ShareUrlRequest'},
                 {'type': 'GuiUpdateMessage', 'uuid': slider._impl.uuid, 'updates': {'value': 1}}):
             connection.send(msgspec.msgpack.encode(message))
-        wait_until(lambda: slider.value == 1.0, 'what was sent after the request')
+        wait_until(lambda: slider.value == 1.0, 'the message after the request')
     return asked
 
 
@@ -218,14 +218,14 @@ def test_a_port_that_cannot_be_had_is_reported(server, host, reason):
         f"({os.strerror(reason)}); expected a free port (0 finds one) of this computer's address")
 
 
-# --- which arm it shows --------------------------------------------------------------------------
+# --- the displayed arm ---------------------------------------------------------------------------
 
 class Watched:
     def __init__(self, viewer, work):
         self.viewer, self._work = viewer, work
 
     def wait_for(self, *words, without=(), meanwhile=lambda: None):
-        """Wait until the page says all these, and none of those."""
+        """Wait until the page contains each of `words`, and none of `without`."""
         def is_so():
             meanwhile()
             said = self.viewer._words.content
@@ -326,7 +326,7 @@ def test_without_dynamics_the_arm_is_that_of_the_topic(client):
 
 
 def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(client):
-    with described(client, '/mended') as publish, watched('/mended') as page:
+    with described(client, '/corrected') as publish, watched('/corrected') as page:
         for xml, words in ((one_link('first'), '**first**'), ('<robot', 'not well-formed XML')):
             publish(xml)
             page.wait_for(words)
@@ -359,7 +359,7 @@ def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(clie
             page.wait_for('**elsewhere**', without=[str(file)])
 
 
-def test_a_robot_that_is_named_is_shown_whatever_others_say(client, tmp_path):
+def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
     (tmp_path / 'arm.urdf').write_text(one_link('named'))
     other = NodeProcess(DYNAMICS, {'robot_description': one_link('other')}, namespace='/named')
     with described(client, '/named') as publish, \
@@ -393,7 +393,7 @@ def test_states_that_cannot_be_shown_are_reported_until_others_come(
 # --- the command line ----------------------------------------------------------------------------
 
 def run(*arguments, without=()):
-    """Run the command to its end, as if these libraries were not installed."""
+    """Run the command to its end, as if some libraries were not installed."""
     script = (
         f'import sys; sys.modules.update(dict.fromkeys({list(without)!r}))\n'
         f'from {VIEWER}.cli import main; sys.exit(main({list(arguments)!r}))')
@@ -414,7 +414,7 @@ def test_help_needs_no_library():
     assert all(f'--{option}' in done.stdout for option in ('host', 'port', 'robot', 'dynamics'))
 
 
-def test_without_viser_one_line_says_how_to_get_it():
+def test_without_viser_one_line_names_the_installation():
     check_one_line(run('--port', '0', without=['viser']), 1, 'pip install viser')
 
 
@@ -440,7 +440,7 @@ def test_a_robot_that_is_not_there_is_one_line(robot, tmp_path):
 def test_names_that_are_none_are_reported(arguments):
     done = run('--port', '0', *arguments)
     assert (done.returncode, done.stdout, done.stderr.count('Traceback')) == (1, '', 0)
-    assert done.stderr.splitlines()[-1].startswith('viewer: ')  # rcl may have said it before
+    assert done.stderr.splitlines()[-1].startswith('viewer: ')  # rcl may log a line before
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
@@ -455,7 +455,7 @@ def test_a_signal_ends_it_in_order_while_a_page_is_open(name, arm, tmp_path, mon
             page.recv(TIMEOUT)
             os.kill(viewer.pid, getattr(signal, name))
             assert viewer.wait() == 0
-        assert viewer.log.count('\n') <= 2, viewer.log  # with that of the page
+        assert viewer.log.count('\n') <= 2, viewer.log  # including the line of the page
 
 
 def test_beyond_this_computer_there_is_a_warning_on_stderr():
@@ -468,7 +468,7 @@ def test_beyond_this_computer_there_is_a_warning_on_stderr():
 
 
 class MutatingWaiter:
-    """Waits for an event; while that is first set, another one begins to wait."""
+    """Waits for an event; while the event is first set, another waiter is added."""
 
     def __init__(self, event):
         self.event, self.races = event, 0

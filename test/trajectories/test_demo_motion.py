@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The motion that the demo shows: smooth, at rest at its ends, and within every limit."""
+"""The motion of the demo: smooth, at rest at both ends, and within every limit."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -33,7 +33,7 @@ from robots import robot_urdf
 
 DEFAULT = 'default'
 ARMS = (DEFAULT, 'ur10', 'panda', 'kinova', 'xarm7', 'z1', 'tiago_no_hand')
-TOLERANCE = 1.02  # the limits were held at fewer instants than are looked at here
+TOLERANCE = 1.02  # the planner checked the limits at fewer instants than this test
 
 
 def arm_called(name):
@@ -83,7 +83,7 @@ def test_velocity_is_the_derivative_of_position_and_smooth(name):
     q, v, a = sample_trajectory(motion.trajectory, np.arange(0.0, 4.0, h))
     np.testing.assert_allclose(np.gradient(q, h, axis=0)[1:-1], v[1:-1], atol=1e-4)
     np.testing.assert_allclose(np.gradient(v, h, axis=0)[1:-1], a[1:-1], atol=2e-3)
-    # A step in acceleration would show as a difference that does not shrink with h.
+    # A step in acceleration would cause a difference that does not decrease with h.
     assert np.abs(np.diff(a, axis=0)).max() < 0.1
 
 
@@ -122,7 +122,7 @@ def test_a_start_that_is_given_is_used():
 
 
 def test_an_arm_near_its_limits_still_moves_below_them():
-    # Held horizontally, this pendulum takes 80 % of its limit at any start that is tried.
+    # Held horizontally, this pendulum takes 80 % of its limit at any start of the search.
     arm = load_arm(planar_arm_urdf(
         [1.0], [1.0], [0.5], [0.1], effort_limits=[4.905 / 0.8]))
     motion = make_reference_motion(arm, 5.0, np.array([np.pi / 2]))
@@ -130,7 +130,7 @@ def test_an_arm_near_its_limits_still_moves_below_them():
     check_limits(arm, motion, 5.0)
 
 
-def test_what_cannot_be_is_refused():
+def test_invalid_values_are_rejected():
     arm = arm_called(DEFAULT)
     with pytest.raises(InvalidInputError, match=r'duration is 0\.1'):
         make_reference_motion(arm, 0.1)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Exciting motions: at rest at both ends, within every limit, and better than what is random."""
+"""Exciting motions: at rest at both ends, within every limit, better than random motions."""
 
 from collections.abc import Callable
 import json
@@ -84,13 +84,13 @@ def dynamics() -> ArmDynamics:
 
 @pytest.fixture(scope='module')
 def excitation(dynamics: ArmDynamics) -> Excitation:
-    """Return a motion that effort limits too, as the arm is to use little of it."""
+    """Return a motion that is also limited by efforts, as the arm may use few of them."""
     fractions = LimitFractions(velocity=0.5, effort=0.4, acceleration=20.0)
     return find_excitation(dynamics, motion_limits(dynamics, fractions), HARMONICS, DURATION)
 
 
 def test_no_limit_is_passed_anywhere(dynamics: ArmDynamics, excitation: Excitation) -> None:
-    """As the node interpolates, at ten times as many instants as were looked at."""
+    """With the interpolation of the node, at ten times as many instants as in the search."""
     found = exciting_trajectory(excitation, dynamics)
     trajectory = found.trajectory
     q, v, a = sample_trajectory(trajectory, np.linspace(0.0, DURATION, 9973))
@@ -119,7 +119,7 @@ def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(
 
 @pytest.mark.parametrize('robot', ['planar', 'ur10'])
 def test_every_blas_kernel_finds_the_same_trajectory(robot: str, tmp_path: Path) -> None:
-    """The search ranks costs, so that rounding decides nothing: with gradients it did."""
+    """The search ranks costs, so that rounding has no effect; gradients were sensitive to it."""
     urdf = [] if robot == 'planar' else ['--urdf', str(robot_path(robot)), '--harmonics', '3']
     found = {}
     for name, environment in blas_environments().items():
@@ -158,20 +158,20 @@ def test_the_ranking_search_depends_on_the_order_of_costs_only() -> None:
 
 
 def test_the_condition_number_is_that_of_the_base_regressor(dynamics: ArmDynamics) -> None:
-    """Of a planar arm with two links it can be written down: seven columns, and friction."""
+    """For a planar arm with two links the result is known: seven columns, and friction."""
     random = np.random.default_rng(5)
     q, v, a = random.normal(size=(3, 50, 2))
     condition = ConditionNumber(dynamics.arm)
     assert condition.parameter_count == 7 + 6
     values = condition(Motion(q, v, a))
     assert condition(Motion(q, v, a)) == values > 1.0
-    # a joint that stands tells nothing of its rotor and its friction
+    # a joint at rest does not excite its rotor inertia and its friction
     v[:, 1] = a[:, 1] = 0.0
     assert condition(Motion(q, v, a)) >= 1e8
 
 
-def test_rounded_angles_of_a_urdf_tell_no_parameters() -> None:
-    """The xArm 7 turns its axes by 1.5708, which is π/2 but for 4e-6."""
+def test_rounded_angles_of_a_urdf_excite_no_parameters() -> None:
+    """The xArm 7 turns its axes by 1.5708, which differs from π/2 by 4e-6."""
     arm = load_arm(robot_urdf('xarm7'))
     q, v, a = np.random.default_rng(0).normal(size=(3, 100, 7))
     assert ConditionNumber(arm)(Motion(q, v, a)) < 1e3
@@ -248,7 +248,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------ the tool
 
 def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
-    """As a user starts it, without ROS."""
+    """As a user starts the tool, without ROS."""
     path = tmp_path / 'ur10.yaml'
     program = (
         'import sys\n'
@@ -282,7 +282,7 @@ def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
     (['--urdf', 'none.urdf'], 'none.urdf'),
     (['--start', '0', 'nan'], 'start'),
 ])
-def test_the_tool_says_what_is_wrong(
+def test_the_tool_reports_errors(
     arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -118,7 +118,7 @@ def test_a_set_point_with_lowered_velocity_passes(numbers: list[float]) -> None:
 
 
 def test_a_motion_is_judged_between_its_points() -> None:
-    # the cubic through both points: 0.75 rad farther half-way, at ±3 rad/s
+    # the cubic through both points: 0.75 rad beyond them half-way, at ±3 rad/s
     beyond = trajectory([1.2, 0.0], [1.2, 0.0], velocities=[[3.0, 0.0], [0.0, 0.0]])
     line, = motion_excesses(ARM, beyond)
     assert line.startswith("position of 'joint1' is 1.6")
@@ -138,7 +138,7 @@ def controller(**changes: Any) -> Controller:
 
 
 def reached(one: Controller) -> list[float]:
-    """Return the position of the reference after a long time."""
+    """Return the final position of the reference."""
     reference = one.update(1 + 10**11, np.zeros(2), np.zeros(2)).reference
     assert reference is not None
     return list(reference.position)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The laws of joint trajectories: interpolation, take-over, precision, and every refusal."""
+"""Properties of joint trajectories: interpolation, replacement, precision, and rejections."""
 
 import array
 from itertools import pairwise
@@ -158,7 +158,7 @@ def test_a_segment_without_length_is_refused(t1):
         sample_segment(1.0, 1.0, point([0.0]), t1, point([1.0]))
 
 
-# A trajectory in force -------------------------------------------------------------------------
+# Active trajectories ---------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('fields', 'continuous'), [
     (1, (True, False, True)),  # linear: the acceleration is zero on both sides
@@ -275,11 +275,11 @@ def test_what_a_sample_shares_cannot_be_written():
             row[0] = 1.0
 
 
-# Taking over -----------------------------------------------------------------------------------
+# Replacement -----------------------------------------------------------------------------------
 
 @laws
 @given(span=st.integers(1, 4 * SECOND), delay=st.integers(0, SECOND))
-def test_a_replacement_goes_on_from_the_reference_in_force(span, delay):
+def test_a_replacement_continues_from_the_active_reference(span, delay):
     follower = TrajectoryFollower(JOINTS)
     follower.start(smooth((0.5, 1.0, 3.0), 1), EPOCH, (0.0, 0.0), (0.0, 0.0))
     now = EPOCH + span
@@ -292,7 +292,7 @@ def test_a_replacement_goes_on_from_the_reference_in_force(span, delay):
     np.testing.assert_allclose(after.velocity, before.velocity, atol=1e-3)
 
 
-def test_the_first_trajectory_goes_on_from_the_measured_state():
+def test_the_first_trajectory_continues_from_the_measured_state():
     follower = TrajectoryFollower(JOINTS)
     assert follower.sample(EPOCH) is None
     q, v = np.array([0.5, -0.5]), np.array([0.1, 0.2])
@@ -342,7 +342,7 @@ def test_after_clear_the_measured_state_counts_again():
     np.testing.assert_allclose(follower.sample(EPOCH + SECOND).position, (0.7, 0.8))
 
 
-def test_the_old_trajectory_is_forgotten_at_once():
+def test_the_old_trajectory_is_discarded_at_once():
     follower = TrajectoryFollower(JOINTS)
     old = trajectory((0.0, 10.0), ((0.0, 0.0), (10.0, 0.0)))
     new = trajectory((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0)))
@@ -394,14 +394,14 @@ def test_other_joints_than_the_follower_has_are_refused():
     ((0.0,), (0.0, 0.0), 'position has 1 values, expected 2'),
     ((0.0, 0.0), (0.0, math.nan), r'velocity\[1\] \(elbow\) is nan'),
 ])
-def test_a_measured_state_that_is_none_is_refused(q, v, words):
+def test_an_invalid_measured_state_is_rejected(q, v, words):
     with pytest.raises(InvalidInputError, match=words):
         TrajectoryFollower(JOINTS).start(trajectory(), EPOCH, q, v)
 
 
 @laws
 @given(q=values, target=values)
-def test_a_continuous_joint_goes_the_short_way_round(q, target):
+def test_a_continuous_joint_takes_the_shortest_angular_distance(q, target):
     follower = TrajectoryFollower(JOINTS, continuous_joints=('elbow',))
     path = trajectory((1.0,), ((target, target),))
     follower.start(path, EPOCH, (q, q), (0.0, 0.0))
@@ -433,7 +433,7 @@ def test_a_negative_age_is_refused():
         TrajectoryFollower(JOINTS, set_point_max_age=-1.0)
 
 
-# What is accepted and refused ------------------------------------------------------------------
+# Validation ------------------------------------------------------------------------------------
 
 @laws
 @given(order=st.permutations(range(4)), fields=st.integers(1, 3), span=st.integers(0, 3 * SECOND))
@@ -566,7 +566,7 @@ def test_the_index_in_a_refusal_is_the_senders():
         trajectory(v=((0.0, 0.0), (0.3, 0.0)), names=('elbow', 'shoulder'))
 
 
-# Making trajectories ---------------------------------------------------------------------------
+# Generation of trajectories --------------------------------------------------------------------
 
 @laws
 @given(q0=vectors, q1=vectors, T=spans, s=st.floats(0.0, 1.0))
@@ -594,7 +594,7 @@ def test_point_to_point_refuses_a_duration_that_is_none(duration):
 
 
 def segment_polynomials(path: JointTrajectory, joint: int) -> list[np.polynomial.Polynomial]:
-    """Return one polynomial of the time from its begin per segment, from samples of it."""
+    """Return one polynomial of the time since the start per segment, fitted to samples."""
     found = []
     for p0, p1 in pairwise(path.points):
         T = p1.time_from_start - p0.time_from_start

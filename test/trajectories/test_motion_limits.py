@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Limits of references: what the effort limits leave after gravity, over the workspace."""
+"""Limits of references: the effort that gravity leaves within the limits, in the workspace."""
 
 from functools import cache
 
@@ -58,7 +58,7 @@ def rate(name: str) -> FloatArray:
 
 
 def available(effort: FloatArray, gravity: FloatArray) -> FloatArray:
-    """Return the effort that acceleration may take, infinite where the arm cannot be held."""
+    """Return the effort available for acceleration, infinite if the arm cannot be held."""
     rest = EFFORT_FRACTION * (effort - np.abs(gravity))
     return np.where(can_hold(effort, gravity)[..., np.newaxis], rest, np.inf)
 
@@ -137,7 +137,7 @@ def test_a_heavier_payload_does_not_make_the_arm_faster(
     for mass in (light, light * factor):
         load = make_payload(arm.link_names[-1], mass, place, 0.01 * mass * np.eye(3))
         loaded = WorkspaceInertia(ArmDynamics(arm.with_payloads([load])))
-        # A load that cannot be held in some poses has larger limits in the others.
+        # A load that cannot be held in some poses has larger limits in the other poses.
         assume(can_hold(arm.limits.effort, loaded.gravity).all())
         found.append(loaded.motion_limits(arm.limits.effort, rate(name)))
     for lighter, heavier in ((found[0].acceleration, found[1].acceleration),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Paths without velocities get them; trajectories that the arm cannot follow are rejected."""
+"""Paths without velocities get velocities; infeasible trajectories are rejected."""
 
 from functools import cache
 from itertools import pairwise

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A reference that is lost at speed: the arm stops along its path, within its limits."""
+"""A reference that ends in motion: the arm stops along its path, within its limits."""
 
 from typing import Any
 
@@ -64,7 +64,7 @@ def end_of(one: ReferenceGenerator) -> float:
 
 
 def distance_to_curve(q: FloatArray, curve: FloatArray) -> FloatArray:
-    """Return the distances (m,) of points (m, 2) to the line through `curve` (k, 2)."""
+    """Return the distances (m,) of points (m, 2) to the polyline through `curve` (k, 2)."""
     d = np.diff(curve, axis=0)
     rest = q[:, np.newaxis] - curve[:-1]
     fraction = np.clip((rest * d).sum(axis=2) / np.maximum((d * d).sum(axis=1), 1e-30), 0.0, 1.0)
@@ -93,7 +93,7 @@ def test_a_stop_stays_on_a_curved_path_and_only_slows_down(t: float) -> None:
     assert np.abs(found.acceleration).max() <= TOLERANCE * 5.0
     jerk = np.abs(np.diff(found.acceleration, axis=0)).max() * 200.0 / (end - t)
     assert jerk <= TOLERANCE * 90.0
-    # A trajectory that becomes faster does so for a short while; then its speed only decreases.
+    # A trajectory that accelerates continues to do so briefly; then its speed only decreases.
     speed = np.linalg.norm(found.velocity, axis=1)
     peak = int(np.argmax(speed))
     assert peak <= 80
@@ -182,7 +182,7 @@ def test_the_ur10_at_1_rad_per_s_stops_within_03_rad_and_54_percent_of_its_effor
     torque = dynamics.inverse_dynamics_batch(*found)
     gravity = dynamics.inverse_dynamics_batch(
         found.position, 0.0 * found.velocity, 0.0 * found.velocity)
-    assert way[0] <= 0.3  # 0.14 rad were measured, and 37 % of the effort, 19 % without gravity
+    assert way[0] <= 0.3  # measured: 0.14 rad, and 37 % of the effort, 19 % without gravity
     assert way[1:].max() <= 1e-9
     assert (np.abs(torque - gravity) / effort).max() <= 0.54
     if np.abs(gravity / effort).max() < 0.3:

@@ -50,7 +50,7 @@ unit = st.floats(-1.0, 1.0)
 
 
 class Case(NamedTuple):
-    """A start that moves within its limits, and a goal."""
+    """A moving start within its limits, and a goal."""
 
     limits: MotionLimits
     start: Reference
@@ -67,7 +67,7 @@ def cases(draw: Any) -> Case:
     a = v / draw(vectors(st.floats(0.2, 2.0)))
     j = a / draw(vectors(st.floats(0.05, 0.15)))
     a0 = a * draw(vectors(unit))
-    # What the acceleration adds to the velocity before it can end is within the limit as well.
+    # The velocity that the acceleration adds before it ends is within the limit as well.
     largest = np.maximum(v - a0**2 / (2.0 * j), 0.0)
     start = Reference(0.75 * BOX * draw(vectors(unit)), largest * draw(vectors(unit)), a0)
     box = np.full(N, BOX)
@@ -89,7 +89,7 @@ def active(start: Reference, points: list[TrajectoryPoint]) -> ActiveTrajectory:
 
 
 def motion(start: Reference, points: list[TrajectoryPoint]) -> Motion:
-    """Sample between the points; jerk by differences within the segments."""
+    """Sample between the points; compute the jerk by differences within the segments."""
     one, rows, jerks = active(start, points), [], []
     times = [0.0, *(p.time_from_start for p in points)]
     for t0, t1 in zip(times, times[1:]):
@@ -104,7 +104,7 @@ def motion(start: Reference, points: list[TrajectoryPoint]) -> Motion:
 
 
 def exceeds(found: Motion, case: Case, velocity: float = TOLERANCE) -> bool:
-    """Return whether the motion exceeds a limit, or what the start has itself."""
+    """Return whether the motion exceeds a limit by more than its start does."""
     limits, start = case.limits, case.start
     v = np.abs(found.velocity).max(axis=0) / np.maximum(limits.velocity, np.abs(start.velocity))
     a = np.abs(found.acceleration).max(axis=0) / np.maximum(
@@ -150,7 +150,7 @@ def test_a_goal_that_is_reached_already_takes_the_shortest_motion() -> None:
     assert not point.position.any()
 
 
-# --- from a state that moves ---------------------------------------------------------------------
+# --- from a moving state -------------------------------------------------------------------------
 
 @laws
 @given(cases())
@@ -205,7 +205,7 @@ def test_a_joint_that_moves_arrives_after_the_shortest_time_or_later(
     assert not exceeds(motion(case.start, points), case)
 
 
-# --- a target that moves -------------------------------------------------------------------------
+# --- a moving target -----------------------------------------------------------------------------
 
 @laws
 @given(cases(), st.floats(-0.5, 0.5))

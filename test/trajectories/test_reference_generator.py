@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whatever is sent, the reference is continuous and within limits, and follows with little lag."""
+"""For any messages, the reference is continuous, within limits, and follows with little lag."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -76,7 +76,7 @@ def at(one: ReferenceGenerator, t: float) -> Reference:
 
 
 class Samples(NamedTuple):
-    """Times (m,) [s] from NOW, and what was followed then, (m, n) each."""
+    """Times (m,) [s] after NOW, and the references at these times, (m, n) each."""
 
     t: FloatArray
     q: FloatArray
@@ -122,7 +122,7 @@ def ramp(t: float) -> tuple[FloatArray, FloatArray]:
 OMEGA, AMPLITUDE = 4.0, 0.1
 
 
-# --- entering ------------------------------------------------------------------------------------
+# --- the first reference -------------------------------------------------------------------------
 
 @st.composite
 def trajectories(draw: Any) -> JointTrajectory:
@@ -214,7 +214,7 @@ def test_a_trajectory_that_is_entered_late_is_met_on_its_path(
     active = one.active
     assert active is not None
     assert at(one, 10.0 * late).position == pytest.approx(measured, abs=2.0 * ON_PATH)
-    # A trajectory that begins now waits for the arm; another one keeps its times.
+    # A trajectory that starts now waits for the arm; other trajectories keep their times.
     assert ns(10.0 * late) == NOW or active.start_ns == NOW
     exact = ActiveTrajectory(sent, active.start_ns, NOW, Reference(start, ZERO, ZERO))
     times = np.linspace(ns(10.0 * late), active.end_ns, 200).astype(int).tolist()
@@ -255,7 +255,7 @@ def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate: int
     q, v = (np.array(x) for x in zip(*exact))
     a = -OMEGA**2 * q
     largest_jerk = AMPLITUDE * OMEGA**3
-    # The acceleration is a difference of velocities, late by half a period.
+    # The acceleration is a difference of velocities, delayed by half a period.
     assert np.abs(found.q - q).max() < 1e-6 + 0.1 * largest_jerk * h**3
     assert np.abs(found.v - v).max() < largest_jerk * h**2
     assert np.abs(found.a - a).max() < 0.6 * largest_jerk * h
@@ -318,8 +318,8 @@ def stated_lag(h: float, speed: float, limits: MotionLimits) -> float:
     """
     Return the largest lag [s] behind a ramp of this speed.
 
-    The plan of each period ends at rest: its duration T is the horizon, or what the stop takes
-    by the limits of jerk, 12 v / T², and acceleration; and 15 % more, the step of the durations.
+    The plan of each period ends at rest. Its duration T is the horizon, or the duration of the
+    stop within the limits of jerk, 12 v / T², and acceleration; plus 15 %, the step of durations.
     """
     T = max(HORIZON, PERIODS * h, np.sqrt(12.0 * speed / limits.jerk[0]),
             1.5 * speed / limits.acceleration[0])

@@ -70,7 +70,7 @@ def densely(path: JointTrajectory, count: int) -> tuple[np.ndarray, ...]:
 def dense_ratios(
     dynamics: ArmDynamics, path: JointTrajectory, count: int = 4000,
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return times and |value| / limit, (m, n) each, of an independent interpolation."""
+    """Return times and |value| / limit, (m, n) each, from an independent interpolation."""
     t, q, v, a = densely(path, count)
     effort = dynamics.inverse_dynamics_batch(q, v, a)
     ratios = {'effort': np.abs(effort) / dynamics.arm.limits.effort}
@@ -81,7 +81,7 @@ def dense_ratios(
 
 
 def random_path(random: np.random.Generator, points: int, fields: int) -> JointTrajectory:
-    """Return a path with `fields` of position, velocity and acceleration, 4 for any at random."""
+    """Return a path with `fields` of position, velocity and acceleration; 4 means random."""
     times = np.cumsum(random.uniform(0.2, 1.5, points))
     q, v, a = random.normal(0.0, [[[1.5]], [[2.0]], [[8.0]]], (3, points, 2))
     v[-1] = 0.0
@@ -104,11 +104,11 @@ def test_the_worst_place_is_that_of_the_whole_motion(
         path = random_path(random, points, fields)
         result = efforts_along(dynamics, path)
         t, ratios = dense_ratios(dynamics, path)
-        # A point whose acceleration no segment takes up, and the rest at the end, count too.
+        # Includes an acceleration of a point outside any segment, and the rest at the end.
         at_points = np.abs(result.efforts) / LIMITS
         rest = np.abs(dynamics.rigid_body.gravity(path.points[-1].position)) / LIMITS
         worst = max(ratios['effort'].max(), at_points.max(), rest.max())
-        # With dry friction the largest effort is a limit that no sample reaches.
+        # With dry friction the largest effort is a one-sided limit that no sample reaches.
         assert result.worst_ratio == pytest.approx(worst, rel=1e-3 if dry else 1e-5)
         assert result.feasible == (result.worst_ratio <= 1.0)
         if fields == 3 and not dry and worst == ratios['effort'].max():  # smooth
@@ -118,7 +118,7 @@ def test_the_worst_place_is_that_of_the_whole_motion(
 
 
 def test_a_motion_that_is_slow_only_at_its_points_is_not_feasible() -> None:
-    """From rest to rest the efforts at both points are those of gravity."""
+    """From rest to rest the efforts at both points are gravity torques."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [0.0, 1.5], 0.3)
     result = efforts_along(DYNAMICS, path)
     assert (np.abs(result.efforts) / LIMITS).max() < 0.2
@@ -131,7 +131,7 @@ def test_a_motion_that_is_slow_only_at_its_points_is_not_feasible() -> None:
 
 
 def test_many_turns_in_one_segment() -> None:
-    """Gravity takes the arm's joints through 60 maxima, of which one is the largest."""
+    """The effort of gravity has 60 maxima during the motion, of which one is the largest."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [200.0, 37.0], 400.0)
     _, ratios = dense_ratios(DYNAMICS, path, 400_000)
     assert efforts_along(DYNAMICS, path).worst_ratio == pytest.approx(
@@ -139,7 +139,7 @@ def test_many_turns_in_one_segment() -> None:
 
 
 def test_one_quick_segment_among_thousands() -> None:
-    """Between two of 6,000 points at rest the arm makes a small step, quicker than it can."""
+    """Between two of 6,000 points at rest the arm makes a small step, which is too fast."""
     times = 0.05 * np.arange(6000)
     q = np.column_stack([0.3 * np.sin(times), np.zeros_like(times)])
     q[3000:] = q[2999] + np.array([0.02, -0.03])
@@ -155,7 +155,7 @@ def test_one_quick_segment_among_thousands() -> None:
 
 
 def test_the_motion_before_the_first_point_is_no_part() -> None:
-    """It depends on where the arm then is, which no request tells."""
+    """The effort depends on the later position of the arm, which the request does not contain."""
     at_once, later = (
         efforts_along(DYNAMICS, trajectory(
             [start, start + 1.0], [[3.0, 0.0], [2.0, 0.5]], [[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2))
@@ -165,7 +165,7 @@ def test_the_motion_before_the_first_point_is_no_part() -> None:
 
 
 def test_the_rest_after_the_last_point_counts() -> None:
-    """The point's own acceleration is one at which gravity needs no effort."""
+    """The acceleration of the point is the one at which gravity needs no effort."""
     q = np.array([np.pi / 2, 0.0])
     falling = DYNAMICS.forward_dynamics(q, np.zeros(2), np.zeros(2))
     path = trajectory(
@@ -187,7 +187,7 @@ def test_a_quicker_motion_is_not_feasible() -> None:
 
 
 def test_a_cubic_path_is_taken_with_the_acceleration_of_its_interpolation() -> None:
-    """Of a cubic from rest to rest the acceleration at the ends is ±6 (q1 - q0) / T²."""
+    """The acceleration of a cubic from rest to rest is ±6 (q1 - q0) / T² at its ends."""
     T = 0.5
     path = trajectory([0.0, T], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0], [0.0, 0.0]])
     effort = efforts_along(DYNAMICS, path).efforts[0]
@@ -201,7 +201,7 @@ def test_a_linear_path_is_taken_with_its_slope() -> None:
     v = np.array([2.0, -1.6])
     assert first == pytest.approx(
         DYNAMICS.inverse_dynamics(np.array([0.0, 0.3]), v, np.zeros(2)))
-    # after the last point the reference rests
+    # after the last point the reference is at rest
     assert last == pytest.approx(DYNAMICS.rigid_body.gravity(np.array([1.0, -0.5])))
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A description with a DTD, or one that is too large, is refused before it is parsed."""
+"""A description with a DTD, or a description that is too large, is rejected before parsing."""
 
 import resource
 import time

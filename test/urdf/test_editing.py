@@ -60,7 +60,7 @@ def test_an_element_is_taken_away_with_its_line():
     assert with_elements(URDF, {}, {}) == URDF.replace(' encoding="latin-1"', '') + '\n'
 
 
-def test_what_is_no_xml_is_refused():
+def test_invalid_xml_is_rejected():
     with pytest.raises(ModelError, match='is no XML'):
         with_elements('<robot>', {}, {})
 
@@ -88,7 +88,7 @@ def test_the_written_arm_is_the_identified_one(name):
 
 
 def test_links_fixed_to_a_body_give_their_mass_up_where_it_does_not_fit():
-    # The hand of the panda, locked, weighs more than all of its last body now.
+    # The locked hand of the panda is now heavier than its whole last body.
     joints = [f'panda_joint{i}' for i in range(1, 8)]
     urdf = robot_urdf('panda')
     arm = load_arm(urdf, joints)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading a URDF: what is understood, what is passed over, and what every refusal says."""
+"""The URDF parser: the elements that it reads or ignores, and its error messages."""
 
 import math
 import re
@@ -45,7 +45,7 @@ def robot(body, attributes='name="bot"'):
 
 
 def joint_of(inside, kind='revolute', limit=LIMIT):
-    """Return a robot with one joint that has this inside."""
+    """Return a robot with one joint that contains these elements."""
     return robot(f'{LINKS}<joint name="turn" type="{kind}">{ENDS}{limit}{inside}</joint>')
 
 
@@ -61,7 +61,7 @@ def refusal(xml):
     return str(caught.value)
 
 
-# --- what is read --------------------------------------------------------------------------------
+# --- elements that are read ----------------------------------------------------------------------
 
 def test_a_joint_is_read():
     parsed = parse_urdf(joint_of(
@@ -117,7 +117,7 @@ def test_joints_are_in_the_order_of_the_document():
 
 
 def test_a_fixed_joint_mimics_nothing():
-    assert parse_urdf(joint_of('<mimic joint="nobody"/>', 'fixed')).joints[0].mimic is None
+    assert parse_urdf(joint_of('<mimic joint="missing"/>', 'fixed')).joints[0].mimic is None
 
 
 def test_a_fixed_joint_may_have_any_axis():
@@ -141,7 +141,7 @@ def test_other_elements_are_passed_over():
 @pytest.mark.parametrize('prefix', [
     '\n\n  ', '<?xml version="1.0"?>', '<?xml version="1.0" encoding="utf-8"?>\n',
     '<!-- made by hand -->'])
-def test_what_stands_before_the_robot_is_passed_over(prefix):
+def test_text_before_the_robot_element_is_ignored(prefix):
     assert parse_urdf(prefix + robot(LINKS + JOINT)).link_names == ('base', 'arm')
 
 
@@ -155,7 +155,7 @@ def test_a_robot_may_be_without_a_name():
     assert parse_urdf(robot(LINKS + JOINT, '')).name == ''
 
 
-# --- for the engine ------------------------------------------------------------------------------
+# --- the URDF for Pinocchio ----------------------------------------------------------------------
 
 def pinocchio_inertia(xml):
     return pin.buildModelFromXML(parse_urdf(xml).pinocchio_xml).inertias[1]
@@ -167,7 +167,7 @@ def pinocchio_inertia(xml):
     ('xyz="0.1 0.2 0.3"', 'xyz="  0.1  0.2 .3 "'), ('rpy="0 0 1"', 'rpy="0\n0\n1"'),
 ])
 def test_numbers_with_unusual_space_reach_pinocchio(plain, unusual):
-    # Its own parser would drop the whole inertia of the link, and go on.
+    # The parser of Pinocchio would silently ignore the whole inertia of the link.
     xml = link_of(
         '<inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 1"/><mass value="1.5"/>'
         f'{INERTIA}</inertial>')
@@ -208,7 +208,7 @@ def test_pinocchio_reads_the_same_bodies_from_real_robots(name):
 # --- mimic chains --------------------------------------------------------------------------------
 
 def mimics(*relations, kind='revolute'):
-    """Return a robot with the joint `turn` and others, each with its relation."""
+    """Return a robot with the joint `turn` and other joints, each with its mimic relation."""
     names = ('other', 'third', 'fourth')
     body, parent = LINKS + JOINT, 'arm'
     for name, relation in zip(names, relations):
@@ -230,7 +230,7 @@ def test_relations_compose_along_the_chain():
     assert resolve_mimic(parsed.joint('fourth'), parsed.joints) == Mimic('turn', -3.0, -1.625)
 
 
-# --- what is refused -----------------------------------------------------------------------------
+# --- rejections ----------------------------------------------------------------------------------
 
 SECOND_JOINT = JOINT.replace('turn', 'back')
 TIP = '<link name="tip"/>'
@@ -290,7 +290,7 @@ REFUSALS = {
         robot(LINKS + JOINT + joining('back', 'arm', 'base')),
         "robot_description: links ['base', 'arm'] form a closed loop that hangs on no root, "
         'expected a tree'),
-    'loop beside the tree': (
+    'loop next to the tree': (
         robot(LINKS + JOINT + TIP + '<link name="top"/>' + joining('up', 'tip', 'top')
               + joining('down', 'top', 'tip')),
         "robot_description: links ['tip', 'top'] form a closed loop that hangs on no root, "
@@ -312,7 +312,7 @@ REFUSALS = {
         joint_of('', limit='<limit lower="inf" upper="inf"/>'),
         "robot_description: joint 'turn': lower=inf, upper=inf, expected a range that holds a "
         'position in [-1e+09, 1e+09]'),
-    'limit in words': (
+    'limit as text': (
         joint_of('', limit='<limit lower="-pi" upper="2"/>'),
         "robot_description: joint 'turn': lower='-pi', expected a number"),
     'limit nan': (
@@ -321,7 +321,7 @@ REFUSALS = {
     'velocity nan': (
         joint_of('', limit='<limit velocity="NaN"/>'),
         "robot_description: joint 'turn': velocity='NaN', expected a number"),
-    'effort in words': (
+    'effort as text': (
         joint_of('', limit='<limit effort="a lot"/>'),
         "robot_description: joint 'turn': effort='a lot', expected a number"),
     'negative damping': (
@@ -333,7 +333,7 @@ REFUSALS = {
     'infinite damping': (
         joint_of('<dynamics damping="inf"/>'),
         "robot_description: joint 'turn': damping=inf, expected a number >= 0"),
-    'damping in words': (
+    'damping as text': (
         joint_of('<dynamics damping="high"/>'),
         "robot_description: joint 'turn': damping='high', expected a number"),
     'zero axis': (
@@ -351,7 +351,7 @@ REFUSALS = {
     'mass nan': (
         link_of(f'<inertial><mass value="nan"/>{INERTIA}</inertial>'),
         "robot_description: link 'arm': inertial: value='nan', expected a number"),
-    'mass in words': (
+    'mass as text': (
         link_of(f'<inertial><mass value="1 kg"/>{INERTIA}</inertial>'),
         "robot_description: link 'arm': inertial: value='1 kg', expected a number"),
     'mass missing': (
@@ -372,13 +372,13 @@ REFUSALS = {
     'infinite entry': (
         link_of(INERTIAL.replace('izz="1"', 'izz="inf"')),
         "robot_description: link 'arm': inertial: izz is inf, expected a number"),
-    'entry in words': (
+    'entry as text': (
         link_of(INERTIAL.replace('ixy="0"', 'ixy="${ixy}"')),
         "robot_description: link 'arm': inertial: ixy='${ixy}', expected a number"),
     'com': (
         link_of(f'<inertial><origin xyz="0 0"/><mass value="1"/>{INERTIA}</inertial>'),
         "robot_description: link 'arm': inertial: origin: xyz='0 0', expected three numbers"),
-    'mimic of nobody': (
+    'mimic of a missing joint': (
         mimics('<mimic joint="ghost"/>'),
         "robot_description: joint 'other' mimics 'ghost', expected one of ['turn', 'other']"),
     'mimic without a joint': (
@@ -428,7 +428,7 @@ def test_message_on(case):
 @pytest.mark.parametrize('text', [
     '/opt/robots/arm.urdf', '<robot name="bot"><link name="a"></robot>', '{"robot": "bot"}',
     '<robot name="bot"/><robot name="bot"/>', '<robot name="\x00"/>'])
-def test_message_on_what_is_no_xml(text):
+def test_message_on_invalid_xml(text):
     message = refusal(text)
     assert message.startswith('robot_description is not well-formed XML (')
     assert message.endswith(f'), expected a URDF; it begins with {text[:40]!r}')

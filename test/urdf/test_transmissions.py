@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Gear ratios out of the transmissions of a URDF."""
+"""Gear ratios from the transmissions of a URDF."""
 
 import re
 
@@ -44,7 +44,7 @@ JOINT1 = '<joint name="joint1"><hardwareInterface>EffortJointInterface</hardware
     f'{JOINT1}<actuator name="m">{reduction(50)}</actuator>',
     f'<actuator name="m"/><joint name="joint1">{reduction(" 50.0 ")}</joint>',
     f'{JOINT1}<actuator name="m"/>{reduction("5e1")}',
-    # two motors that are alike, and one that is said twice
+    # two equal motors, and a transmission that appears twice
     f'{JOINT1}<actuator name="m">{reduction(50)}</actuator><actuator>{reduction(50)}</actuator>',
     f'<joint name="joint1">{reduction(50)}</joint><actuator name="m">{reduction(50)}</actuator>',
 ])
@@ -64,17 +64,17 @@ def test_that_of_ros2_control_is_found_too() -> None:
 @pytest.mark.parametrize('inside', [
     f'{JOINT1}<joint name="joint2"/><actuator name="m">{reduction(50)}</actuator>',  # coupled
     f'<joint name="elsewhere"/><actuator name="m">{reduction(50)}</actuator>',
-    f'<joint name="tool0_joint"/><actuator name="m">{reduction(50)}</actuator>',  # does not move
+    f'<joint name="tool0_joint"/><actuator name="m">{reduction(50)}</actuator>',  # a fixed joint
     f'<joint/><actuator name="m">{reduction(50)}</actuator>',
     f'<actuator name="m">{reduction(50)}</actuator>',
     f'{JOINT1}<actuator name="m"/>',
 ])
-def test_what_states_no_joints_own_ratio_is_passed_over(inside: str) -> None:
+def test_transmissions_without_a_ratio_of_one_joint_are_ignored(inside: str) -> None:
     assert arm_with(transmission(inside)).gear_ratios == {}
 
 
 @pytest.mark.parametrize('text', ['fifty', '', '0', '0.0', 'nan', 'inf', '50 60'])
-def test_a_reduction_that_is_none_is_refused_by_joint_and_text(text: str) -> None:
+def test_an_invalid_reduction_is_rejected_by_joint_and_text(text: str) -> None:
     arm = arm_with(transmission(f'{JOINT1}<actuator name="m">{reduction(text)}</actuator>'))
     with pytest.raises(ModelError, match=re.escape(
             f"transmission of joint 'joint1': mechanicalReduction is {text!r}, expected")):
@@ -114,6 +114,6 @@ def test_real_arms(robot: str, ratios: dict[str, float]) -> None:
 def test_real_robots_with_coupled_wrists() -> None:
     tiago = load_arm(robot_urdf('tiago')).gear_ratios
     assert {'arm_1_joint', 'arm_5_joint'} <= set(tiago)
-    assert not {'arm_6_joint', 'arm_7_joint'} & set(tiago)  # a differential
+    assert not {'arm_6_joint', 'arm_7_joint'} & set(tiago)  # driven by a differential
     pr2 = load_arm(robot_urdf('pr2')).gear_ratios
     assert pr2['r_shoulder_pan_joint'] == pytest.approx(63.155, abs=1e-3)

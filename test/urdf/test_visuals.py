@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What can be drawn of a URDF: shapes, places, colours, and the files of meshes."""
+"""Visual elements of a URDF: shapes, poses, colours, and mesh files."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -35,7 +35,7 @@ def visuals_of(inside, outside=''):
 
 
 def one(geometry, more='', outside=''):
-    """Return the only visual of a link that has this one."""
+    """Return the only visual of a link with this geometry."""
     (visual,) = visuals_of(
         f'<visual>{more}<geometry>{geometry}</geometry></visual>', outside)
     return visual
@@ -106,7 +106,7 @@ def test_a_namespace_changes_nothing():
     assert (visual.link, visual.shape, visual.colour) == ('a', Sphere(0.1), (1.0, 0.0, 0.0, 1.0))
 
 
-# --- places --------------------------------------------------------------------------------------
+# --- poses ---------------------------------------------------------------------------------------
 
 @settings(deadline=None, derandomize=True)
 @given(st.tuples(LENGTHS, LENGTHS, LENGTHS), st.tuples(ANGLES, ANGLES, ANGLES))
@@ -169,7 +169,7 @@ def test_every_real_arm_has_something_to_draw(robot):
 
 
 @pytest.mark.parametrize('robot', ['ur10', 'panda'])
-def test_the_meshes_of_a_real_arm_are_found_beside_its_urdf(robot, monkeypatch):
+def test_the_meshes_of_a_real_arm_are_found_next_to_its_urdf(robot, monkeypatch):
     monkeypatch.setenv('AMENT_PREFIX_PATH', '')
     path = robot_path(robot)
     names = [visual.shape.name for visual in read_visuals(path.read_text(encoding='utf-8'))
@@ -217,7 +217,7 @@ def test_a_relative_name_belongs_to_the_directory_of_the_urdf_alone(mesh):
     assert find_mesh('meshes/link.stl', mesh.parent.parent / 'urdf') is None
 
 
-def test_packages_of_the_environment_are_found_after_those_beside_the_urdf(
+def test_packages_of_the_environment_are_found_after_those_next_to_the_urdf(
         mesh, tmp_path, monkeypatch):
     urdf = mesh.parent.parent / 'urdf'
     others = []
@@ -269,7 +269,7 @@ def test_meshes_of_packages_and_declared_directories_are_found(installed, name, 
     'package://secret/../../../secret/link.stl', 'file://{}/secret/link.stl',
     'file://{}/install/share/../../secret/link.stl', '{}/secret/link.stl', '/etc/passwd',
     'file:///etc/passwd', '../secret/link.stl', 'out.stl', '{}/own/out.stl'])
-def test_other_meshes_are_not_opened_and_it_is_not_told_whether_they_exist(installed, name):
+def test_other_meshes_are_not_opened_and_their_existence_is_not_revealed(installed, name):
     for word in ('link', 'gone'):
         path = name.format(installed).replace('link', word)
         with pytest.raises(ModelError, match=(
@@ -283,6 +283,6 @@ def test_other_meshes_are_not_opened_and_it_is_not_told_whether_they_exist(insta
     ('package://arm/gone.stl', 'is not found'), ('package://arm/\0', 'is not found'),
     ('gone.stl', 'is not found'), ('http://example.com/a.stl', 'of an unknown kind'),
     ('package://' + 'a' * 300, 'is not found')])
-def test_a_mesh_that_is_not_there_is_told(installed, name, words):
+def test_a_missing_mesh_is_reported(installed, name, words):
     with pytest.raises(ModelError, match=words):
         find_untrusted_mesh(name, [installed / 'own'])

@@ -1,0 +1,254 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Planned stops on a real node: `~/stop`, and the timeout of a stream of set-points.
+
+The reference comes to rest along its path without a jump, and the node then holds the position.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+import time
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import FaultBench, figure_of, NAMES, nanoseconds_of, Q
+from fault_stimuli import SetPoints
+from fault_table import fault
+from interruption_bench import (
+    check_held,
+    ELSEWHERE,
+    follow,
+    following,
+    gravity,
+    GROUP,
+    interruption_bench,
+    move_by_hand,
+)
+from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
+import numpy as np
+import pytest
+from robot_dynamics_interfaces.srv import InverseDynamicsBatch
+from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+PAUSE = 0.3
+"""[s] of `reference_timeout` once a stream has ended."""
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node with default parameters for an arm with limits, as left by the last test."""
+    with interruption_bench(client, '/planned_stops') as one:
+        yield one
+
+
+@pytest.fixture
+def arm(bench: FaultBench) -> Iterator[FaultBench]:
+    """Return the bench with the arm at rest at `Q` and following `Q`."""
+    with following(bench) as one:
+        yield one
+
+
+class IdealArm:
+    """Makes the driver report that the arm is at its newest reference."""
+
+    def __init__(self, bench: FaultBench) -> None:
+        self._bench = bench
+        self.references: Collector = bench.client.collect(JointState, bench.name('reference'))
+        self.references.wait_matched()
+
+    def __enter__(self) -> 'IdealArm':
+        self._bench.driver.change = self._track
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bench.driver.q = self._track(self._bench.driver.message()).position.tolist()
+        self._bench.driver.go_on()
+        self.references.close()
+
+    def _track(self, message: JointState) -> JointState:
+        newest = self.references.messages[-1:]
+        for reference in newest:
+            message.position, message.velocity = reference.position, reference.velocity
+        return message
+
+    def wait_moving(self) -> JointState:
+        """Return the next reference with a velocity, from now on."""
+        self.references.clear()
+        moving: JointState = self.references.wait_for(
+            lambda m: np.abs(m.velocity).max() > 0.05, LONG)
+        self.references.clear()
+        return moving
+
+    def check_stopped(self) -> list[float]:
+        """Check that the reference comes to rest without a jump and stays; return its position."""
+        rest = self.references.wait_for(lambda m: not any(m.velocity), LONG)
+        count = len(self.references.messages) + 100
+        messages = self.references.wait_count(count, LONG)
+        there = next(i for i, m in enumerate(messages) if m is rest)
+        for message in messages[there:]:
+            assert not any(message.velocity)
+            assert message.position == pytest.approx(rest.position, abs=1e-12)
+        for one, other in zip(messages, messages[1:]):
+            dt = 1e-9 * (nanoseconds_of(other.header.stamp) - nanoseconds_of(one.header.stamp))
+            step = np.abs(np.subtract(other.position, one.position))
+            assert (step <= 5.0 * dt + 1e-6).all()  # half the velocity limit
+        return list(rest.position)
+
+
+def stop(bench: FaultBench) -> Any:
+    """Call `~/stop`; return the response."""
+    response = bench.client.call(Trigger, bench.name('stop'))
+    assert response.success
+    return response
+
+
+def is_between(q: Sequence[float], one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether a position is on the straight path between two others, not at its end."""
+    fraction = np.subtract(q, one) / np.subtract(other, one)
+    return bool(np.ptp(fraction) < 1e-3 and 0.0 < fraction[0] < 0.99)
+
+
+SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]
+
+
+def slow_trajectory() -> JointTrajectory:
+    """Return a trajectory of a straight path that takes longer than any test should."""
+    return JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
+        for one, sec in ((Q, 0), (SLOW_GOAL, 10))])
+
+
+@fault(GROUP, '`~/stop` while a trajectory is followed',
+       'a planned stop on its path, then the position is held, reported until the next reference')
+def test_stop_on_a_trajectory(arm: FaultBench) -> None:
+    with IdealArm(arm) as ideal:
+        arm.trajectories.publish(slow_trajectory())
+        ideal.wait_moving()
+        response = stop(arm)
+        assert response.message == 'stopping along the reference, then holding the position'
+        where = ideal.check_stopped()
+        assert is_between(where, Q, SLOW_GOAL)
+        arm.efforts.clear()
+        check_held(arm, where)
+        status = arm.next_status('reference')
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == 'ended early: ~/stop was called'
+        follow(arm, where)  # the next reference
+
+
+@fault(GROUP, '`~/stop` without a reference', 'a planned stop from the measured state; it is held')
+def test_stop_without_a_reference(arm: FaultBench) -> None:
+    arm.set_parameters(command='gravity_compensation')
+    move_by_hand(arm, ELSEWHERE)
+    response = stop(arm)
+    assert response.message == (
+        'stopping from the measured state, then holding the position')
+    arm.efforts.clear()
+    arm.efforts.wait_for(
+        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    with arm.client.collect(JointState, arm.name('reference')) as references:
+        reference = references.wait_for()
+    assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
+
+
+BATCHES, SAMPLES = 20, 100_000
+
+
+@fault(GROUP, '`~/stop` while 20 batches of 100,000 samples are computed',
+       'answered, and acts, before the batches are')
+def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], Any]) -> None:
+    node = arm.client.node
+    service = node.create_client(InverseDynamicsBatch, arm.name('inverse_dynamics_batch'))
+    answered: list[float] = []
+    try:
+        with RosClient('operator') as operator, IdealArm(arm) as ideal:
+            assert service.wait_for_service(TIMEOUT)
+            # in another thread, so that no answer to a batch delays the answer of ~/stop
+            operator.call(Trigger, arm.name('stop'))
+            arm.trajectories.publish(slow_trajectory())
+            ideal.wait_moving()
+            request = InverseDynamicsBatch.Request(position=np.zeros(2 * SAMPLES))
+            for _ in range(BATCHES):
+                service.call_async(request).add_done_callback(
+                    lambda _: answered.append(time.monotonic()))
+            begun = time.monotonic()
+            response = operator.call(Trigger, arm.name('stop'))
+            seconds, before = time.monotonic() - begun, len(answered)
+            assert response.success
+            assert response.message.startswith('stopping along the reference')
+            wait_until(lambda: len(answered) > before, 'the answer of a later batch', LONG)
+            ideal.check_stopped()
+            seen(f'in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
+    finally:
+        node.destroy_client(service)
+
+
+@fault(GROUP, '`~/stop` while the node is unconfigured or inactive',
+       '`success` true, and the message explains that there is nothing to stop')
+def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
+    with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
+        words = 'nothing to stop: the node is not active'
+        assert one.state() == 'unconfigured'
+        assert stop(one).message == words
+        assert one.change(CONFIGURE)
+        assert stop(one).message == words
+        assert one.change(ACTIVATE)
+        one.check_alive()
+        assert one.change(DEACTIVATE)
+        assert stop(one).message == words
+        one.check_silent()
+
+
+@contextmanager
+def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
+    """Set the timeout [s] of the set-point stream."""
+    bench.set_parameters(reference_timeout=seconds)
+    try:
+        yield
+    finally:
+        bench.set_parameters(reference_timeout=0.1)
+
+
+@fault(GROUP, 'a stream of set-points, each a little further on, that pauses',
+       'a planned stop, then the position is held, reported and counted')
+def test_a_stream_that_pauses(arm: FaultBench) -> None:
+    before = arm.known('reference', 'streams that paused')
+    begin, sent = time.monotonic(), [Q]
+
+    def next_pose() -> list[float]:
+        way = min(0.3 * (time.monotonic() - begin), 0.8)
+        sent.append([Q[0] + way, Q[1] + way])
+        return sent[-1]
+
+    with IdealArm(arm) as ideal, stream_timeout(arm, 60.0):
+        with SetPoints(arm, next_pose) as stream:
+            ideal.wait_moving()
+            wait_until(lambda: stream.sent >= 10, 'ten set-points')
+        arm.set_parameters(reference_timeout=PAUSE)
+        status = arm.wait_status(
+            'reference', lambda status: figure_of(status, 'streams that paused') > before)
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == (
+            'ended early: the stream of set-points paused for more than reference_timeout')
+        where = ideal.check_stopped()
+        assert all(begin < q <= end + 1e-6 for begin, q, end in zip(Q, where, sent[-1])), (
+            where, sent, stream.sent)
+        arm.efforts.clear()
+        check_held(arm, where)

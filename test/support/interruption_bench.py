@@ -1,0 +1,116 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A bench for interruptions of a reference, and the checks of the command after them."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+import math
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, NAMES, Q
+from fault_stimuli import wait_states
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import RosClient
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+GROUP = 'Interruptions of a reference'
+HELD = 'the effort stays within 5 N m of what holds the arm where it is measured'
+LIMIT = 2.5
+"""[rad]: position limits of both joints."""
+URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
+    '<limit ', f'<limit lower="{-LIMIT}" upper="{LIMIT}" ')
+BODY = ArmDynamics(load_arm(URDF)).rigid_body
+NEAR = 5.0
+"""[N m], the largest difference of efforts after an interruption from the gravity torque."""
+ELSEWHERE = [0.2, 1.1]
+"""[rad]: where the arm is moved by hand."""
+FAR = [Q[0] + 1.0, Q[1] - 1.0]
+
+
+@contextmanager
+def interruption_bench(client: RosClient, namespace: str) -> Iterator[FaultBench]:
+    """Run a node with default parameters for an arm with limits; yield its bench."""
+    with fault_bench(client, namespace, {'robot_description': URDF}) as one:
+        yield one
+
+
+@contextmanager
+def following(bench: FaultBench) -> Iterator[FaultBench]:
+    """Yield the bench with the arm at rest at `Q` and following `Q`; clean up at the end."""
+    bench.set_parameters(command='computed_torque', soften_gains=True)
+    bench.check_alive()
+    follow(bench, Q)
+    yield bench
+    bench.driver.v = [0.0, 0.0]
+    bench.driver.go_on()
+    bench.set_parameters(command='computed_torque')
+    bench.set_parameters(command='gravity_compensation')  # a change ends any reference and hold
+    move_by_hand(bench, Q)
+    bench.check_alive()
+
+
+def gravity(q: Sequence[float]) -> Any:
+    """Return the gravity torque at q [N m]."""
+    return BODY.gravity(np.array(q))
+
+
+def follow(bench: FaultBench, q: Sequence[float]) -> None:
+    """Make the node follow a set-point."""
+    bench.set_point(q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+
+
+def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
+    """Make the driver report a motion to q, in steps that an arm can make, and then rest at q."""
+    begin = np.array(bench.driver.q)
+    steps = math.ceil(float(np.abs(np.subtract(q, begin)).max()) / 0.01)
+    for k in range(1, steps + 1):
+        bench.driver.q = (begin + k / steps * np.subtract(q, begin)).tolist()
+        wait_states(bench, 1)
+    wait_states(bench, 2)
+
+
+def trajectory_to(q: Sequence[float]) -> JointTrajectory:
+    """Return a trajectory of two points with a distant goal, reached in 2 s."""
+    return JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
+        for one, sec in ((Q, 0), (q, 2))])
+
+
+def wait_rejected(bench: FaultBench, reason: str) -> None:
+    """Send a trajectory and a set-point; wait until diagnostics show `reason` as a rejection."""
+    before = bench.figure('reference', 'refused')
+    bench.trajectories.publish(trajectory_to(FAR))
+    bench.set_point(FAR)
+    status = bench.wait_status(
+        'reference', lambda status: figure_of(status, 'refused') >= before + 2)
+    assert status.level == DiagnosticStatus.WARN
+    refusal, = (v.value for v in status.values if v.key == 'refusal of the latest')
+    assert reason in refusal
+
+
+def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
+    """Check that at least `count` efforts since the last `clear`, all of them, are near g(q)."""
+    messages = bench.efforts.wait_count(count)
+    hold = gravity(q)
+    for message in messages:
+        assert (np.abs(message.effort - hold) <= NEAR).all(), message
+    assert messages[-1].effort == pytest.approx(hold, abs=1e-6)

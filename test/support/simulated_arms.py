@@ -1,0 +1,43 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulated arms that several modules of tests use."""
+
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+
+MASS, LENGTH, COM, INERTIA = 2.0, 1.0, 0.5, 0.1
+ABOUT_JOINT = INERTIA + MASS * COM**2
+"""Of a link [SI units]: mass, length, distance of the COM, inertia about COM and joint."""
+
+
+def two_link() -> ArmModel:
+    """Return the default arm."""
+    return load_arm(default_arm_urdf())
+
+
+def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
+    """Return an arm of one link without gravity, with this friction [N·m·s/rad, N·m]."""
+    return load_arm(
+        planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [coulomb]),
+        gravity=(0.0, 0.0, 0.0))
+
+
+def released(arm: ArmModel, position: object = None, velocity: object = None,
+             max_step: float = 1e-3) -> ArmSimulation:
+    """Return a simulation with released brakes; `max_step` [s] bounds its integration steps."""
+    simulation = ArmSimulation(arm, position, velocity, max_step)
+    simulation.release()
+    return simulation
