@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-<<<<<<< HEAD
 """The nodes accept the parameter files of this package."""
-=======
-"""The nodes accept the shipped parameter files and launch files."""
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
 
 from pathlib import Path
 import re
@@ -143,97 +139,3 @@ def test_the_examples_in_the_comments_are_taken_too(client: RosClient, tmp_path:
         check_parameters(client, '/cell', written)
         client.wait_for(JointState, '/cell/my_model/gravity_compensation')
         client.forget('/cell')
-<<<<<<< HEAD
-=======
-
-
-@pytest.mark.parametrize(
-    'path', sorted((ROOT / 'launch').glob('*.launch.py')), ids=lambda path: path.name)
-def test_launch_files(path: Path) -> None:
-    """Launch files load if `launch` is installed; they always name installed executables."""
-    tree = ast.parse(path.read_text(encoding='utf-8'))
-    used = {
-        keyword.value.value for call in ast.walk(tree) if isinstance(call, ast.Call)
-        for keyword in call.keywords
-        if keyword.arg == 'executable' and isinstance(keyword.value, ast.Constant)}
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    assert used
-    for executable in used - {'robot_state_publisher', 'rviz2'}:
-        assert f"'{executable}': " in setup
-    pytest.importorskip('launch_ros', reason='launch_ros comes with apt, and has no wheel')
-    scope: dict[str, Any] = {'__name__': path.stem}
-    exec(compile(tree, str(path), 'exec'), scope)
-    assert scope['generate_launch_description']().entities
-
-
-# --- arguments of launch files -------------------------------------------------------------------
-
-@pytest.mark.parametrize(
-    'path', sorted((ROOT / 'launch').glob('*.launch.py')), ids=lambda path: path.name)
-def test_launch_files_check_every_file_before_they_make_a_node(path: Path) -> None:
-    """Each argument that names a file is passed to its check, and to nothing else."""
-    checks = {'params': 'parameter_files', 'robot': 'launched_description'}
-    tree = ast.parse(path.read_text(encoding='utf-8'))
-    declared = set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", path.read_text('utf-8')))
-    for argument in declared & set(checks):
-        text = f"LaunchConfiguration('{argument}')"
-        uses = [call for call in ast.walk(tree)
-                if isinstance(call, ast.Call) and ast.unparse(call) == text]
-        checked = [call for call in ast.walk(tree) if isinstance(call, ast.Call)
-                   and ast.unparse(call) == f'{checks[argument]}({text}.perform(context))']
-        assert len(uses) == len(checked) == 1, argument
-    assert 'params' in declared
-
-
-def test_files_of_launch_arguments(tmp_path: Path) -> None:
-    file = tmp_path / 'arm.yaml'
-    file.write_text('/**: {ros__parameters: {command: none}}', encoding='utf-8')
-    assert parameter_files('') == []
-    assert parameter_files(str(file)) == [str(file)]
-    assert launched_description('') == default_arm_urdf()
-    assert '<robot' in launched_description(str(robot_path('ur10')))
-
-
-@pytest.mark.parametrize(('check', 'value', 'words'), [
-    pytest.param(
-        parameter_files, 'no/such.yaml',
-        f"launch argument params is 'no/such.yaml', which is no such file "
-        f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). '
-        'No node was started.', marks=fault(
-            'Files and pages of others', 'a launch file gets a parameter file that does not exist',
-            'refused with the path, before any node is started')),
-    (parameter_files, str(ROOT),
-     f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
-     'a parameter file (YAML). No node was started.'),
-    (launched_description, '/no/such.urdf',
-     "launch argument robot is '/no/such.urdf', which is no such file (/no/such.urdf); expected "
-     'a URDF or .xacro file: a path or package://PACKAGE/PATH. No node was started.'),
-    (launched_description, 'package://no_such_package/arm.urdf',
-     "launch argument robot is 'package://no_such_package/arm.urdf', but there is no package "
-     "'no_such_package' in this environment"),
-    (launched_description, 'http://nowhere/arm.urdf',
-     "launch argument robot is 'http://nowhere/arm.urdf', expected a path, file:// or "
-     'package://'),
-])
-def test_a_missing_file_of_a_launch_argument_is_refused(
-    check: Callable[[str], object], value: str, words: str,
-) -> None:
-    with pytest.raises(RobotDynamicsError) as error:
-        check(value)
-    assert str(error.value) == words
-
-
-@pytest.mark.parametrize(('file', 'arguments'), [
-    ('beside_robot', ['params:=no/such.yaml']), ('closed_loop', ['robot:=/no/such.urdf']),
-    ('rviz', ['params:=no/such.yaml'])])
-def test_a_launch_file_starts_no_node_where_a_file_is_missing(
-    file: str, arguments: list[str],
-) -> None:
-    pytest.importorskip('launch_ros', reason='launch_ros comes with apt, and has no wheel')
-    done = children.run(
-        ['ros2', 'launch', str(ROOT / 'launch' / f'{file}.launch.py'), *arguments],
-        text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    assert done.returncode == 1, done.stdout
-    assert f'launch argument {arguments[0].partition(":=")[0]} is' in done.stdout
-    assert 'process started' not in done.stdout
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff

@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-<<<<<<< HEAD
 """Figures in docs/safety.md and docs/joint_states.md, and the tests in docs/fault_tests.md."""
-=======
-"""docs/safety.md matches the code: every tested fault, every default, every figure."""
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
 
 from collections.abc import Iterator
 import json
@@ -60,11 +56,7 @@ def tables() -> Iterator[list[dict[str, str]]]:
 
 
 def quoted_defaults() -> list[tuple[str, str]]:
-<<<<<<< HEAD
     """Return parameters and their defaults on the page; `[]` for a default without a literal."""
-=======
-    """Return parameters and the defaults on the page; text for an empty array."""
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
     return [
         (row['parameter'].strip('`'), [*re.findall('`([^`]*)`', row['default']), '[]'][0])
         for table in tables() for row in table if row.get('parameter') and 'default' in row]
@@ -74,11 +66,7 @@ def quoted_defaults() -> list[tuple[str, str]]:
 
 @pytest.fixture(scope='module')
 def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
-<<<<<<< HEAD
     """Return group, injected and expected of each fault test of the suite."""
-=======
-    """Return group, injected and expected of each fault of the suite."""
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
     result = children.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
@@ -96,11 +84,7 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(
     assert sorted(listed) == sorted(collected)
 
 
-<<<<<<< HEAD
 def test_every_row_has_a_result_and_none_failed() -> None:
-=======
-def test_every_row_has_an_observation_and_no_failure() -> None:
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
     rows = rows_of_page()
     assert rows
     assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
@@ -114,11 +98,7 @@ def test_rows_written_to_the_page_are_read_back(
     monkeypatch.setattr(fault_table, 'PAGE', page)
     rows = [Row('One', 'a', 'b', 'as expected'), Row('Two', 'a, b', '`c`', 'not run: no network'),
             Row('One', 'c', 'd', '**failed**')]
-<<<<<<< HEAD
     for _ in range(2):  # also over an existing table
-=======
-    for _ in range(2):  # the second time over the first table
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
         fault_table.write_page(rows)
         assert fault_table.rows_of_page() == [rows[0], rows[2], rows[1]]
     before = FAULT_TESTS.split(fault_table.BEGIN)[0]

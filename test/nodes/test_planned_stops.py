@@ -136,7 +136,7 @@ def slow_trajectory() -> JointTrajectory:
 
 
 @fault(GROUP, '`~/stop` while a trajectory is followed',
-       'a planned stop on its path, then the position is held, reported until the next reference')
+       'a planned stop along its path; the position is held; reported until the next reference')
 def test_stop_on_a_trajectory(arm: FaultBench) -> None:
     with IdealArm(arm) as ideal:
         arm.trajectories.publish(slow_trajectory())
@@ -153,7 +153,8 @@ def test_stop_on_a_trajectory(arm: FaultBench) -> None:
         follow(arm, where)  # the next reference
 
 
-@fault(GROUP, '`~/stop` without a reference', 'a planned stop from the measured state; it is held')
+@fault(GROUP, '`~/stop` without a reference',
+       'a planned stop from the measured state; the position is held')
 def test_stop_without_a_reference(arm: FaultBench) -> None:
     arm.set_parameters(command='gravity_compensation')
     move_by_hand(arm, ELSEWHERE)
@@ -172,7 +173,7 @@ BATCHES, SAMPLES = 20, 100_000
 
 
 @fault(GROUP, '`~/stop` while 20 batches of 100,000 samples are computed',
-       'answered, and acts, before the batches are')
+       'answered, and effective, before the batches are answered')
 def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], Any]) -> None:
     node = arm.client.node
     service = node.create_client(InverseDynamicsBatch, arm.name('inverse_dynamics_batch'))
@@ -195,13 +196,13 @@ def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], 
             assert response.message.startswith('stopping along the reference')
             wait_until(lambda: len(answered) > before, 'the answer of a later batch', LONG)
             ideal.check_stopped()
-            seen(f'in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
+            seen(f'answered in {1e3 * seconds:.0f} ms, after {before} of {BATCHES} batches')
     finally:
         node.destroy_client(service)
 
 
 @fault(GROUP, '`~/stop` while the node is unconfigured or inactive',
-       '`success` true, and the message explains that there is nothing to stop')
+       '`success` true; the message explains that there is nothing to stop')
 def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
     with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
         words = 'nothing to stop: the node is not active'
@@ -226,8 +227,8 @@ def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
         bench.set_parameters(reference_timeout=0.1)
 
 
-@fault(GROUP, 'a stream of set-points, each a little further on, that pauses',
-       'a planned stop, then the position is held, reported and counted')
+@fault(GROUP, 'a stream of moving set-points that times out',
+       'a planned stop, then the position is held; reported and counted')
 def test_a_stream_that_pauses(arm: FaultBench) -> None:
     before = arm.known('reference', 'streams that paused')
     begin, sent = time.monotonic(), [Q]

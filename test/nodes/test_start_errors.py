@@ -152,11 +152,7 @@ CASES = {
 
 
 def injected(name: str, case: Case) -> str:
-<<<<<<< HEAD
     """Return the description of a case for the table of fault tests."""
-=======
-    """Return the injected fault of a case, as text for the table of faults."""
->>>>>>> fc56a930a7036dd70991b1777f924c65c03532ff
     given = ', '.join(
         f'{key}: {value}' for key, value in case.parameters.items() if key != 'robot_description')
     return f'{name}: `{given}`' if given else name

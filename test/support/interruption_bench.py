@@ -31,8 +31,8 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import RosClient
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-GROUP = 'Interruptions of a reference'
-HELD = 'the effort stays within 5 N m of what holds the arm where it is measured'
+GROUP = 'Reference interruptions'
+HELD = 'the command stays within 5 N m of g(q) at the measured position'
 LIMIT = 2.5
 """[rad]: position limits of both joints."""
 URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
