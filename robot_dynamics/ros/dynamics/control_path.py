@@ -26,9 +26,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimits
-from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.supervisor import Fault, SafetyOptions
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, TrajectoryError
+from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.state_plausibility import (
     CONTRADICTION,
     ImplausibleStateError,
@@ -47,12 +46,12 @@ from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.dynamics.markers import LiveMarkers
+from robot_dynamics.ros.dynamics.references import References
 from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.rclpy_internals import raw_publish, subscription_count
 from robot_dynamics.ros.state_assembly import ForeignJointsError, StateAssembly
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
@@ -92,7 +91,6 @@ class ControlPath:
         self._node, self._count_publishers = node, count_publishers
         self._served: _Served | None = None
         self._answering = threading.Lock()
-        self._stream = SetPointStream()
         self._state_max_age = self._sample_max_age = 0.0
         self._foreign_joints = ''
         """Why the embedded arm is not served, empty if it is."""
@@ -113,9 +111,10 @@ class ControlPath:
         self._count_reference = subscription_count(self._reference)
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
+        self.references = References(
+            self.counters, lambda: self.command.obstacle, lambda: self.command.is_faulty)
         self.command = SafeCommand(
-            node, NEWEST_ONLY, self._interrupt, self._resume, when_changed)
-        self._was_interrupted = False
+            node, NEWEST_ONLY, self.references.interrupt, self.references.resume, when_changed)
 
     def use(
         self, controller: Controller, watch: StateMonitor, check: EffortCheck,
@@ -128,13 +127,14 @@ class ControlPath:
         With `is_embedded` nothing is published once the joint states contain other joints.
         """
         names = controller.arm.joint_names
-        self.note_lost_reference('another model was loaded')
+        self.references.note_lost('another model was loaded')
         watch.max_age, watch.has_age = self._state_max_age, self._has_age
         with self._answering:  # no state is answered by one model and commanded by another
             self._served = _Served(
                 controller, StateAssembly(names, self._sample_max_age, is_embedded),
                 JointStateReader(names), list(names), effort_template(names),
                 state_template(names, has_effort=False), watch, check)
+            self.references.controller = controller
             self._foreign_joints = ''
             self._awaits_description = is_embedded
             self._used_at = time.monotonic()
@@ -145,7 +145,7 @@ class ControlPath:
     def forget(self) -> None:
         """Serve no arm."""
         with self._answering:
-            self._served = None
+            self._served = self.references.controller = None
             self.estimates.forget()
             self.markers.forget()
             self.command.forget()
@@ -161,68 +161,12 @@ class ControlPath:
         `external_effort` (n,) is the limit of the external effort [N·m] or [N], None for none.
         """
         self.estimates.external_limit = external_effort
-        self._stream.timeout, self._state_max_age = reference_timeout, state_max_age
+        self.references.stream.timeout = reference_timeout
+        self._state_max_age = state_max_age
         self._sample_max_age = sample_max_age
         if self._served is not None:
             self._served.watch.max_age = state_max_age
             self._served.assembly.max_age = sample_max_age
-
-    def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
-        """Follow a trajectory; raise RobotDynamicsError where that cannot be."""
-        served = self._served
-        if served is None:
-            raise InvalidInputError('no model yet, so that no trajectory can be followed')
-        self._check_follows()
-        served.controller.follow(trajectory, stamp_ns)
-        try:
-            self._check_follows()
-        except TrajectoryError:  # a fault began during the planning
-            served.controller.forget_reference()
-            raise
-        self._was_interrupted = False
-        self._stream.arrived(trajectory.is_set_point, time.monotonic())
-        self.counters.interruption = ''
-
-    def _check_follows(self) -> None:
-        obstacle = self.command.obstacle
-        if obstacle:
-            raise TrajectoryError(f'nothing can be followed now: {obstacle}')
-
-    def stop(self) -> str:
-        """Stop along the reference, or from the measured state, and hold; return a report."""
-        served, obstacle = self._served, self.command.obstacle
-        if served is not None and obstacle and self.command.is_faulty:
-            self._was_interrupted = True
-            return f'the arm will stop and hold its position after the {obstacle}'
-        if served is None or obstacle:
-            return f'nothing to stop: {obstacle or "no model yet"}'
-        self._stream.end()
-        words = served.controller.stop()
-        self.counters.interruption = '~/stop was called'
-        return words
-
-    def note_lost_reference(self, reason: str) -> None:
-        """Report until the next reference why the present one, if any, ends."""
-        if self._served is not None and self._served.controller.has_reference:
-            self.counters.interruption = reason
-
-    def _interrupt(self, reason: str, resumes: bool = True) -> None:
-        """End the reference; the next command starts from the measured state, if it `resumes`."""
-        if self._served is None:
-            return
-        if self._served.controller.has_reference:
-            self._was_interrupted = True
-            self.counters.interruption = reason
-        self._was_interrupted = self._was_interrupted and resumes
-        self._served.controller.forget_reference()
-        self._stream.end()
-        self.counters.following = False
-
-    def _resume(self) -> None:
-        """Stop from the next measured state and hold, if a reference was interrupted."""
-        if self._served is not None and self._was_interrupted:
-            self._was_interrupted = False
-            self._served.controller.stop_from_state()
 
     def on_state(self, state: SensedState) -> None:
         """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
@@ -319,17 +263,13 @@ class ControlPath:
             self.counters.replay.reset()
         if verdict.restart and self.counters.states > 0:
             self.counters.restarts[verdict.restart] += 1
-            self._interrupt(f'joint states restarted: {verdict.restart}')
+            self.references.interrupt(f'joint states restarted: {verdict.restart}')
             served.controller.restart_states()
-            self._resume()
+            self.references.resume()
         if verdict.time_shift:
             served.controller.shift_time(verdict.time_shift)
-        if self._stream.is_over(now):
-            self._stream.end()
-            served.controller.stop_on_path()
-            self.counters.paused_streams += 1
-            self.counters.interruption = (
-                'the stream of set-points paused for more than reference_timeout')
+        if self.references.stream.is_over(now):
+            self.references.end_stream()
             self._log.warn(
                 'stream',
                 'The stream of set-points paused for more than reference_timeout; reference_loss '

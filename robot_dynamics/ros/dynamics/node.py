@@ -196,7 +196,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return response
 
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = True, self._path.stop()
+        response.success, response.message = True, self._path.references.stop()
         self.get_logger().info(f'~/stop: {response.message}')
         return response
 
@@ -245,7 +245,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if self._controller is not None and self._arm is not None:
             options = options_from(values, self._arm)
             if values['command'] != self._settings.values['command']:
-                self._path.note_lost_reference(f'command was set to {values["command"]!r}')
+                self._path.references.note_lost(f'command was set to {values["command"]!r}')
             self._controller.set_options(options)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
                 self._warn_of_loop(self._controller, options)
@@ -266,7 +266,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             if self._controller is None:
                 raise InvalidInputError('no model yet, so that no trajectory can be followed')
             trajectory = trajectory_from_ros(message, self._controller.arm.joint_names)
-            self._path.follow(trajectory, stamp_from_ros(message.header.stamp))
+            self._path.references.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
         except Exception as error:  # rclpy ends its spin at anything that is raised here
             self._refuse_trajectory(error)
