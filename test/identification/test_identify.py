@@ -233,7 +233,7 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['nowhere'], "'nowhere' does not exist"),
     (['BAG', '--cutoff', '90'], 'cutoff is 90 Hz, expected at most 20 Hz'),
-    (['BAG', '--map', 'a=b'], '--map a=b fits no joint'),
+    (['BAG', '--map', 'a=b'], '--map a=b matches no joint'),
     (['BAG', '--payload', 'nothing=1'], "is 'nothing', expected one of the links"),
     (['BAG', '--payload', 'tool0=1e3'], "is 1000 kg on 'tool0', expected at most"),
     (['BAG', '--train-fraction', '0.05'], 'samples for training, expected at least'),
