@@ -161,7 +161,7 @@ def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
         MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, tau)))
     analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
-    assert any('left out: 100 samples without any effort' in remark
+    assert any('left out: 100 samples with zero effort' in remark
                for remark in analysis.recording.remarks)
     assert not np.isin(MOTION.stamps_ns[braked], analysis.motion.stamps_ns).any()
     assert (analysis.statistics.relative < 2e-3).all()

@@ -61,7 +61,7 @@ def test_an_element_is_taken_away_with_its_line():
 
 
 def test_invalid_xml_is_rejected():
-    with pytest.raises(ModelError, match='is no XML'):
+    with pytest.raises(ModelError, match='is not valid XML'):
         with_elements('<robot>', {}, {})
 
 
