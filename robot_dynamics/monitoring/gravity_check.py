@@ -137,7 +137,7 @@ class GravityCheck:
         command: FloatArray | None, gravity: FloatArray,
     ) -> GravityVerdict | None:
         """
-        Take a state at the time t [ns]; return the verdict, or None if there is none yet.
+        Take a state at the time t [ns]; return the verdict, or None until the check decides.
 
         `effort` (n,) is the effort that the robot reports, NaN for joints without a measurement;
         `command` (n,) is active at that time, None for no command; `gravity` (n,) is the gravity

@@ -176,7 +176,7 @@ class TrajectoryFollower:
         Follow `trajectory` from now on, instead of the active one.
 
         `stamp_ns` is the time of its time 0; 0 means now. The reference continues from the active
-        reference at `now_ns`. If there is none, it starts from the measured `position` (n,)
+        reference at `now_ns`. Without a reference, it starts from the measured `position` (n,)
         [rad or m] and `velocity` (n,) [rad/s or m/s]. The old trajectory is discarded at once,
         even if the new one starts later.
 

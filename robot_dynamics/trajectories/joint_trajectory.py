@@ -106,7 +106,7 @@ def make_trajectory(
     do. A single point may have velocity and acceleration: it is a streamed set-point. The last of
     several points must be at rest.
 
-    Raises TrajectoryError, whose message names point, field, value and what was expected.
+    Raises TrajectoryError, whose message names point, field, value and expected values.
     """
     expected, names = tuple(expected_joints), list(joint_names)
     try:

@@ -20,8 +20,9 @@ From rest to rest over the distance d the shortest duration is known in closed f
     T = max(1.875 d / v, √(5.7735 d / a), ∛(60 d / j)).
 
 From a moving state, the durations of a geometric series are compared joint by joint, and the
-shortest one is used whose motion stays within the limits. If there is none, the joint first
-reduces its acceleration to zero (it coasts), and stops if necessary, before it moves to the goal.
+shortest one is used whose motion stays within the limits. If no duration qualifies, the joint
+first reduces its acceleration to zero (it coasts), and stops if necessary, before it moves to the
+goal.
 Source: K. M. Lynch and F. C. Park, Modern Robotics, 2017, section 9.2.2 (fifth-order time
 scaling); the comparison is our own.
 """

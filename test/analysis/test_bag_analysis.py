@@ -231,7 +231,7 @@ def test_parameters_go_with_their_joints():
 
 
 @pytest.mark.parametrize(('text', 'words'), [
-    ('- 1', 'nothing for the node'), ('dynamics: {a: 1}', r"it has \['dynamics'\]"),
+    ('- 1', 'no parameters for the node'), ('dynamics: {a: 1}', r"it has \['dynamics'\]"),
     ('a: [', 'cannot be read'), ('/arm: {ros__parameters: {joints: [a]}}', r"'/arm'")])
 def test_parameter_files_that_do_not_fit(tmp_path, text, words):
     (tmp_path / 'a.yaml').write_text(text)
