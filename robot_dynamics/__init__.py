@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Which joint torques produce a motion? Dynamics of robot arms described by a URDF.
+Dynamics of robot arms described by a URDF: the joint torques that produce a motion.
 
-The names that most programs need first are offered here; each is imported when it is first used.
-More is in the subpackages: `robot_dynamics.model`, `robot_dynamics.control` and so on.
+This module exports the most frequently used names; each is imported at its first use. Other names
+are in the subpackages: `robot_dynamics.model`, `robot_dynamics.control` and so on.
 """
 
 from importlib import import_module

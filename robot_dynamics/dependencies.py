@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Libraries that some functions need and the package can do without, and how to install them."""
+"""Optional libraries that some functions need, and the ways to install them."""
 
 import importlib
 from importlib.util import find_spec
@@ -60,7 +60,7 @@ NUMPY_OF_APT = 'numpy<2'
 
 def optional(module: str, purpose: str) -> Any:
     """
-    Return a module of one of LIBRARIES; `purpose` is what needs it, for the message.
+    Return a module of one of LIBRARIES; `purpose` names its user in the message.
 
     Raises MissingDependencyError if the library is not installed.
     """

@@ -16,14 +16,14 @@
 
 
 LONGEST_MESSAGE = 1600
-"""Characters; a message that quotes what arrived may be as long as that, and so unreadable."""
+"""Largest number of characters; a message that quotes its input could be unreadably long."""
 
 
 class RobotDynamicsError(Exception):
     """Base of every error that `robot_dynamics` raises on purpose."""
 
     def __init__(self, message: str = '') -> None:
-        """Take what is wrong; of a message beyond LONGEST_MESSAGE the middle is left out."""
+        """Take the message; if it exceeds LONGEST_MESSAGE, its middle is omitted."""
         super().__init__(_shortened(message))
 
 
@@ -49,8 +49,8 @@ class TrajectoryError(InvalidInputError):
 
 
 class RecordingError(RobotDynamicsError, ValueError):
-    """A recording cannot be read or does not hold what is asked for."""
+    """A recording cannot be read or does not contain the requested data."""
 
 
 class MissingDependencyError(RobotDynamicsError, ImportError):
-    """An optional library is not installed; the message names it and how to get it."""
+    """An optional library is not installed; the message names it and the ways to install it."""

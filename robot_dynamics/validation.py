@@ -16,8 +16,8 @@
 Checks of input from outside.
 
 Each `check_*` takes the name of the field first, and returns the checked value as float64.
-What it refuses, it refuses with one `InvalidInputError` that says the field, the value that
-was given and what was expected.
+It rejects an invalid value with an `InvalidInputError` that names the field, the given value and
+the expected values.
 A number is a real number of Python or numpy; a string, None or a bool is not converted to one.
 """
 
@@ -33,12 +33,12 @@ from robot_dynamics.exceptions import InvalidInputError
 
 LARGEST_VALUE = 1e9
 """
-What a number of an arm or its motion may be in size, in SI units.
+Largest magnitude of a number of an arm or its motion, in SI units.
 
-Products of a few numbers beyond it overflow, and whoever sends them measures or means no arm.
+Products of a few larger numbers overflow, and no arm has such values.
 """
 SMALLEST_DIVISOR = 1e-12
-"""What a number must be in size, in SI units, that others are divided by."""
+"""Smallest magnitude of a divisor, in SI units."""
 
 
 def holds_numbers(value: Any) -> bool:
@@ -48,14 +48,14 @@ def holds_numbers(value: Any) -> bool:
     if isinstance(value, (list, tuple)):
         return all(map(holds_numbers, value))
     if isinstance(value, typed_array):
-        return value.typecode not in 'uw'  # those of characters
+        return value.typecode not in 'uw'  # type codes of characters
     dtype = getattr(value, 'dtype', None)
     return isinstance(dtype, np.dtype) and dtype.kind in 'iuf'
 
 
 def _numbers(field: str, value: Any) -> tuple[FloatArray, npt.NDArray[Any]]:
     """
-    Return `value` as float64, NaN for an entry that is no number, and the entries as given.
+    Return `value` as float64, with NaN for non-numeric entries, and the entries as given.
 
     Both arrays have one shape. Raises InvalidInputError if the entries form no array, or `value`
     is neither a number nor a sequence.
@@ -103,7 +103,7 @@ def _check_size(
 
     `entries` are the entries as given, for the message.
     """
-    good = np.isfinite(array) if np.isinf(largest) else np.abs(array) <= largest  # nor is NaN
+    good = np.isfinite(array) if np.isinf(largest) else np.abs(array) <= largest  # False for NaN
     if good.all():
         return array
     index = tuple(int(i) for i in np.argwhere(~good)[0])
@@ -125,7 +125,7 @@ def check_vector(
     Return `value` as a float64 vector, shape (length,), all finite and at most `largest` in size.
 
     `names` are the names of its entries, for the message: usually the joints.
-    Raises InvalidInputError on another shape or a value that is not finite or beyond.
+    Raises InvalidInputError for another shape, or a value that is not finite or beyond `largest`.
     """
     array, entries = _numbers(field, value)
     if array.shape != (length,):
@@ -141,7 +141,7 @@ def check_per_joint(
     """
     Return one value per joint, shape (n,); `value` holds one for all joints, or one per joint.
 
-    Raises InvalidInputError as `check_vector` does.
+    Raises InvalidInputError like `check_vector`.
     """
     n = len(joint_names)
     is_one = _numbers(field, value)[0].shape == (1,)
@@ -157,8 +157,8 @@ def check_samples(
     """
     Return `value` as a float64 matrix, shape (samples, columns), entries as in `check_vector`.
 
-    A flat sequence is read row by row. Raises InvalidInputError where it does not divide into
-    rows of `columns` values or holds a value that is not finite or beyond `largest`.
+    A flat sequence is read row by row. Raises InvalidInputError if it does not divide into rows of
+    `columns` values, or contains a value that is not finite or beyond `largest`.
     """
     array, entries = _numbers(field, value)
     if array.ndim == 1 and (array.size % columns if columns else array.size) == 0:
@@ -178,7 +178,7 @@ def check_states(
     """
     Return one vector, shape (columns,), or many, shape (samples, columns), all finite, as float64.
 
-    Raises InvalidInputError as `check_vector` and `check_samples` do.
+    Raises InvalidInputError like `check_vector` and `check_samples`.
     """
     array, entries = _numbers(field, value)
     check = check_samples if array.ndim == 2 else check_vector
@@ -199,7 +199,7 @@ def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
 
 
 def is_empty(value: Any) -> bool:
-    """Return whether `value` is a sequence without entries, which stands for "not given"."""
+    """Return whether `value` is a sequence without entries, which means "not given"."""
     try:
         return len(value) == 0
     except TypeError:
@@ -216,7 +216,7 @@ def check_scalar(
     """
     Return `value` as a finite float within [minimum, maximum].
 
-    With `exclusive_minimum`, `minimum` itself is refused too. Raises InvalidInputError.
+    With `exclusive_minimum`, `minimum` itself is rejected as well. Raises InvalidInputError.
     """
     entry = np.array(value, dtype=object)
     if entry.shape != ():
@@ -250,7 +250,7 @@ def check_choice(field: str, value: str, choices: Sequence[str]) -> str:
 
 
 def check_unique(field: str, names: Sequence[str]) -> None:
-    """Raise InvalidInputError where a name stands twice in `names`."""
+    """Raise InvalidInputError if `names` has a name twice."""
     seen: set[str] = set()
     for name in names:
         if name in seen:

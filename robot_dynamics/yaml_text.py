@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""YAML texts, with numbers read as ROS 2 reads them."""
+"""Reading of YAML with the number formats of ROS 2."""
 
 import re
 from typing import Any
@@ -23,14 +23,14 @@ _EXPONENT_FLOAT = re.compile(r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)[eE][-+]?[0-9]+$
 """
 A number with an exponent, such as `1e-09`.
 
-PyYAML takes such a number for a string unless it has a decimal point and a sign of the exponent.
-JSON and the parameter files of ROS 2 have it without either.
+PyYAML parses such a number as a string unless it has a decimal point and a sign of the exponent.
+JSON and the parameter files of ROS 2 permit numbers without either.
 """
 
 
 def load_yaml(text: str, purpose: str) -> Any:
     """
-    Return the data in a YAML text; `purpose` is what needs PyYAML, for the message.
+    Return the data in a YAML text; `purpose` names the user of PyYAML in the message.
 
     Raises yaml.YAMLError, and MissingDependencyError without PyYAML.
     """

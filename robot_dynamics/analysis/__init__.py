@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording beside the model: filter, residual, report, many recordings at once."""
+"""Comparison of recordings with the model: filter, residual, report, many recordings at once."""
 
 from robot_dynamics.analysis.bag_analysis import analyze_recording, BagAnalysis
 from robot_dynamics.analysis.batch import run_tasks

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The joint states of a recording for one arm: the topic, joints by name, samples of use."""
+"""The joint states of a recording for one arm: topic, joint name matching, usable samples."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -29,18 +29,19 @@ from robot_dynamics.recordings.sample_faults import counted
 
 ROBOT_DESCRIPTION = '/robot_description'
 IMPLAUSIBLE = 10.0
-"""Times a limit of position, velocity or effort: what is beyond is noise of a damaged file."""
+"""Multiple of a position, velocity or effort limit beyond which a sample is noise."""
 
 
 @dataclass(frozen=True)
 class AnalysisSettings:
     """
-    What to compare a recording with, and how.
+    The settings of the comparison of a recording with a model.
 
-    `urdf` is the text, empty for the one in the recording; `topic` a topic or a type, None for
-    the joint states that are there; `joint_map` pairs of names of the same joint, in the
-    recording and in the URDF; `cutoff_hz` [Hz] of the filter, None to choose it from the data;
-    `parameters` those of `dynamics_node`, by their full names.
+    `urdf` is the text of the URDF, empty for the URDF in the recording. `topic` is a topic or a
+    type, None for the joint states in the recording. `joint_map` has pairs of names of the same
+    joint, in the recording and in the URDF. `cutoff_hz` [Hz] is the cut-off frequency of the
+    filter, None to choose it from the data. `parameters` are those of `dynamics_node`, by their
+    full names.
     """
 
     urdf: str = ''
@@ -52,7 +53,7 @@ class AnalysisSettings:
 
 @dataclass(frozen=True, eq=False)
 class ReadRecording:
-    """The joint states of a recording for an arm, and what is to be said about them."""
+    """The joint states of a recording for an arm, with losses and remarks."""
 
     path: Path
     topic: str
@@ -67,7 +68,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     Return the joint states of a recording for the arm of the settings.
 
     Joints of the arm that were not recorded are locked. Raises RecordingError, ModelError, or
-    InvalidInputError where arm and recording do not fit.
+    InvalidInputError if arm and recording do not match.
     """
     with Recording(path) as recording:
         topic = recording.joint_state_topic(settings.topic)
@@ -92,14 +93,14 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
     if locked:
-        remarks.append(f'not recorded, and so locked: {", ".join(locked)}')
+        remarks.append(f'not recorded, therefore locked: {", ".join(locked)}')
     if series.velocity is None:
-        remarks.append('no velocity was recorded: it is the derivative of the position')
+        remarks.append('velocity not recorded: differentiated from the position')
     if series.effort is None:
-        remarks.append('no effort was recorded: there is nothing to compare the model with')
+        remarks.append('effort not recorded: the model cannot be compared')
     if held:
-        remarks.append(f'left out: {counted(held, "sample")} without any effort, as '
-                       'with brakes on')
+        remarks.append(f'left out: {counted(held, "sample")} with zero effort, because the brakes '
+                       'were probably engaged')
     if wild:
         remarks.append(f'left out: {counted(wild, "sample")} beyond {IMPLAUSIBLE:g} times a limit '
                        'of the arm')
@@ -129,7 +130,7 @@ def _renamed(
                 break
         else:
             raise InvalidInputError(
-                f"--map {'='.join(pair)} fits no joint, expected one name of the recording, "
+                f"--map {'='.join(pair)} matches no joint, expected one name of the recording, "
                 f'{list(recorded)}, and one of the arm, {list(arm.joint_names)}')
     return names
 
@@ -137,7 +138,7 @@ def _renamed(
 def _plausible(
     series: JointSeries, arm: ArmModel, parameters: Mapping[str, Any],
 ) -> tuple[JointSeries, int]:
-    """Return the samples within IMPLAUSIBLE times the limits, and how many are not: noise."""
+    """Return the samples within IMPLAUSIBLE times the limits, and the number of the others."""
     good = np.ones(len(series.stamps_ns), dtype=np.bool_)
     is_motor_side = parameters.get('measured_effort') in MOTOR_SIDE
     reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)

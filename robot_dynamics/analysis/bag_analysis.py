@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A recording beside the model: motion, effort by term, residual, and use of the limits.
+Comparison of a recording with the model: motion, effort by term, residual, use of the limits.
 
-The measured motion and effort pass one zero-phase filter (`motion_filter`); the model's effort is
-that of inverse dynamics at the filtered motion (`residual`). Samples near gaps and ends,
-where the filter has to guess, are given but do not count.
+The measured motion and effort pass the same zero-phase filter (`motion_filter`); the modelled
+effort is that of inverse dynamics at the filtered motion (`residual`). Samples near gaps and ends,
+where the filter extrapolates, are returned but excluded from the statistics.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,10 +41,10 @@ from robot_dynamics.model.term_series import model_terms, TermSeries
 @dataclass(frozen=True, eq=False)
 class LimitUse:
     """
-    The largest use of the limits, each (n,), NaN where there is no limit.
+    The largest use of the limits, each (n,), NaN for joints without a limit.
 
-    `effort` (measured, or the model's where none was) and `velocity` are shares of the limit;
-    `position` is the least distance to a position limit [rad] or [m], negative beyond.
+    `effort` (measured, or modelled if it was not measured) and `velocity` are fractions of the
+    limit; `position` is the smallest distance to a position limit [rad] or [m], negative beyond.
     """
 
     effort: FloatArray
@@ -55,10 +55,10 @@ class LimitUse:
 @dataclass(frozen=True, eq=False)
 class BagAnalysis:
     """
-    A recording beside the model.
+    A recording compared with the model.
 
-    `measured` (m, n) [N·m] or [N] is None where no effort was recorded, and so are `residual` and
-    `statistics`, which are of the samples that `motion.usable` marks.
+    `measured` (m, n) [N·m] or [N] is None if no effort was recorded, and so are `residual` and
+    `statistics`, which are computed from the samples that `motion.usable` marks.
     """
 
     recording: ReadRecording
@@ -79,7 +79,7 @@ class BagAnalysis:
 
 
 STEPS = ('read', 'filtered', 'compared')
-"""What `analyze_recording` tells of, in this order."""
+"""The steps that `analyze_recording` reports, in this order."""
 
 
 def analyze_recording(
@@ -89,7 +89,7 @@ def analyze_recording(
     Return a recording compared with the model.
 
     `on_step` is called with each of STEPS when it is done. Raises RecordingError, ModelError, or
-    InvalidInputError where they do not fit.
+    InvalidInputError if recording and model do not match.
     """
     read = read_for_arm(path, settings)
     on_step('read')
@@ -103,7 +103,7 @@ def analyze_recording(
     usable = motion.usable
     if not usable.any():
         raise RecordingError(
-            f'recording {str(path)!r} has no sample away from gaps and ends, expected more')
+            f'recording {str(path)!r} has only samples near gaps and ends, expected others too')
     statistics = None if measured is None else residual_statistics(
         measured[usable], terms.effort[usable], read.arm.joint_names)
     use = _limit_use(read.arm, motion, terms.effort if measured is None else measured)
@@ -114,7 +114,7 @@ def analyze_recording(
 def joint_effort(
     motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, Any],
 ) -> tuple[FloatArray | None, str]:
-    """Return the measured effort on the joint side, with gravity, and a remark on how."""
+    """Return the measured effort on the joint side, with gravity, and a remark on the method."""
     semantics = convention_from_parameters(parameters)
     kind = semantics.measured_effort
     if motion.effort is None or kind == 'none':

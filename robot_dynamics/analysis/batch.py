@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-One function on many recordings: a process for each core, or a Dask cluster; resumable.
+Execution of one function on many recordings, resumable: one process per core, or a Dask cluster.
 
-A result is kept under a key of what it depends on: the recording's bytes, the function with its
-settings, and the code of this package. So a run that was interrupted resumes where it was,
-and what changed is done again. What fails is listed, and the rest is done.
+A result is stored under a key that depends on the bytes of the recording, on the function with its
+settings, and on the code of this package. An interrupted run therefore resumes where it stopped,
+and outdated results are computed again. Failed recordings are listed; the others are processed.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -46,15 +46,15 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.recordings.bag_files import METADATA, storage_groups
 
 Settings = TypeVar('Settings')
-"""What results depend on besides the recording: dataclasses, arrays, and what JSON can write."""
+"""Settings on which results depend: dataclasses, arrays, and types of JSON."""
 Outcome = TypeVar('Outcome')
-"""What a task returns, as `result_store` stores it."""
+"""The result of a task, as `result_store` stores it."""
 Task = Callable[[Path, Settings], Outcome]
 """
-A function of a module, so that another process can import it.
+A function at module level, so that another process can import it.
 
-The annotation of its return value names the dataclass a stored result becomes; without one, it
-stays plain names and values.
+A stored result is converted to the dataclass that the annotation of the return value names;
+without an annotation, it remains a dictionary of names and values.
 """
 
 _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
@@ -62,7 +62,7 @@ _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
 
 @dataclass(frozen=True, eq=False)
 class TaskOutcome(Generic[Outcome]):
-    """What became of a recording: a result, or the error in words; `resumed` from before."""
+    """The result of a recording, or the text of its error; `resumed`: from an earlier run."""
 
     bag: Path
     result: Outcome | None = None
@@ -78,16 +78,17 @@ def run_tasks(
     each: Sequence[Settings] | None = None,
 ) -> list[TaskOutcome[Outcome]]:
     """
-    Return what `function(bag, settings)` gives for each recording, in their order.
+    Return the outcome of `function(bag, settings)` for each recording, in their order.
 
-    `each` has the settings of every single recording, in the same order, in place of `settings`.
-    `workers` processes share the work, one a core by default; with 1, this one does it. With
-    `dask`, the address of a scheduler, its workers do, which must see the same files and have
-    this package. `cache` is a directory for results, None to keep none; `is_valid` says of a kept
-    one whether it still holds. `on_done` is called with each as it is done. An exception of the
-    function, or the end of its process, is the error of its recording.
+    `each` has separate settings for every recording, in the same order, instead of `settings`.
+    The work is shared by `workers` processes, by default one per core; with 1, this process does
+    it. With `dask`, the address of a scheduler, the workers of Dask do it; they must have access
+    to the same files and to this package. `cache` is a directory for results, None to store none;
+    `is_valid` returns whether a stored result is still valid. `on_done` is called with each
+    outcome when it is complete. An exception of the function, or the end of its process, is the
+    error of its recording.
 
-    Raises MissingDependencyError without the library of `dask`, RobotDynamicsError where the
+    Raises MissingDependencyError without the library of `dask`, RobotDynamicsError if the
     scheduler cannot be reached.
     """
     one = partial(
@@ -117,7 +118,7 @@ def _execute(
     function: Task[Any, Any], job: Job, *, cache: Path | None,
     is_valid: Callable[[Path, Any], bool] | None, code: str,
 ) -> TaskOutcome[Any]:
-    """Return the outcome of one recording, from before where it is kept."""
+    """Return the outcome of one recording, from an earlier run if it is stored."""
     bag, settings = job
     try:
         if cache is None:
@@ -133,7 +134,7 @@ def _execute(
         return TaskOutcome(bag, result)
     except RobotDynamicsError as error:
         return TaskOutcome(bag, error=str(error))
-    except Exception as error:  # one recording must not end the others
+    except Exception as error:  # an error of one recording must not stop the others
         return TaskOutcome(bag, error=f'{type(error).__name__}: {error}')
 
 
@@ -144,9 +145,9 @@ def _plain_function(function: Task[Any, Any]) -> Any:
 def task_key(
     function: Task[Settings, Any], bag: Path, settings: Settings, code: str = '',
 ) -> str:
-    """Return the key of a result: a digest of all that it depends on; raise OSError."""
+    """Return the key of a result, a digest of everything that it depends on; raise OSError."""
     digest = hashlib.blake2b(digest_size=20)
-    # The path, too: it stands in what is written.
+    # The path as well, because the outputs contain it.
     name = _plain_function(function)
     about = (name.__module__, name.__qualname__, str(bag.resolve()), code, settings)
     digest.update(json.dumps(about, sort_keys=True, default=plain_value).encode())
@@ -171,7 +172,7 @@ def _files_of(bag: Path) -> list[Path]:
 def _code_digest() -> str:
     """Return a digest of this package's own code."""
     digest = hashlib.blake2b(digest_size=20)
-    package = Path(__file__).parents[1]  # all of it: a result depends on the model as well
+    package = Path(__file__).parents[1]  # the whole package: results also depend on the model
     for path in sorted(package.rglob('*.py')):
         digest.update(f'{path.relative_to(package)}\0'.encode() + path.read_bytes())
     return digest.hexdigest()
@@ -188,8 +189,8 @@ def _in_processes(
             del left[i]
             yield i, outcome
     except BrokenProcessPool:
-        # A process died, and all that was under way with it: which one killed it, each tells in
-        # a process of its own.
+        # A process died, and the pool lost all running tasks. Each of them runs again in a
+        # separate process, which shows the recording that ended the process.
         for i, job in left.items():
             try:
                 yield from _in_pool(one, {i: job}, 1)
@@ -202,7 +203,7 @@ def _in_pool(
     one: Callable[[Job], TaskOutcome[Any]], jobs: Mapping[int, Job], workers: int,
 ) -> Iterator[Numbered]:
     with _one_thread_each():
-        # Not forked: the engines' threads would not survive that.
+        # Not forked, because the threads of the numerical libraries would not survive a fork.
         pool = ProcessPoolExecutor(
             workers, multiprocessing.get_context('spawn'), initializer=_begin_process)
         try:
@@ -215,7 +216,7 @@ def _in_pool(
 
 
 def _begin_process() -> None:
-    """Finish what is under way at Ctrl-C, but end with the parent, however that ended."""
+    """Complete the running task at Ctrl-C, but end if the parent process ends for any reason."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -229,7 +230,7 @@ def _begin_process() -> None:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Let processes that start in the block compute with one thread: there is one a core."""
+    """Limit processes that start in the block to one thread, as there is one process per core."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
     try:

@@ -15,10 +15,11 @@
 """
 The cut-off frequency of a low-pass filter for a recorded motion, chosen from its own spectrum.
 
-Three things bound it: it lies well above the band of the motion, so that the filter takes nothing
-of what the motion causes; below where noise, differentiated, would drown the acceleration; and at
-a safe share of the Nyquist frequency. The first is ten times, as in M. Gautier, "Dynamic
-identification of robots with power model", IEEE Int. Conf. Robotics and Automation, 1997.
+The cut-off frequency has three bounds. It is well above the band of the motion, so that the filter
+does not attenuate the motion; below the frequency at which differentiated noise would dominate the
+acceleration; and at a safe fraction of the Nyquist frequency. The first bound is a factor of ten,
+as in M. Gautier, "Dynamic identification of robots with power model", IEEE Int. Conf. Robotics and
+Automation, 1997.
 """
 
 from collections.abc import Sequence
@@ -29,22 +30,22 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 
 BAND = 0.999
-"""Share of the power of acceleration that counts as the band of the motion."""
+"""Fraction of the power of acceleration that defines the band of the motion."""
 MARGIN = 10.0
-"""Cut-off over the band of the motion."""
+"""Ratio of the cut-off to the band of the motion."""
 NOISE = 0.1
-"""RMS of noise over that of acceleration that is borne below the cut-off."""
+"""Accepted ratio of the RMS of noise to that of acceleration below the cut-off."""
 HIGHEST_FRACTION = 0.4
-"""Cut-off over the Nyquist frequency, at most."""
+"""Largest ratio of the cut-off to the Nyquist frequency."""
 WINDOW = 8.0
-"""[s] of a window of the spectrum, where the recording is that long."""
+"""Window [s] of the spectrum, if the recording is long enough."""
 _MOVES = 1e-2
 _LEAST_OVER_BAND = 2.0
 _BANDS_PER_OCTAVE = 3
 
 
 class Cutoff(NamedTuple):
-    """A cut-off frequency [Hz], and in words where it comes from."""
+    """A cut-off frequency [Hz], and the text of the reason for it."""
 
     hz: float
     reason: str
@@ -54,7 +55,7 @@ def choose_cutoff(accelerations: Sequence[FloatArray], rate_hz: float) -> Cutoff
     """
     Return the cut-off for noisy accelerations: evenly sampled stretches of shape (m, n).
 
-    Raises RecordingError where no joint moves.
+    Raises RecordingError if no joint moves.
     """
     frequency, power = spectrum(accelerations, rate_hz)
     ends = np.array([_end_of_motion(frequency, column) for column in power.T])
@@ -64,7 +65,7 @@ def choose_cutoff(accelerations: Sequence[FloatArray], rate_hz: float) -> Cutoff
     moving = size > _MOVES**2 * size.max()
     if not size.max() > 0.0:
         raise RecordingError('no joint moves in the recording, expected a motion')
-    # The joints share one filter, or the equation of motion between them would not be kept.
+    # All joints share one filter, which preserves the equation of motion between them.
     fraction = np.cumsum(motion, axis=0) / np.where(moving, size, 1.0)
     band = float(frequency[np.argmax(fraction >= BAND, axis=0)][moving].max())
     is_noisy = np.cumsum(power - motion, axis=0) > NOISE**2 * size
@@ -72,7 +73,7 @@ def choose_cutoff(accelerations: Sequence[FloatArray], rate_hz: float) -> Cutoff
     bounds = (
         (MARGIN * band, f'{MARGIN:g} times the band of the motion, {band:.3g} Hz'),
         (max(float(noisy_from[moving].min()), _LEAST_OVER_BAND * band),
-         'where noise would reach a tenth of the acceleration'),
+         'the frequency at which noise reaches a tenth of the acceleration'),
         (HIGHEST_FRACTION * rate_hz / 2.0, f'{HIGHEST_FRACTION:g} of the Nyquist frequency'))
     return Cutoff(*min(bounds))
 
@@ -96,10 +97,10 @@ def spectrum(stretches: Sequence[FloatArray], rate_hz: float) -> tuple[FloatArra
 
 def _end_of_motion(frequency: FloatArray, power: FloatArray) -> float:
     """
-    Return where the power of acceleration is least: beyond, noise makes it rise again.
+    Return the frequency of the smallest power of acceleration; noise dominates beyond it.
 
-    The power of a motion falls with frequency, while that of noise in position or velocity,
-    differentiated, grows. Compared are means over thirds of an octave.
+    The power of a motion falls with frequency, whereas that of differentiated noise in position or
+    velocity grows. The function compares means over thirds of an octave.
     """
     band = np.floor(_BANDS_PER_OCTAVE * np.log2(frequency[1:] / frequency[1])).astype(int)
     count = np.bincount(band)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A recorded motion without its noise, and its acceleration, which no recording has.
+A filtered recorded motion, and its acceleration, which recordings do not contain.
 
 Position, velocity and effort pass the same Butterworth filter forward and backward (zero phase),
-so that the equation of motion between them is kept; the acceleration is the derivative of a spline
+which preserves the equation of motion between them; the acceleration is the derivative of a spline
 through the filtered velocity. Sources: M. Gautier, "Numerical calculation of the base inertial
 parameters of robots", J. Robotic Systems 8(4), 1991; J. Swevers, W. Verdonck, J. De Schutter,
 "Dynamic model identification for industrial robots", IEEE Control Systems Magazine 27(5), 2007.
@@ -36,9 +36,9 @@ from robot_dynamics.validation import check_scalar
 
 FILTER_ORDER = 4
 SHORTEST_SEGMENT = 2.0
-"""Periods of the cut-off frequency that a segment between two gaps must last to be of use."""
+"""Shortest usable segment between two gaps, in periods of the cut-off frequency."""
 EDGE = 0.5
-"""Periods of the cut-off frequency at each end of a segment where the filter has to guess."""
+"""Duration at each end of a segment in which the filter extrapolates, in the same periods."""
 _EVEN = 1e-3
 
 
@@ -48,10 +48,10 @@ class FilteredMotion:
     A filtered motion of n joints at m of the original stamps.
 
     `stamps_ns` (m,) are strictly increasing; `position`, `velocity`, `acceleration` and `effort`
-    are (m, n) [rad or m, its derivatives, N·m or N], `effort` None where none was recorded.
-    `segment` (m,) numbers the stretches without gaps, which were filtered each by itself, and
-    `usable` (m,) is false near their ends. `left_out` counts the samples of segments that were
-    too short to filter, which are in no array.
+    are (m, n) [rad or m, its derivatives, N·m or N]; `effort` is None if none was recorded.
+    `segment` (m,) numbers the stretches without gaps, which were filtered separately, and `usable`
+    (m,) is false near their ends. `left_out` counts the samples of segments that were too short to
+    filter; they are in no array.
     """
 
     joint_names: tuple[str, ...]
@@ -67,7 +67,7 @@ class FilteredMotion:
     usable: BoolArray
     left_out: int
     differentiated: tuple[str, ...] = ()
-    """Joints whose recorded velocity contradicts their position, and was not used."""
+    """Joints whose recorded velocity is inconsistent with their position, and was not used."""
 
     @property
     def times(self) -> FloatArray:
@@ -88,14 +88,15 @@ def filter_motion(
     """
     Return a recorded motion, filtered, with velocity and acceleration, at its own stamps.
 
-    `cutoff_hz` [Hz] is where the filter of this `order`, run forward and backward, halves an
-    amplitude; None chooses it from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled
-    to the median interval between gaps and read back at the stamps. Velocity that was not
-    recorded, or is no derivative of the position, is differentiated from position. The position
-    must not step by whole turns (`JointSeries.unwrapped`).
+    At `cutoff_hz` [Hz] the filter of this `order`, run forward and backward, halves an amplitude;
+    None chooses it from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled to the
+    median interval between gaps, and the results are interpolated at the stamps. Velocity that was
+    not recorded, or is inconsistent with the position, is differentiated from the position. The
+    position must not step by whole turns (`JointSeries.unwrapped`).
 
-    Raises RecordingError where there is no position or too few samples, InvalidInputError for a
-    cut-off that the sampling rate cannot bear, MissingDependencyError without scipy.
+    Raises RecordingError if there is no position or if there are too few samples,
+    InvalidInputError for a cut-off that is too high for the sampling rate, MissingDependencyError
+    without scipy.
     """
     if series.position is None:
         raise RecordingError('the recording has no position, expected joint states with position')
@@ -130,9 +131,9 @@ def filter_motion(
 
 
 def filter_motion_below(series: JointSeries, cutoff_hz: float) -> FilteredMotion:
-    """Filter at `cutoff_hz` [Hz], or at the highest that the sampling rate can bear."""
+    """Filter at `cutoff_hz` [Hz], or at the highest cut-off for the sampling rate."""
     if len(series.stamps_ns) < 2:
-        return filter_motion(series)  # which says that these are too few
+        return filter_motion(series)  # raises the error about too few samples
     rate = 1.0 / float(np.median(np.diff(series.times)))
     return filter_motion(series, min(cutoff_hz, HIGHEST_FRACTION * rate / 2.0))
 
@@ -169,7 +170,7 @@ def _join(
 def _acceleration(
     series: JointSeries, rows: IntArray, interval: float, bad: BoolArray,
 ) -> FloatArray:
-    """Return the acceleration with all its noise, on an even grid."""
+    """Return the unfiltered acceleration on an even grid."""
     assert series.position is not None
     position = _on_grid(series.times[rows], series.position[rows], interval)[1]
     by_position = np.asarray(np.diff(position, 2, axis=0) / interval**2)
@@ -221,7 +222,7 @@ def zero_phase(
     Return evenly sampled signals, (m, n), after a Butterworth filter forward and backward.
 
     Beyond the ends the signals are continued by their point reflection, for three periods of the
-    cut-off frequency where they last that long. Raises MissingDependencyError without scipy.
+    cut-off frequency if they are long enough. Raises MissingDependencyError without scipy.
     """
     signal = optional('scipy.signal', 'filtering')
     sections = signal.butter(order, cutoff_hz, fs=rate_hz, output='sos')
@@ -233,11 +234,11 @@ def filter_like(
     motion: FilteredMotion, values: FloatArray, order: int = FILTER_ORDER,
 ) -> FloatArray:
     """
-    Return what the filter of a motion makes of signals (m, k) at its samples.
+    Return signals (m, k) at the samples of a motion after the filter of this motion.
 
-    What depends on velocity sharply, as dry friction does, holds frequencies beyond the cut-off
-    that the filter has taken from the measured effort: before they are compared, it passes the
-    same filter (M. Gautier's parallel filtering).
+    Terms with steps in velocity, such as dry friction, contain frequencies beyond the cut-off that
+    the filter has removed from the measured effort. Before the comparison, they pass the same
+    filter (M. Gautier's parallel filtering).
     """
     filtered = np.empty_like(values)
     for number in np.unique(motion.segment):
@@ -256,10 +257,10 @@ def samples_per_independent_sample(
     cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER,
 ) -> float:
     """
-    Return how many filtered samples of white noise tell as much as one independent sample.
+    Return the number of filtered samples of white noise that equal one independent sample.
 
-    What the filter passes of the band up to the Nyquist frequency, in power: the mean of |H|⁴, as
-    it runs twice.
+    Its inverse is the fraction of the power up to the Nyquist frequency that the filter passes:
+    the mean of |H|⁴, because the filter runs twice.
     """
     ratio = np.linspace(0.0, 0.5 * rate_hz, 4096) / cutoff_hz
     return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * order))**2))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The report of an analysis: a picture, and one HTML page that needs no other file."""
+"""The report of an analysis: a figure, and one self-contained HTML page."""
 
 from html import escape
 from pathlib import Path
@@ -33,13 +33,13 @@ from robot_dynamics.reporting.html_page import image, items, page, png, table
 
 
 def effort_figure(analysis: BagAnalysis) -> Any:
-    """Return the figure of measured and model effort, and the model's by term."""
+    """Return the figure of measured and modelled effort, and of the modelled effort by term."""
     arm, times, terms = analysis.arm, analysis.motion.times, analysis.terms
     panels: list[Panel] = []
     title = f'{arm.name}: effort of the model at the recorded motion'
     measured, residual = analysis.measured, analysis.residual
     if measured is not None and residual is not None:
-        title = f'{arm.name}: measured effort beside that of the model at the recorded motion'
+        title = f'{arm.name}: measured and modelled effort at the recorded motion'
         panels.append(effort_panel('Measured and model', times, {
             'measured': _with_gaps(analysis, measured),
             'model': _with_gaps(analysis, terms.effort)}))
@@ -53,12 +53,12 @@ def effort_figure(analysis: BagAnalysis) -> Any:
 
 
 def friction_figure(analysis: BagAnalysis) -> Any | None:
-    """Return the figure of residual over velocity; None where nothing was measured."""
+    """Return the figure of residual over velocity, or None if no effort was measured."""
     if analysis.residual is None:
         return None
     arm, counts = analysis.arm, analysis.motion.usable
     return scatter_figure(
-        'Residual over velocity: what depends on velocity alone looks like a line or a step',
+        'Residual over velocity: effects of velocity only appear as a line or a step',
         arm.joint_names, arm.joint_kinds, analysis.motion.velocity[counts],
         analysis.residual[counts])
 
@@ -72,7 +72,7 @@ def _with_gaps(analysis: BagAnalysis, values: FloatArray) -> FloatArray:
 
 def write_report(analysis: BagAnalysis, path: Path) -> None:
     """
-    Write the page, and the picture of efforts beside it, under the same name as PNG.
+    Write the page, and the figure of efforts as PNG next to the page, with the same name.
 
     Raises OSError, MissingDependencyError without matplotlib.
     """
@@ -89,13 +89,13 @@ def _page(analysis: BagAnalysis, efforts: bytes, scatter: bytes | None) -> str:
         f'{read.path.name}: effort of the model')
     body = [f'<h1>{escape(title)}</h1>', table(facts(analysis), has_head=False)]
     if read.losses:
-        body += ['<h2>What is lost</h2>', items(read.losses, 'loss')]
+        body += ['<h2>Lost data</h2>', items(read.losses, 'loss')]
     if read.remarks:
         body += ['<h2>Remarks</h2>', items(read.remarks, '')]
     if analysis.statistics is not None:
         body += ['<h2>Residual: measured − model</h2>',
                  table(residual_rows(analysis.statistics, analysis.arm.joint_kinds)),
-                 '<p>relative: RMS of the residual by RMS of the measured effort; R²: share of '
+                 '<p>relative: RMS of the residual / RMS of the measured effort; R²: fraction of '
                  'the variance that the model explains.</p>']
     body += ['<h2>Use of limits</h2>', table(limit_rows(analysis))]
     body += ['<h2>Effort over time</h2>', image(efforts, 'Measured and model effort')]

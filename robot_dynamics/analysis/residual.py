@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the model leaves unexplained of a measured motion: the residual measured − model."""
+"""The residual, measured − modelled effort, of a measured motion, and its statistics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 
 _ROUNDING = 1e-12
-"""Of the mean square: a variance below it is that of a constant."""
+"""Fraction of the mean square; a signal with a smaller variance is a constant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,10 @@ class ResidualStatistics:
     """
     The residual measured − model of m samples at n joints, each (n,).
 
-    RMS, means and largest size are [N·m] or [N]; `relative` is the RMS of the residual by that of
-    the measured effort; `r_squared` is 1 − Σ r² / Σ (τ − mean τ)², the share of the variance that
-    the model explains (1 at best, negative where the mean explains more). Both are NaN where the
-    measured effort is zero, or constant.
+    RMS, means and largest magnitudes are [N·m] or [N]. `relative` is the RMS of the residual
+    divided by that of the measured effort. `r_squared` is 1 − Σ r² / Σ (τ − mean τ)², the fraction
+    of the variance that the model explains (at best 1, negative if the mean explains more). Both
+    are NaN if the measured effort is zero, or constant.
     """
 
     joint_names: tuple[str, ...]
@@ -59,9 +59,9 @@ def residual_statistics(
     measured: FloatArray, model: FloatArray, joint_names: tuple[str, ...],
 ) -> ResidualStatistics:
     """
-    Return what the residual measured − model, both (m, n) [N·m] or [N], is like at each joint.
+    Return the statistics of the residual, measured − model, both (m, n) [N·m] or [N].
 
-    Raises InvalidInputError where the shapes differ, or there is no sample.
+    Raises InvalidInputError if the shapes differ, or if there is no sample.
     """
     if measured.shape != model.shape or measured.shape[1:] != (len(joint_names),) or (
             len(measured) == 0):
@@ -78,9 +78,9 @@ def residual_statistics(
 
 def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics:
     """
-    Return the statistics of all samples of some parts together.
+    Return the combined statistics of several parts.
 
-    Raises InvalidInputError without a part, or where their joints differ.
+    Raises InvalidInputError without a part, or if their joints differ.
     """
     names = [part.joint_names for part in parts]
     if not parts or any(joint_names != names[0] for joint_names in names):
@@ -105,6 +105,6 @@ def _rms(values: FloatArray) -> FloatArray:
 
 
 def _ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
-    """Return part / whole, NaN where the whole is 0."""
+    """Return part / whole, NaN if the whole is 0."""
     safe = np.where(whole > 0.0, whole, 1.0)
     return np.asarray(np.where(whole > 0.0, part / safe, np.nan))

@@ -15,8 +15,8 @@
 """
 Results on disk: dataclasses, or names with values, each under a key.
 
-Arrays are stored as arrays, all else as JSON. A result is written beside its place and then moved
-there, so that a result that exists is complete.
+Arrays are stored as arrays, everything else as JSON. A result is written to a temporary file in
+the same directory and then renamed, so that an existing result is always complete.
 """
 
 from dataclasses import fields, is_dataclass
@@ -30,13 +30,13 @@ import zipfile
 import numpy as np
 
 _REST = 'json'
-"""The entry for all that is no array."""
+"""The entry for everything except arrays."""
 _ARRAY = '__array__'
-"""The only name of an object of JSON that stands for an array, with the array's entry."""
+"""The only name in a JSON object that represents an array; its value is the array's entry."""
 
 
 def save_result(directory: Path, key: str, result: Any) -> None:
-    """Store a result; raise OSError, or TypeError for what JSON cannot write."""
+    """Store a result; raise OSError, or TypeError for a type that JSON does not have."""
     arrays: dict[str, Any] = {}
 
     def stored(value: Any) -> Any:
@@ -59,7 +59,7 @@ def load_result(directory: Path, key: str) -> Any | None:
     """
     Return the plain value of a stored result: a dataclass as the names and values of its fields.
 
-    None if nothing, or nothing complete, is stored under the key.
+    None if no complete result is stored under the key.
     """
     try:
         with np.load(_place(directory, key), allow_pickle=False) as kept:

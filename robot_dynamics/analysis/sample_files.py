@@ -32,7 +32,7 @@ from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
 _ROWS = 1000
-"""Lines that are put together at a time."""
+"""Number of lines that are formatted at a time."""
 
 
 def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
@@ -60,7 +60,7 @@ def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
 
 
 def write_csv(analysis: BagAnalysis, path: Path) -> None:
-    """Write a line for each sample: stamp [ns], whether it counts, and numbers; raise OSError."""
+    """Write one line per sample: stamp [ns], whether it is used, and values; raise OSError."""
     columns = sample_columns(analysis)
     line = '%d,%d' + len(columns) * ',%.10g' + '\n'
     names = ('stamp [ns]', 'counts', *columns)
@@ -80,7 +80,7 @@ def _quoted(name: str) -> str:
 
 
 def write_parquet(analysis: BagAnalysis, path: Path) -> None:
-    """Write the same as Parquet; raise OSError, MissingDependencyError without pyarrow."""
+    """Write the samples as Parquet; raise OSError, MissingDependencyError without pyarrow."""
     pyarrow, parquet = optional('pyarrow', 'Parquet'), optional('pyarrow.parquet', 'Parquet')
     motion = analysis.motion
     parquet.write_table(pyarrow.table({
@@ -89,7 +89,7 @@ def write_parquet(analysis: BagAnalysis, path: Path) -> None:
 
 
 def require_parquet() -> None:
-    """Raise MissingDependencyError where Parquet cannot be written."""
+    """Raise MissingDependencyError if Parquet cannot be written."""
     optional('pyarrow', 'Parquet')
 
 
@@ -97,8 +97,8 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     """
     Write a recording of the model's terms, and of the residual, on the original stamps.
 
-    Topics are those of `dynamics_node`. A recording of this name that this wrote before is
-    replaced. Raises RecordingError where the directory has anything else.
+    Topics are those of `dynamics_node`. A recording of this name that this function wrote before
+    is replaced. Raises RecordingError if the directory contains anything else.
     """
     _remove_recording(directory)
     with RecordingWriter(directory, {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT}) as writer:

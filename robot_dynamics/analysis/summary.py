@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What an analysis says, in rows of words: for the console and for the report."""
+"""The results of an analysis as rows of text, for the console and for the report."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ Rows = list[tuple[str, ...]]
 
 
 def facts(analysis: BagAnalysis) -> Rows:
-    """Return what was compared and how, a name and a value in each row."""
+    """Return the facts of the comparison, with a name and a value in each row."""
     read, motion = analysis.recording, analysis.motion
     measured = [field for field in ('position', 'velocity', 'effort')
                 if getattr(read.series, field) is not None]
@@ -35,7 +35,7 @@ def facts(analysis: BagAnalysis) -> Rows:
         ('topic', f'{read.topic}, with {", ".join(measured)}'),
         ('arm', f'{read.arm.name}, {read.arm.joint_count} joints'),
         ('samples', f'{len(read.series.stamps_ns)} in {read.series.times[-1]:.2f} s at '
-                    f'{motion.sample_rate_hz:.4g} Hz; {counted} count, without those near gaps '
+                    f'{motion.sample_rate_hz:.4g} Hz; {counted} used, without those near gaps '
                     'and ends'),
         ('filter', f'Butterworth, order 4, forward and backward, {motion.cutoff_hz:.3g} Hz: '
                    f'{motion.cutoff_reason}'),
@@ -66,8 +66,9 @@ def limit_rows(analysis: BagAnalysis) -> Rows:
 def limit_use_rows(
     use: LimitUse, joint_names: Sequence[str], joint_kinds: Sequence[str], whose: str,
 ) -> Rows:
-    """Return the same of any recordings; `whose` effort it is."""
-    rows: Rows = [('joint', f'largest {whose} effort', 'largest velocity', 'to position limit')]
+    """Return rows of the use of limits; `whose` names the effort: measured or model."""
+    rows: Rows = [(
+        'joint', f'largest {whose} effort', 'largest velocity', 'margin to position limit')]
     for j, (name, kind) in enumerate(zip(joint_names, joint_kinds)):
         unit = 'm' if kind == 'prismatic' else 'rad'
         distance = use.position[j]

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The analysis of one recording as a task: files are written, and figures come back.
+The analysis of one recording as a task, which writes files and returns figures.
 
-The result holds arrays and plain values only, so that it can be stored (`result_store`), sent from
-another process, and merged with that of other recordings.
+The result contains only arrays and plain values. It can be stored (`result_store`), sent from
+another process, and combined with the results of other recordings.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,12 +35,12 @@ REPORT, PICTURE, TABLE, PARQUET, TERMS = (
     'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')
 OUTPUTS = {
     REPORT: write_report, TABLE: write_csv, PARQUET: write_parquet, TERMS: write_terms}
-"""What can be written, by the name that it gets; PICTURE comes with the report."""
+"""The possible outputs, by file name; PICTURE is written together with the report."""
 
 
 @dataclass(frozen=True)
 class AnalysisTask:
-    """How to analyse a recording, and which `outputs`, as in OUTPUTS, go to `directory`."""
+    """The settings of an analysis, and the `outputs` (see OUTPUTS) to write to `directory`."""
 
     settings: AnalysisSettings
     outputs: tuple[str, ...] = ()
@@ -75,7 +75,7 @@ def analyze_task(
     Analyse a recording, and write the outputs of the task.
 
     `on_step` is called with the STEPS of `bag_analysis` and of each output when it is done.
-    Raises RobotDynamicsError as `analyze_recording`, and OSError.
+    Raises the errors of `analyze_recording`, and OSError.
     """
     analysis = analyze_recording(bag, task.settings, on_step)
     directory = Path(task.directory)
@@ -94,12 +94,12 @@ def analyze_task(
 
 
 def outputs_exist(bag: Path, result: AnalysisResult) -> bool:
-    """Tell whether all files that a kept result wrote are still there."""
+    """Return whether all files that a stored result wrote still exist."""
     return all(Path(path).exists() for path in result.written)
 
 
 def merged_limit_use(parts: Sequence[LimitUse]) -> LimitUse:
-    """Return the use of the limits in all of some recordings, of the same joints."""
+    """Return the use of the limits in several recordings of the same joints together."""
     return LimitUse(
         np.max([part.effort for part in parts], axis=0),
         np.max([part.velocity for part in parts], axis=0),

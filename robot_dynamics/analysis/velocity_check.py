@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Whether a recorded velocity is the derivative of the position recorded with it.
+Check that a recorded velocity is the derivative of the recorded position.
 
-Some drivers publish zeros, other units, or a velocity that lags far behind. Integrated over
-windows of a few seconds, where noise hardly counts, it must move as the position does.
+Some drivers publish zeros, other units, or a velocity with a large delay. The velocity, integrated
+over windows of a few seconds in which noise is negligible, must agree with the change of position.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 WINDOW = 4.0
 """[s]"""
 LARGEST_ERROR = 0.2
-"""RMS of the difference within windows, by that of the position's own movement there."""
+"""Largest RMS of the difference within windows, relative to that of the motion there."""
 _LEAST_MOVE = 1e-3
 
 
@@ -37,10 +37,10 @@ def contradicts_position(
     stretches: Sequence[npt.NDArray[np.integer]],
 ) -> BoolArray:
     """
-    Return for which joints (n,) velocity is no derivative of position, both (m, n).
+    Return the joints (n,) whose velocity is not the derivative of the position, both (m, n).
 
-    `times` (m,) [s]; `stretches` are the rows of samples without gaps between them. A joint
-    that hardly moves, beside the one that moves most, is not judged.
+    `times` is (m,) [s]; `stretches` are the rows of samples without gaps between them. A joint
+    that hardly moves, compared with the joint that moves most, is not checked.
     """
     error, moved = np.zeros(position.shape[1]), np.zeros(position.shape[1])
     for rows in stretches:

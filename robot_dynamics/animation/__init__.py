@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Moving pictures of a planar chain."""
+"""Animations of a planar chain."""
 
 from robot_dynamics.animation.chain_animation import chain_frames
 from robot_dynamics.animation.video import write_video

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-A motion of an arm with all that goes with it: efforts by term, energies, work and heat.
+A motion of an arm with its efforts by term, energies, work and heat.
 
-It comes out of a simulation, or is the measured motion of a recording beside its model.
+The motion is simulated, or it is the measured motion of a recording, compared with its model.
 """
 
 from collections.abc import Mapping
@@ -37,11 +37,11 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point
 CONTROL_PERIOD = 2e-3
 """[s]"""
 DAMPING_TIME = 15.0
-"""[s] in which friction that an arm is given would stop it: F_v = the largest M_ii / this."""
+"""Time constant [s] of the friction that is added to an arm: F_v = largest M_ii / this value."""
 LIFT_FRACTION = 0.35
-"""Of a swing's duration, in which the motors lift the arm."""
+"""Fraction of the duration of a swing in which the motors lift the arm."""
 LEAN, FOLD = 1.4, 0.9
-"""[rad]: where the arm is lifted to, joint 1 from the upright, and each further joint."""
+"""Pose [rad] to which the arm is lifted: joint 1 from the upright, and each further joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,9 @@ class ArmMotion:
 
     `times` (m,) [s]; `position`, `velocity`, `acceleration` (m, n) [rad or m, per second];
     `terms` by name, each (m, n) [N·m or N], add up to the term `effort`; `kinetic`, `potential`,
-    the `work` of the efforts and the `heat` of friction since the start (m,) [J]. Potential
-    energy counts from its lowest in the motion. `driven` (m,) is false where the motors are off.
+    the `work` of the efforts and the `heat` of friction since the start are (m,) [J]. The
+    potential energy is relative to its minimum in the motion. `driven` (m,) is false while the
+    motors are off.
     """
 
     arm: ArmModel
@@ -85,11 +86,12 @@ class ArmMotion:
 
 def simulate_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
     """
-    Return a simulated motion for `duration` [s], with `rate` instants a second.
+    Return a simulated motion for `duration` [s], with `rate` instants per second.
 
-    An arm that can turn over is lifted from where it hangs, and then let go of, its motors off;
-    it gets viscous friction if it has none, as it would swing for ever. Any other arm follows a
-    reference motion within its limits. Raises RobotDynamicsError where neither is possible.
+    An arm whose joints all turn freely is lifted from its lowest pose and then released, with its
+    motors off. If it has no friction, viscous friction is added, because it would swing
+    indefinitely. Any other arm follows a reference motion within its limits. Raises
+    RobotDynamicsError if neither is possible.
     """
     if any(kind != 'continuous' for kind in arm.joint_kinds):
         motion = make_reference_motion(arm, duration)
@@ -110,7 +112,7 @@ def _simulate(
     arm: ArmModel, path: JointTrajectory, start: FloatArray, duration: float, driven: float,
     rate: float,
 ) -> ArmMotion:
-    """Follow a path under computed torque while `driven` [s], and then with the motors off."""
+    """Follow a path under computed torque for `driven` [s]; then the motors are off."""
     simulation, dynamics = ArmSimulation(arm, start), ArmDynamics(arm)
     simulation.release()
     feedback = ErrorFeedback(make_gains(arm.joint_names), arm.joint_kinds)
@@ -142,10 +144,10 @@ def motion_of(
     effort: FloatArray | None, driven: BoolArray,
 ) -> ArmMotion:
     """
-    Return a motion by the arm's model, beside a measured effort (m, n) where there is one.
+    Return a motion with the efforts of the arm's model, and the measured effort (m, n) if given.
 
-    What the model does not explain of that is the term `residual`. Work and heat are integrals by
-    the trapezoidal rule.
+    The measured effort minus the model is the term `residual`. Work and heat are integrals by the
+    trapezoidal rule.
     """
     dynamics = ArmDynamics(arm)
     rows = [dynamics.terms(*state) for state in zip(q, v, a)]
@@ -166,8 +168,8 @@ def lowest_position(arm: ArmModel) -> FloatArray:
     Return a position (n,) in [−π, π] where an arm whose joints all turn freely hangs at rest.
 
     Along each joint the potential energy is a + b cos q + c sin q, whose lowest point follows
-    from its derivative g_j at two positions; going from joint to joint leads to a pose where
-    none can get lower by itself. Joints that gravity does not move stay at 0.
+    from its derivative g_j at two positions. Iteration over the joints leads to a pose in which no
+    single joint can lower the energy. Joints without gravity torque stay at 0.
     """
     body, n = RigidBody(arm), arm.joint_count
     q = np.full(n, 0.1)
@@ -184,7 +186,7 @@ def lowest_position(arm: ArmModel) -> FloatArray:
 
 
 def _integral(rate: FloatArray, times: FloatArray) -> FloatArray:
-    """Return the integral over time of the sum of rates (m, n), from the first instant on."""
+    """Return the integral over time of the sum of rates (m, n), since the first instant."""
     power = rate.sum(axis=1)
     steps = 0.5 * (power[1:] + power[:-1]) * np.diff(times)
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The moving picture of a planar chain: its motion, and the recursion that computes its efforts.
+The animation of a planar chain: its motion, and the recursion that computes its efforts.
 
-While the chain moves, each joint shows the force and the moment that it passes on. At chosen
-instants the motion stops, and the two passes of the Newton-Euler recursion (`planar.chain`) are
-gone through link by link: outward, how each link moves; inward, what each joint must bear.
+While the chain moves, each joint shows the force and the moment that it transmits. At chosen
+instants the motion pauses, and the two passes of the Newton-Euler recursion (`planar.chain`) are
+shown link by link: outward, the motion of each link; inward, the force and moment of each joint.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,7 +42,7 @@ WIDTH, DPI = 9.2, 100
 PANEL_HEIGHT = 1.95
 """[inch]"""
 STEP_SECONDS = 2.2
-"""For which a step of a pass is shown [s]."""
+"""Duration [s] for which a step of a pass is shown."""
 TRAIL_SECONDS = 0.6
 """[s] of the motion."""
 
@@ -198,7 +198,7 @@ class _Animation:
 
 
 def _rate_formulas(i: int) -> tuple[str, str]:
-    """Return how the angular velocity and acceleration of link i come about."""
+    """Return the formulas of the angular velocity and acceleration of link i."""
     own = i + 1
     rate, change = (f'\\omega_{i} + ', f'\\dot\\omega_{i} + ') if i else ('', '')
     return (f'\\omega_{own} = {rate}\\dot q_{own}',
@@ -206,7 +206,7 @@ def _rate_formulas(i: int) -> tuple[str, str]:
 
 
 def _force_formulas(i: int, last: bool) -> tuple[str, str]:
-    """Return how the force and the moment of joint i come about."""
+    """Return the formulas of the force and the moment of joint i."""
     own = i + 1
     needed = f'm_{own} (\\dot v_{{C{own}}} + g\\,\\hat y)'
     force = needed if last else f'f_{own + 1} + {needed}'

@@ -15,8 +15,9 @@
 """
 A planar chain on a matplotlib axes: links, and arrows for forces, moments and accelerations.
 
-Lengths are in metres and to scale. An arrow of a force f is f / `force_scale` long, and an arc of
-a moment τ covers the angle τ / `moment_scale`, the way that τ turns; keys on the axes tell both.
+Lengths are in metres and to scale. The arrow of a force f has the length f / `force_scale`. The
+arc of a moment τ covers the angle τ / `moment_scale`, in the direction of τ. Keys on the axes show
+both scales.
 """
 
 from collections.abc import Sequence
@@ -30,17 +31,17 @@ from robot_dynamics.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, S
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
 FORCE, MOMENT, ACCELERATION, RATE, WEIGHT = VERMILION, PURPLE, BLUE, GREEN, GREY
 NEXT_ACCELERATION = SKY
-"""Of the acceleration that a link hands on to the next joint."""
+"""Colour of the acceleration that a link transmits to the next joint."""
 _ROUNDEST = 1.6 * np.pi
-"""[rad] that the arc of the largest moment covers."""
+"""Angle [rad] of the arc of the largest moment."""
 _LABELS = (1.2, 1.9)
-"""[rad] from above between which the label of an arc stands: forces go up, weights down."""
+"""Range [rad] from above for the label of an arc: forces point up, weights down."""
 _TINY = 0.012
-"""Share of the largest below which an arrow is left out."""
+"""Fraction of the largest value below which an arrow is omitted."""
 
 
 class StageScales(NamedTuple):
-    """How long arrows are: [N/m], [N·m/rad], [m/s² per m], [rad/s per rad]."""
+    """Scales of the arrows: [N/m], [N·m/rad], [m/s² per m], [rad/s per rad]."""
 
     force: float
     moment: float
@@ -69,7 +70,7 @@ def round_number(value: float) -> float:
 
 
 class ChainStage:
-    """Draws a chain; what was drawn since the last `clear` is on the axes."""
+    """Draws a chain; the axes show everything that was drawn since the last `clear`."""
 
     def __init__(self, axes: Any, reach: float, upright: bool) -> None:
         """Set up axes for a chain of this reach [m]; `upright`: it stands upright at zero."""
@@ -87,7 +88,7 @@ class ChainStage:
                       fontsize=8)
 
     def clear(self, scales: StageScales) -> None:
-        """Take away all that was drawn, and draw arrows at these scales from now on."""
+        """Remove all drawings, and draw arrows at these scales from now on."""
         for artist in self._drawn:
             artist.remove()
         self._drawn, self._scales = [], scales
@@ -106,7 +107,7 @@ class ChainStage:
         self._dot(points[0], 13.0, 'none', LINK, 4, 's')
 
     def draw_trail(self, tips: FloatArray) -> None:
-        """Draw where the tip came from, (k, 2) [m]."""
+        """Draw the previous positions of the tip, (k, 2) [m]."""
         self._line(tips, TRAIL, 1.2, 2)
 
     # ------------------------------------------------------------------ what acts
@@ -138,7 +139,7 @@ class ChainStage:
     # ------------------------------------------------------------------ the keys
 
     def draw_keys(self, accelerations: bool = False) -> None:
-        """Draw what arrows of a round size look like: forces and moments, or motion."""
+        """Draw example arrows of round values: forces and moments, or motion."""
         scales, reach = self._scales, self._reach
         if accelerations:
             rows = (('acceleration', 'm/s²', scales.acceleration, ACCELERATION, False),

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bars beside a moving arm: its energies, which add up, and the effort of each joint by term."""
+"""Bars next to a moving arm: its energies, which add up, and the effort of each joint by term."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -39,7 +39,7 @@ _ROOM = 1.12
 
 
 class _Bars:
-    """Horizontal bars with a number beside each."""
+    """Horizontal bars with a number next to each."""
 
     def __init__(
         self, axes: Any, names: Sequence[str], colours: Sequence[str], low: float, high: float,
@@ -75,7 +75,7 @@ class EnergyPanel:
     """
     Kinetic and potential energy and heat, each from the end of the one above; work below them.
 
-    What is there and what became heat is as much as there was at the start and was put in.
+    Energy and heat together equal the initial energy plus the work of the motors.
     """
 
     def __init__(self, axes: Any, motion: ArmMotion) -> None:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Moving pictures in files: GIF by Pillow, MP4 by ffmpeg.
+Animation files: GIF by Pillow, MP4 by ffmpeg.
 
-A frame may last any time, so that a pause costs one frame in a GIF. All frames of a GIF share one
-palette without dithering: areas that do not change are equal to the bit, and are not stored again.
+A frame may have any duration, so that a pause costs one frame in a GIF. All frames of a GIF share
+one palette without dithering: unchanged areas are bit-identical, and are not stored again.
 
 Frames go to ffmpeg through a pipe of this module. `imageio_ffmpeg.write_frames` does not check
 the exit status of ffmpeg, so that a path that cannot be written would raise no error; it would
@@ -37,13 +37,13 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 
 FORMATS = ('.gif', '.mp4')
 MP4_RATE = 30
-"""Frames a second of an MP4."""
+"""Frames per second of an MP4."""
 _COLOURS = 255
-"""Colours of the palette of a GIF; one of 256 is left for what does not change."""
+"""Colours of the palette of a GIF; one of 256 is reserved for unchanged areas."""
 _LOOKED_AT = 16
-"""Frames from which the palette is chosen."""
+"""Number of frames from which the palette is chosen."""
 _SHORTEST = 0.02
-"""[s] for which viewers show a frame of a GIF; they slow shorter ones down."""
+"""Shortest duration [s] of a frame of a GIF; viewers slow shorter ones down."""
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -57,7 +57,7 @@ class Frame(NamedTuple):
 
 def check_format(path: Path) -> None:
     """
-    Raise unless a moving picture can be written to this path, as far as its name tells.
+    Raise an error if the name of this path does not permit writing an animation.
 
     InvalidInputError for another suffix, MissingDependencyError without the library or program.
     """
@@ -87,7 +87,7 @@ def write_video(path: Path, frames: Iterable[Frame]) -> int:
 
 
 class _Counted:
-    """Hands frames on, and counts them."""
+    """Passes frames on, and counts them."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         self._frames, self.count = iter(frames), 0
@@ -112,23 +112,23 @@ def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
         for frame in kept)
     first.save(
         path, format='GIF', save_all=True, append_images=others, loop=0, optimize=False,
-        palette=bytes(palette.getpalette()),  # once for all frames
+        palette=bytes(palette.getpalette()),  # the same for all frames
         duration=_milliseconds([frame.seconds for frame in kept]))
 
 
 def _milliseconds(seconds: list[float]) -> list[int]:
-    """Return times in the steps of a GIF, 10 ms, that add up to what the seconds add up to."""
+    """Return times in the steps of a GIF, 10 ms, with the same sum as the seconds."""
     ends = np.round(100.0 * np.cumsum(np.maximum(seconds, _SHORTEST))).astype(int)
     return [10 * int(step) for step in np.diff(ends, prepend=0)]
 
 
 def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
-    """Hand the frames to ffmpeg as often as they last at MP4_RATE, even where they last long."""
+    """Pass each frame to ffmpeg as often as its duration at MP4_RATE requires."""
     process, shown, due = None, 0, 0.0
     with tempfile.TemporaryFile() as said:
         try:
             for frame in frames:
-                # The encoding that every player knows needs sizes that can be halved.
+                # The pixel format that every player supports needs even sizes.
                 pixels = frame.pixels[:frame.pixels.shape[0] // 2 * 2,
                                       :frame.pixels.shape[1] // 2 * 2]
                 if process is None:
@@ -140,7 +140,7 @@ def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
                     process.stdin.write(pixels.tobytes())
                     shown += 1
         except BrokenPipeError:
-            pass  # it has said why
+            pass  # ffmpeg has written the reason
         finally:
             if process is not None:
                 process.communicate()

@@ -16,8 +16,8 @@
 Computed torque control: the law that follows references.
 
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction, as in `control_law`, with two
-changes where the effort acts late: gains that are softer for large errors (`gain_softening`), and
-M, C and g of the position half a period ahead (`stable_gains`).
+changes if the effort acts late: the gains are scaled down for large errors (`gain_softening`), and
+M, C and g are computed at the position half a period ahead (`stable_gains`).
 """
 
 from functools import partial
@@ -53,7 +53,7 @@ class ComputedTorque(ControlLaw):
         self._prompt_feedback = math.inf
 
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
-        """Soften the gains for errors whose effort the rate limit would delay, from now on."""
+        """Scale the gains down from now on for errors whose effort the rate limit would delay."""
         omega = crossover_frequency(self._full_feedback.gains)
         self._prompt_effort = effort_rate / omega if omega > 0.0 else (
             np.full_like(effort_rate, math.inf))
@@ -94,7 +94,7 @@ class ComputedTorque(ControlLaw):
     def _track(
         self, reference: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
     ) -> TrackingOutput:
-        """Return q̈_ref + K_d ė + K_p e and v_r, joint by joint where that is quicker."""
+        """Return q̈_ref + K_d ė + K_p e and v_r; computed joint by joint if that is quicker."""
         segment, feedback = reference.segment(now_ns), self.feedback
         if segment is None or len(q) > FEW:
             sample = reference.sample(now_ns)

@@ -18,13 +18,13 @@ Control laws: gravity compensation and computed torque.
 Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Springer 2009, section
 8.5.2 (inverse dynamics control): with
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction and an exact model, the error
-e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint by itself.
+e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint, independently of the other joints.
 
 Friction is best compensated not at the measured velocity but at the reference velocity
 v_r = q̇_ref + K_p/K_d e of J.-J. E. Slotine and W. Li, Int. J. Robotics Research 6(3), 1987.
-Friction at the measured velocity, fed back with any delay, pushes a light joint the way that it
-goes, and says nothing about a joint that sticks. At v_r it starts a joint that is to move, and
-what is left of the friction damps the error.
+Compensation at the measured velocity, fed back with any delay, accelerates a light joint in its
+direction of motion, and is zero for a joint that sticks. Compensation at v_r starts a sticking
+joint if its reference moves, and the uncompensated part of the friction damps the error.
 """
 
 from collections.abc import Sequence
@@ -67,10 +67,10 @@ def make_gains(
     """
     Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
 
-    Each is one value for all joints, or one a joint; `kp` or `kd`, where given, take precedence.
-    Raises InvalidInputError on another number of values, a negative one or one beyond
-    LARGEST_VALUE, on a K_p without damping (K_d = 0), and on a K_d so small that K_p/K_d exceeds
-    LARGEST_VALUE.
+    Each is one value for all joints, or one value per joint; `kp` and `kd` take precedence if they
+    are given. Raises InvalidInputError for another number of values, for a negative value or one
+    beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that K_p/K_d
+    exceeds LARGEST_VALUE.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
@@ -86,7 +86,7 @@ def make_gains(
 
 
 def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
-    """Return non-negative values (n,) of one for all joints, or of one a joint."""
+    """Return non-negative values (n,), from one value for all joints or one value per joint."""
     values = check_per_joint(field, value, joint_names, LARGEST_VALUE)
     if (values < 0.0).any():
         raise InvalidInputError(f'{field} is {values.tolist()}, expected no value below 0')
@@ -97,20 +97,20 @@ class ErrorFeedback:
     """
     The commanded acceleration q̈_ref + K_d ė + K_p e.
 
-    The position error of a continuous joint is taken the short way round.
+    The position error of a continuous joint is the shortest angular distance.
     """
 
     def __init__(
         self, gains: Gains, joint_kinds: Sequence[str], largest_error: FloatArray | None = None,
     ) -> None:
-        """`largest_error` (n,) [rad] or [m] is the limit of the position error, None for none."""
+        """`largest_error` (n,) [rad] or [m] is the limit of the position error, None: no limit."""
         self.gains = gains
         self.largest_error = (
             np.full(len(gains.kp), np.inf) if largest_error is None else largest_error)
         self.ratio = gains.ratio
         """K_p/K_d (n,) [1/s], 0 where K_d is 0."""
         self.turns = [kind == 'continuous' for kind in joint_kinds]
-        """Which joints turn without end."""
+        """Marks the continuous joints."""
         self._continuous = np.array(self.turns) if any(self.turns) else None
 
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
@@ -140,7 +140,7 @@ class ErrorFeedback:
                 f'expected at most {limit[j]:.3g} (following_error_limit)')
 
     def scaled(self, scale: float) -> 'ErrorFeedback':
-        """Return the feedback at this share of its bandwidth, with the same damping ratio."""
+        """Return the feedback at this fraction of its bandwidth, with the same damping ratio."""
         gains = Gains(scale**2 * self.gains.kp, scale * self.gains.kd)
         scaled = ErrorFeedback(gains, (), self.largest_error)
         scaled.turns, scaled._continuous = self.turns, self._continuous

@@ -29,13 +29,13 @@ class NonFiniteEffortError(InvalidInputError):
 
 class ControlOutput(NamedTuple):
     """
-    The efforts for one state, each (n,) [N·m] or [N], or None where there is none.
+    The efforts for one state, each (n,) [N·m] or [N], or None if it does not exist.
 
-    `gravity_compensation` and `computed_torque` are whole efforts at the joints; `command` and
-    `terms` are without what the robot adds by itself, of which `robot_gravity` is g(q) without a
-    load. `hold` is the command that holds the arm still, and what a command starts from.
-    `clamped` tells which joints of `command` met their effort limit. `gain_scale` is s where
-    the command has softer gains than `computed_torque` (`gain_softening`). All numbers are finite.
+    `gravity_compensation` and `computed_torque` are the total efforts at the joints. `command` and
+    `terms` exclude the efforts that the robot adds on its own, of which `robot_gravity` is g(q)
+    without a load. `hold` is the command that holds the arm still; a command starts from it.
+    `clamped` marks the joints of `command` that met their effort limit. `gain_scale` is s if the
+    command has lower gains than `computed_torque` (`gain_softening`). All numbers are finite.
     """
 
     gravity_compensation: FloatArray
@@ -54,7 +54,7 @@ class ControlOutput(NamedTuple):
 
     @property
     def reference(self) -> Reference | None:
-        """Return what is followed, None where there is nothing."""
+        """Return the reference that is followed, or None."""
         return None if self.sample is None else self.sample()
 
 

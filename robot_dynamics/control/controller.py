@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-From a measured state to the efforts for it: everything on the control path, without ROS.
+The whole control path from a measured state to its efforts, without ROS.
 
-Time on this path is the stamp of the joint states, so that a simulation that runs in lock-step,
-or a recording, gives the same efforts however fast it is played.
+Time on this path is the stamp of the joint states. A lock-step simulation or a recording therefore
+gives the same efforts at any playback speed.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,7 +50,7 @@ LAWS: dict[str, type[ControlLaw]] = {
 """The control laws, by the values of the parameter `command`."""
 NO_COMMAND = 'none'
 FAULT_DAMPING = 0.5
-"""Share of K_d with which a joint is damped in a fault."""
+"""Fraction of K_d with which a joint is damped in a fault."""
 _NS = 1e-9
 
 
@@ -63,8 +63,8 @@ class Controller:
     """
     Computes efforts from measured states; safe to call from several threads.
 
-    `update` is the control path. The other methods change what it does next, and hold the lock
-    only while they swap something that was prepared outside it.
+    `update` is the control path. The other methods change its next results. They prepare their
+    data outside the lock and hold the lock only while they exchange these data.
     """
 
     def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
@@ -76,12 +76,12 @@ class Controller:
         self._velocity = VelocityEstimate(arm.is_continuous)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
         self._last: tuple[LawOutput, RobotEffort] | None = None
-        """The answer to the last state, and what the robot adds to it by itself."""
+        """The output for the last state, and the efforts that the robot adds on its own."""
         self._options = options
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
-        """Take over gains, law and limits; another law ends the reference."""
+        """Apply gains, law and limits; a change of the law ends the reference."""
         feedback = ErrorFeedback(
             options.gains, self.arm.joint_kinds, options.largest_error(self.arm.limits.velocity))
         gravity = GravityCompensation(feedback, options)
@@ -99,7 +99,7 @@ class Controller:
             self._limit_motion()
 
     def _limit_motion(self) -> None:
-        """Derive from arm, load and options how fast references may be and gains can act."""
+        """Derive the limits of references and gains from the arm, the load and the options."""
         options, workspace, scaled = self._options, self._load.workspace, self._bounds.scaled
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
         self._reference.limit(
@@ -118,10 +118,10 @@ class Controller:
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """
-        Follow a trajectory from `stamp_ns`, 0 for now, where now is the newest state's stamp.
+        Follow a trajectory from `stamp_ns`; 0 means now, which is the stamp of the newest state.
 
-        Raises TrajectoryError where nothing can be followed, the trajectory has ended already,
-        or the arm cannot follow it.
+        Raises TrajectoryError if no reference can be followed, if the trajectory has already
+        ended, or if the arm cannot follow it.
         """
         self._check_follows()
         trajectory, slowness = self._reference.feasible(
@@ -130,11 +130,11 @@ class Controller:
             self._reference.start(trajectory, slowness, self._check_follows(), stamp_ns)
 
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
-        """Return the last state; raise TrajectoryError where nothing can be followed from it."""
+        """Return the last state; raise TrajectoryError if no reference can start from it."""
         if not self._follows:
             names = ' or '.join(repr(name) for name, law in LAWS.items() if law.follows)
             raise TrajectoryError(
-                f'command is {self._options.command!r}, expected {names}: nothing is followed')
+                f'command is {self._options.command!r}, expected {names} to follow a reference')
         if self._state is None:
             raise TrajectoryError(
                 'no joint state with velocities has been received, so that there is no state to '
@@ -142,7 +142,7 @@ class Controller:
         return self._state
 
     def stop(self) -> str:
-        """Stop along the path in force, or from the measured state, and hold; return a report."""
+        """Stop along the active path, or from the measured state, and hold; return a report."""
         with self._lock:
             if self._options.command == NO_COMMAND or self._state is None:
                 return 'nothing to stop: the node does not command the arm'
@@ -167,7 +167,7 @@ class Controller:
 
     @property
     def has_reference(self) -> bool:
-        """Whether a reference is followed."""
+        """Whether a reference is active."""
         return self._reference.active is not None
 
     @property
@@ -176,28 +176,28 @@ class Controller:
         return self._reference.slowness
 
     def forget_reference(self) -> None:
-        """Follow nothing; without feedback, until the next trajectory or stop."""
+        """End the reference; there is no feedback until the next trajectory or stop."""
         with self._lock:
             self._reference.clear()
 
     def restart_states(self) -> None:
-        """Take the next state as a first one: it need not follow from the last."""
+        """Treat the next state as a first one: it need not be consistent with the last state."""
         with self._lock:
             self._state = None
             self._velocity.restart()
 
     def stop_from_state(self) -> None:
-        """Forget the reference; stop from the next measured state and hold, if so chosen."""
+        """End the reference; stop from the next measured state and hold if `stops_and_holds`."""
         with self._lock:
             self._reference.stop_from_next(self._options.stops_and_holds and self._follows)
 
     def stop_on_path(self) -> None:
-        """Stop along the reference and hold, if so chosen; otherwise forget the reference."""
+        """Stop along the reference and hold if `stops_and_holds`; otherwise end the reference."""
         with self._lock:
             self._reference.stop_on_path(self._state if self._options.stops_and_holds else None)
 
     def shift_time(self, shift_ns: int) -> None:
-        """Follow on as before where the stamps of states go on lower by `shift_ns`."""
+        """Continue the reference unchanged when the stamps of the states decrease by shift_ns."""
         with self._lock:
             self._reference.shift_time(shift_ns)
 
@@ -206,9 +206,10 @@ class Controller:
         when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
-        Let `payloads` take the place of the old ones over transition_time [s].
+        Replace the active payloads with `payloads` over transition_time [s].
 
-        `when_done` is called with them when they are active: at once for no transition.
+        `when_done` is called with the new payloads once they are active: immediately if
+        transition_time is 0.
         """
         load = self._load.prepare(payloads)
         if transition_time == 0.0:
@@ -232,21 +233,21 @@ class Controller:
         """
         Return the efforts for the state (q, v) measured at stamp_ns; v may be unknown (None).
 
-        Without a velocity, measured or estimated, there is gravity compensation alone. Efforts
-        that are not finite raise NonFiniteEffortError: such a state is outside anything the model
-        can answer.
+        Without a velocity, measured or estimated, only gravity compensation is computed. Raises
+        NonFiniteEffortError if an effort is not finite: the state is outside the range of the
+        model.
         """
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
             output = self._update(stamp_ns, q, v)
             return output._replace(terms=self._terms()) if with_terms else output
 
     def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
-        """Do as `update` does without terms; numpy may warn of what is not finite."""
+        """Do the same as `update` without terms; numpy may warn about non-finite numbers."""
         with self._lock:
             return self._update(stamp_ns, q, v)
 
     def terms(self) -> EffortTerms | None:
-        """Return the terms of the last command; None where there is none, or it is not finite."""
+        """Return the terms of the last command, or None if it is missing or not finite."""
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
             return self._terms()
 
@@ -257,14 +258,14 @@ class Controller:
         law, q_ahead = self._law_at_rest, q
         if reference is not None and v is not None:
             law = self._law_with_reference
-            if self._adaptation.scale < 1.0:  # the effort acts when the arm has moved on
+            if self._adaptation.scale < 1.0:  # the arm moves before the effort acts
                 q_ahead = q + self._adaptation.quality.lag * v
         state = LawInput(
             dynamics, stamp_ns, q, v, q_ahead, dynamics.rigid_body.gravity(q), reference)
         return self._limited(state, law(state))
 
     def _take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> FloatArray | None:
-        """Take over a state; start the stop that waits for it; return the velocity to use."""
+        """Store a state, start a stop that waits for it, and return the velocity to use."""
         delay = 0.0
         if v is None and self._options.estimates_velocity:
             v, delay = self._velocity.update(stamp_ns, q), self._velocity.delay
@@ -281,7 +282,7 @@ class Controller:
         return v
 
     def _lose_velocity(self) -> None:
-        """Without velocities nothing is followed, and no motion can start."""
+        """End the reference: without velocities, no motion can be followed or started."""
         if self._reference.active is not None:
             self._reference.stop_from_next(self._options.stops_and_holds)
         self._state = None
@@ -324,7 +325,7 @@ class Controller:
             return None
         answer, robot = self._last
         terms = robot.command_terms(answer.terms())
-        # An energy beyond all numbers is no reason to withhold the effort.
+        # The effort is valid even if the energy overflows.
         return terms if all(np.isfinite(part).all() for part in terms) else None
 
     @property
@@ -339,7 +340,7 @@ class Controller:
 
     @property
     def bandwidth_scale(self) -> float:
-        """Share of the natural frequency that the rate and the noise of the states allow."""
+        """Fraction of the natural frequency that the rate and the noise of the states allow."""
         return self._adaptation.scale
 
     @property

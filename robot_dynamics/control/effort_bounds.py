@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Effort limits of a command, beside what the robot adds by itself."""
+"""Effort limits of a command, with regard to the efforts that the robot adds on its own."""
 
 from typing import NamedTuple
 
@@ -23,13 +23,13 @@ from robot_dynamics.model.arm_dynamics import EffortTerms
 
 
 class RobotEffort(NamedTuple):
-    """What the robot adds to a command by itself, each (n,) [N·m] or [N], None for nothing."""
+    """The efforts that the robot adds to a command on its own, (n,) [N·m] or [N], or None."""
 
     gravity: FloatArray | None
     friction: FloatArray | None
 
     def without_gravity(self, effort: FloatArray) -> FloatArray:
-        """Return an effort at the joints less the gravity that the robot adds."""
+        """Return an effort at the joints minus the gravity torque that the robot adds."""
         return effort if self.gravity is None else effort - self.gravity
 
     def command(self, effort: FloatArray) -> FloatArray:
@@ -38,7 +38,7 @@ class RobotEffort(NamedTuple):
         return effort if self.friction is None else effort - self.friction
 
     def command_terms(self, terms: EffortTerms) -> EffortTerms:
-        """Return the terms of the command for those of an effort at the joints."""
+        """Return the terms of the command for the terms of an effort at the joints."""
         if self.gravity is None and self.friction is None:
             return terms
         gravity = terms.gravity if self.gravity is None else terms.gravity - self.gravity
@@ -53,7 +53,7 @@ NOTHING = RobotEffort(None, None)
 def robot_effort(
     convention: EffortConvention, gravity: FloatArray, friction: FloatArray | None,
 ) -> RobotEffort:
-    """Return what a robot adds of g(q) and friction (n,) automatically; or `NOTHING`."""
+    """Return the g(q) and friction (n,) that a robot adds on its own, or `NOTHING`."""
     if not convention.robot_compensates:
         return NOTHING
     return RobotEffort(
@@ -62,7 +62,7 @@ def robot_effort(
 
 
 class EffortBounds:
-    """Effort limits of the URDF (n,), and the same times a scale; infinite where there is none."""
+    """Effort limits of the URDF (n,), plain and scaled; infinite for a joint without a limit."""
 
     def __init__(self, limit: FloatArray, scale: float = 1.0) -> None:
         self._limit = limit
@@ -71,20 +71,20 @@ class EffortBounds:
         self.least = float(self.scaled.min(initial=np.inf))
         """The smallest of the scaled limits."""
         self.no_joint = np.zeros(len(limit), dtype=bool)
-        """(n,): no joint met its limit."""
+        """(n,) of False: no joint met its limit."""
         self.no_joint.setflags(write=False)
 
     def bounded(
         self, command: FloatArray, robot: RobotEffort, hold: FloatArray | None = None,
     ) -> tuple[FloatArray, BoolArray]:
         """
-        Return the command within its limit, and which joints (n,) met it.
+        Return the command within its limits, and which joints (n,) met their limit.
 
-        The effort at the joints stays within its limits: it is the command and the gravity that
-        the robot adds. (Friction that it adds is neglected.) Where gravity alone is beyond the
-        limit, the command need not push against it: it may be 0, or reduce the load. A scale of
-        the effort limits that is too low for `hold`, the command that holds the arm, extends to
-        it; without `hold` the scale does not apply.
+        The effort at the joints is the sum of the command and the gravity torque that the robot
+        adds; it stays within the limits. (Friction that the robot adds is neglected.) If gravity
+        alone exceeds the limit of a joint, the command need not counteract it: the command may be
+        0, or reduce the load. `hold` is the command that holds the arm: if the scaled limits are
+        too low for `hold`, they are extended to `hold`. Without `hold` the scale does not apply.
         """
         limit = self._limit
         low, high = -limit, limit

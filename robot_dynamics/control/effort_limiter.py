@@ -13,17 +13,18 @@
 # limitations under the License.
 
 """
-What an effort may be, joint by joint, before it goes to a real arm.
+Limits of the effort of each joint, applied before the effort is sent to a real arm.
 
-Beyond what holds the arm (`hold`, g(q) as far as the robot does not add it itself), no effort
-pushes a joint on toward a position limit that it is about to pass, nor faster than its velocity
-limit. What is left changes no faster than the rate limit, which has the last word: a push that
-stands when its joint comes to a limit is taken back at that rate, 100 N·m in 0.1 s at the default,
-and not at once. A step would jerk gears and links, a drive that watches the rate ends in an error,
-and noise about the limit would make steps of every state. Neither limit brakes.
+`hold` is the command that holds the arm: g(q), as far as the robot does not add it on its own.
+Beyond `hold`, no effort accelerates a joint toward a position limit that it is about to pass, or
+beyond its velocity limit. The rate limit is applied last and has priority: if a joint reaches a
+limit while an effort acts toward it, this effort is reduced at the rate limit (100 N·m in 0.1 s at
+the default), not in one step. A step would jerk gears and links, a drive that monitors the torque
+rate would report an error, and noise around the limit would cause a step at every state. Neither
+the position limit nor the velocity limit brakes the joint.
 
-Figures of the field: libfranka bounds the torque rate at 1000 N·m/s; ros2_control's joint limits
-fault 0.0087 rad past a limit.
+For comparison: libfranka bounds the torque rate at 1000 N·m/s; the joint limits of ros2_control
+report a fault 0.0087 rad past a limit.
 """
 
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 
 LONGEST_STEP = 0.05
-"""[s] of change of effort that is allowed at once, however long ago the last effort was."""
+"""Longest time [s] for which one effort may change at the rate limit since the last effort."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +45,9 @@ class EffortLimits:
     """
     Limits of n joints.
 
-    `lower`, `upper` (n,) [rad] or [m] and `velocity` (n,) [rad/s] or [m/s], infinite where there
-    is none; `margin` [rad] or [m] before a position limit; `rate` [N·m/s] or [N/s], (n,) or one
-    for all joints.
+    `lower`, `upper` (n,) [rad] or [m] and `velocity` (n,) [rad/s] or [m/s] are infinite for joints
+    without a limit. `margin` [rad] or [m] is the distance from a position limit at which the
+    limiter begins to act. `rate` [N·m/s] or [N/s] is (n,) or one value for all joints.
     """
 
     lower: FloatArray
@@ -66,18 +67,18 @@ class EffortLimits:
         return self.upper - self.margin
 
     def is_near(self, q: FloatArray) -> bool:
-        """Tell whether any joint is within the margin before a position limit, or past it."""
+        """Return whether any joint is within the margin before a position limit, or past it."""
         lower, upper, _ = self._as_lists
         values = q.tolist()
         return True in map(gt, values, upper) or True in map(gt, lower, values)
 
     def is_too_fast(self, v: FloatArray | None) -> bool:
-        """Tell whether any joint is faster than its limit; a velocity may be unknown (None)."""
+        """Return whether any joint exceeds its velocity limit; `v` may be unknown (None)."""
         return v is not None and True in map(gt, map(abs, v.tolist()), self._as_lists[2])
 
     @cached_property
     def _as_lists(self) -> tuple[list[float], list[float], list[float]]:
-        """Return soft limits and velocities as lists: for few numbers quicker than arrays."""
+        """Return soft limits and velocities as lists, which are faster than arrays if short."""
         return self.soft_lower.tolist(), self.soft_upper.tolist(), self.velocity.tolist()
 
     @cached_property
@@ -97,7 +98,7 @@ class EffortLimits:
 
 
 class GuardedEffort(NamedTuple):
-    """An effort (n,) that may go out, and which joints (n,) each limit held back."""
+    """An effort (n,) that may be published, and the joints (n,) that each limit affected."""
 
     effort: FloatArray
     by_position: BoolArray
@@ -111,19 +112,18 @@ class EffortLimiter:
     def __init__(self, limits: EffortLimits) -> None:
         self.limits = limits
         self.last: FloatArray | None = None
-        """The effort that went out last, (n,); None where none did."""
+        """The effort (n,) that was published last, or None."""
 
     def apply(
         self, effort: FloatArray, hold: FloatArray, q: FloatArray, v: FloatArray | None,
         dt: float, is_near: bool | None = None, is_too_fast: bool | None = None,
     ) -> GuardedEffort:
         """
-        Return what may go out dt [s] after the last effort.
+        Return the effort that may be published dt [s] after the last effort.
 
-        `is_near` and `is_too_fast` are results of the limits for q and v, None to compute them.
-
-        `hold` (n,) is what holds the arm still, and the first effort; `effort`, q and v are (n,).
-        Without a velocity (None) its limit does not act.
+        `is_near` and `is_too_fast` are the results of the limits for q and v, None to compute
+        them. `hold` (n,) is the command that holds the arm still; the first effort is `hold`.
+        `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
         """
         limits = self.limits
         by_position = by_velocity = by_rate = limits.no_joint
@@ -147,18 +147,19 @@ class EffortLimiter:
         self, effort: FloatArray, dt: float, in_proportion: bool = True,
     ) -> FloatArray:
         """
-        Return the part of the way to `effort` (n,) that the rate limit allows in dt [s].
+        Return the last effort changed toward `effort` (n,) as far as the rate limit allows in dt.
 
-        All joints change `in_proportion`: an effort between two that accelerate the arm as
-        intended does so as well, whereas one joint that lags behind the others would be
-        accelerated by their inertia torques. Otherwise each changes as fast as it may.
+        `dt` [s] is the time since the last effort. If `in_proportion`, the efforts of all joints
+        cover the same fraction of their change: an effort between two efforts that accelerate the
+        arm as intended also does so, whereas the inertia torques of the other joints would
+        accelerate a joint whose effort lags behind. Otherwise each joint uses its own rate limit.
         """
         last, dt = self.last, min(max(dt, 0.0), LONGEST_STEP)
         if last is None:
             self.last = effort
             return effort
         distance = math.dist(effort.tolist(), last.tolist())
-        if distance <= self.limits.least_rate * dt:  # and so no joint changes by more
+        if distance <= self.limits.least_rate * dt:  # no joint exceeds its rate limit
             self.last = effort
             return effort
         change, rate = effort - last, self.limits.joint_rates

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a controller follows: a trajectory, a stop, or nothing; and a stop from the next state."""
+"""The reference of a controller: a trajectory, a stop, or none; and a stop from the next state."""
 
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
@@ -50,11 +50,11 @@ class FollowedReference:
 
     @property
     def active(self) -> ActiveTrajectory | None:
-        """What is followed, None for nothing."""
+        """The trajectory or stop that is followed, or None."""
         return self._follower.active
 
     def limit(self, limits: MotionLimits | None, stream_timeout: float) -> None:
-        """Take limits of motion, applied by `scale`, and the timeout [s] of set-points."""
+        """Set the limits of motion, which `scale` applies, and the timeout [s] of set-points."""
         self._limits = limits
         self._follower.stream_timeout = stream_timeout
 
@@ -66,9 +66,9 @@ class FollowedReference:
         self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
     ) -> tuple[JointTrajectory, float]:
         """
-        Return a trajectory as the arm can follow it, and by what factor it was slowed down.
+        Return a trajectory that the arm can follow, and the factor by which it was slowed down.
 
-        Raises TrajectoryError if the arm cannot follow it, or for other joints.
+        Raises TrajectoryError if the arm cannot follow the trajectory, or for other joints.
         """
         self._follower.check_joints(trajectory)
         if options.checks_goals:
@@ -106,7 +106,7 @@ class FollowedReference:
         self._stops_next = False
 
     def stop_from_next(self, holds: bool) -> None:
-        """Follow nothing; if `holds`, stop from the next measured state and hold."""
+        """End the reference; if `holds`, stop from the next measured state and hold."""
         self._follower.clear()
         self._stops_next = holds
 
@@ -116,7 +116,7 @@ class FollowedReference:
         self._follower.stop(stamp_ns, q, v)
 
     def stop_on_path(self, state: tuple[int, FloatArray, FloatArray] | None) -> None:
-        """Stop along the active path and hold; without a state (stamp, q, v), follow nothing."""
+        """Stop along the active path and hold; without a state (stamp, q, v), `clear`."""
         if state is None:
             self._follower.clear()
         else:

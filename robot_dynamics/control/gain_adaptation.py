@@ -22,7 +22,7 @@ from robot_dynamics.control.control_law import Gains
 from robot_dynamics.control.stable_gains import longest_period, StateQuality, UNKNOWN
 
 _STEP = 1.1
-"""Ratio of two periods, or of two scales, below which nothing changes."""
+"""Ratio of two periods, or of two scales, below which the scale stays unchanged."""
 
 
 class GainAdaptation:

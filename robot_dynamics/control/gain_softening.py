@@ -12,19 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Gains that an arm can follow whose effort may change only so fast.
+Gain scaling for an arm whose rate of change of effort is limited.
 
-A large error asks PD feedback for a large effort, and soon after for its reverse. Where the rate
-of change of effort is limited, that comes late, and an effort that lags behind its error feeds an
-oscillation instead of damping it: beyond a certain error the loop diverges. So the feedback is
-slowed down for large errors to the share s of its bandwidth,
+For a large error, PD feedback computes a large effort, and soon after an effort of opposite sign.
+If the rate of change of effort is limited, the effort lags behind the error and excites an
+oscillation instead of damping it: beyond a certain error the loop diverges. Therefore the
+bandwidth of the feedback is scaled down for large errors by the factor s,
 
     q̈_fb = s² K_p e + s K_d ė,    0 < s <= 1,
 
-which leaves the damping ratio as it is. It crosses over below s ω_c, ω_c = max(K_d + K_p/K_d), so
-that an effort of size |M q̈_fb| changes by |M q̈_fb| s ω_c a second: s is the largest share at which
-the rate limit lets that through. Small errors are fed back with s = 1; and a steady error that
-holds a load which the model does not know grows faster than the load.
+which leaves the damping ratio unchanged. The crossover frequency is below s ω_c, with
+ω_c = max(K_d + K_p/K_d), so that an effort of size |M q̈_fb| changes by |M q̈_fb| s ω_c per
+second: s is the largest factor whose change the rate limit permits. For small errors s = 1. A
+steady error that supports a load which is not in the model grows faster than the load.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ _HALVINGS = 30
 
 
 def crossover_frequency(gains: Gains) -> float:
-    """Return ω_c [rad/s], a bound of where the feedback of these gains crosses over."""
+    """Return ω_c [rad/s], an upper bound of the crossover frequency of these gains."""
     K_p, K_d = gains.kp, gains.kd
     slow = np.where(K_d > 0.0, gains.ratio, np.sqrt(K_p))
     return float((K_d + slow).max(initial=0.0))
@@ -47,7 +47,7 @@ def gain_scale(
     """
     Return s in (0, 1] for the efforts M K_p e and M K_d ė, each (n,) [N·m] or [N].
 
-    `rate` is the largest change of effort by ω_c [N·m] or [N], (n,) or one for all joints.
+    `rate` [N·m] or [N] is the rate limit of the effort divided by ω_c, (n,) or one for all joints.
     """
     def is_too_fast(s: float) -> bool:
         return bool((s * np.abs(s * s * proportional + s * damping) > rate).any())

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-What a control law is, and the simplest one: gravity compensation.
+The interface of control laws, and the simplest law: gravity compensation.
 
-A law returns an effort together with its terms. The controller does the rest, equally for each
-law: effort limits, what the robot adds by itself, references, stops and faults.
+A law returns an effort together with its terms. Everything else is common to all laws and is done
+by the controller: effort limits, efforts that the robot adds on its own, references, stops,
+faults.
 """
 
 from collections.abc import Callable
@@ -33,12 +34,12 @@ from robot_dynamics.trajectories.follower import ActiveTrajectory
 
 class LawInput(NamedTuple):
     """
-    What a law computes an effort from; arrays are (n,), in the order of the joints.
+    The input of a law; arrays are (n,), in the order of the joints.
 
-    `q` [rad] or [m] is measured at `stamp_ns`; `v` [rad/s] or [m/s] is None where it is unknown.
+    `q` [rad] or [m] is measured at `stamp_ns`; `v` [rad/s] or [m/s] is None if it is unknown.
     `q_ahead` is the position half a period of the states later, when the effort acts; it is `q`
-    itself where that makes no difference. `gravity` [N·m] or [N] is g(q). `reference` is what is
-    followed, None for nothing; with a reference there is a velocity.
+    itself if the difference does not matter. `gravity` [N·m] or [N] is g(q). `reference` is the
+    reference to follow, or None; if there is a reference, `v` is known.
     """
 
     dynamics: UncheckedArmDynamics
@@ -52,12 +53,12 @@ class LawInput(NamedTuple):
 
 class LawOutput(NamedTuple):
     """
-    An effort (n,) [N·m] or [N] before any limit, and what it consists of.
+    An effort (n,) [N·m] or [N] before any limit, and its parts.
 
-    `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of it that
-    compensates friction. `nominal` (n,) is the effort with unchanged gains, `gain_scale` the
-    factor s of their bandwidth in `effort` (`gain_softening`). `is_far` tells whether the
-    following error of a joint exceeds its limit.
+    `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of `effort`
+    that compensates friction. `nominal` (n,) is the effort with unscaled gains; `gain_scale` is
+    the factor s by which the bandwidth of `effort` is scaled down (`gain_softening`). `is_far` is
+    true if the following error of a joint exceeds its limit.
     """
 
     effort: FloatArray
@@ -72,9 +73,10 @@ class ControlLaw(Protocol):
     """
     A law τ(q, q̇, reference).
 
-    A law that follows references is used while there is one, and gravity compensation otherwise. A
-    law that does not follow is used without a reference, also for states without a velocity, and
-    computed torque with one, for `~/stop`.
+    A law that follows references is used while a reference is active; otherwise the controller
+    uses gravity compensation. A law that does not follow references is used without a reference,
+    also for states without a velocity; for the reference of `~/stop` the controller uses computed
+    torque.
     """
 
     follows: ClassVar[bool]
@@ -87,15 +89,15 @@ class ControlLaw(Protocol):
         """Return the effort for a state."""
 
     def scale_gains(self, scale: float) -> None:
-        """Use the gains at this factor of their bandwidth, in (0, 1], where states come late."""
+        """Scale the bandwidth of the gains by this factor in (0, 1], used if states are late."""
         return
 
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """
-        Take note of how fast the effort may change.
+        Set the rate limit of the effort.
 
-        `effort_rate` (n,) [N·m/s] or [N/s] is the rate limit, infinite for none; `inertia` (n,)
-        are the largest sums of the rows of |M(q)|.
+        `effort_rate` (n,) [N·m/s] or [N/s] is the rate limit, infinite if there is no limit;
+        `inertia` (n,) are the largest sums of the rows of |M(q)|.
         """
         return
 
@@ -130,8 +132,8 @@ def equation_terms(
     """
     Return the terms of M(q) a + C(q, v) v + g(q) + friction, all arrays (n,).
 
-    `gravity` takes the place of g(q) of the same position, which Pinocchio rounds differently in
-    each algorithm, so that the terms sum to the effort to the last bit.
+    `gravity` replaces g(q) of the same position, because each algorithm of Pinocchio rounds g(q)
+    differently. The terms therefore sum to the effort exactly, to the last bit.
     """
     terms = dynamics.terms(q, v, a, friction=friction)
     return terms._replace(gravity=gravity, effort=terms.effort + (gravity - terms.gravity))

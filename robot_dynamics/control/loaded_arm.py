@@ -25,7 +25,7 @@ from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 
 class PreparedLoad(NamedTuple):
-    """What loads need before they can replace others."""
+    """The data that are computed for loads before the loads replace the active ones."""
 
     payloads: tuple[Payload, ...]
     planning: ArmDynamics
@@ -49,7 +49,7 @@ class LoadedArm:
         self._transition: PayloadTransition | None = None
 
     def prepare(self, payloads: Sequence[Payload]) -> PreparedLoad:
-        """Return what takes long to compute for loads."""
+        """Return the data of loads whose computation takes long."""
         planning = ArmDynamics(self.arm.with_payloads(payloads))
         return PreparedLoad(tuple(payloads), planning, WorkspaceInertia(planning))
 

@@ -37,8 +37,8 @@ def loop_warnings(workspace: WorkspaceInertia, options: ControllerOptions) -> It
         yield (f'The damping ratio of {name!r} is {ratio:.2g} (gains), expected at least '
                f'{LEAST_DAMPING:g}: its tracking error oscillates.')
     if not options.conditions_references:
-        yield ('condition_references is false: a step of a reference is a step of the effort, and '
-               'references may exceed the limits of the arm.')
+        yield ('condition_references is false: a step of a reference causes a step of the effort, '
+               'and references may exceed the limits of the arm.')
     omega = crossover_frequency(gains)
     if options.softens_gains or omega == 0.0:
         return

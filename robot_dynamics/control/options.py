@@ -23,36 +23,36 @@ from robot_dynamics.control.control_law import Gains
 from robot_dynamics.joints.effort_convention import EffortConvention
 
 ERROR_TIME = 0.3
-"""[s]: the limit of the following error is the way at the velocity limit in this time."""
+"""[s]: the limit of the following error is the distance at the velocity limit in this time."""
 DEFAULT_ERROR = 0.5
 """[rad] or [m], limit of the following error of a joint without a velocity limit."""
 
 
 @dataclass(frozen=True)
 class ControllerOptions:
-    """What may change while the controller runs."""
+    """Options that may change while the controller runs."""
 
     gains: Gains
     command: str = 'computed_torque'
     """A name of `controller.LAWS`, or `none`."""
     effort_scale: float = 1.0
-    """The command is clamped to this share of the effort limits of the URDF."""
+    """The command is clamped to this fraction of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
     """The velocity at which computed torque compensates friction; see `control_law`."""
     effort_rate: FloatArray | float = math.inf
     """Largest rate of change of the command [N·m/s] or [N/s], (n,) or one for all joints."""
     semantics: EffortConvention = EffortConvention()
-    """What the robot adds to the command by itself is left out of it."""
+    """States which efforts the robot adds to the command on its own; the command omits them."""
     softens_gains: bool = False
     """Scale the feedback down for errors whose effort the rate limit would delay."""
     conditions_references: bool = False
     """Follow references within the limits of the arm; see `reference_generator`."""
     slows_down: bool = False
-    """Slow an infeasible trajectory, or a set-point, down instead of rejecting it."""
+    """Slow down an infeasible trajectory or set-point instead of rejecting it."""
     stops_and_holds: bool = False
-    """Stop and hold where a reference ends early; otherwise compensate gravity alone."""
+    """Stop and hold if a reference ends early; otherwise only compensate gravity."""
     following_error: FloatArray | None = None
-    """(n,) [rad] or [m], limit of the following error, 0 for none; None for the default."""
+    """Limit of the following error (n,) [rad] or [m], 0 for no limit; None for the default."""
     stream_timeout: float = 0.1
     """[s] for which a set-point with a velocity is followed."""
     estimates_velocity: bool = False
@@ -63,7 +63,7 @@ class ControllerOptions:
     """Clip positions beyond the limits instead of rejecting them."""
 
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
-        """Return the limit of the following error (n,) [rad] or [m], ∞ for none."""
+        """Return the limit of the following error (n,) [rad] or [m], ∞ for no limit."""
         if self.following_error is not None:
             return np.where(self.following_error > 0.0, self.following_error, math.inf)
         return np.where(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Payloads that take the place of others gradually, so that efforts do not jump."""
+"""Gradual replacement of payloads, so that efforts do not step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,9 +24,9 @@ class PayloadTransition:
     """
     Fade the old loads out and the new ones in, linearly in mass and inertia.
 
-    Each load keeps its place. Efforts are linear in mass and inertia, so they go from the old to
-    the new ones in a straight line, and every load on the way is physical. Time starts with the
-    first stamp that is asked for.
+    Each load keeps its pose. Efforts are linear in mass and inertia, so they change linearly from
+    the old to the new ones, and every intermediate load is physically consistent. The transition
+    begins at the first stamp that is passed to `payloads`.
     """
 
     def __init__(
@@ -36,16 +36,16 @@ class PayloadTransition:
         transition_time: float,
         when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
-        """Take the active loads, the loads to reach and the time for it [s]."""
+        """Take the active loads, the loads to reach and the duration of the transition [s]."""
         self.target = tuple(target)
         self.when_done = when_done
-        self._old = merged(old)  # or transitions that cut each other short would pile up loads
+        self._old = merged(old)  # otherwise interrupted transitions would accumulate loads
         self._duration = transition_time
         self._start_ns: int | None = None
         self.done = False
 
     def payloads(self, stamp_ns: int) -> list[Payload]:
-        """Return the loads in force at a stamp; sets `done` at the end."""
+        """Return the loads that are active at a stamp; sets `done` at the end."""
         if self._start_ns is None:
             self._start_ns = stamp_ns
         s = min(max(1e-9 * (stamp_ns - self._start_ns) / self._duration, 0.0), 1.0)
@@ -57,5 +57,5 @@ class PayloadTransition:
 
 
 def scaled(payload: Payload, fraction: float) -> Payload:
-    """Return a payload with this share of the mass and inertia, at the same place."""
+    """Return a payload with this fraction of the mass and inertia, at the same pose."""
     return replace(payload, mass=fraction * payload.mass, inertia=fraction * payload.inertia)

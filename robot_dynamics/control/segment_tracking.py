@@ -14,9 +14,9 @@
 """
 The commanded acceleration along one segment of a trajectory, joint by joint.
 
-It is what `ErrorFeedback` makes of a sample of that segment. For the few joints of an arm plain
-floats are quicker than arrays: half as long when asked again and again, and less than that on a
-control path, where each function of numpy has to be fetched anew for every message.
+The result equals that of `ErrorFeedback` for a sample of that segment. For the few joints of an
+arm, plain floats are faster than arrays: they take half of the time in repeated calls, and less
+than half on a control path, where the code of numpy is not in the cache when a message arrives.
 """
 
 from math import pi
@@ -28,16 +28,16 @@ from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.trajectories.interpolation import Segment
 
 FEW = 16
-"""Joints up to which this is quicker than `ErrorFeedback`."""
+"""Number of joints up to which `TrackingLaw` is faster than `ErrorFeedback`."""
 
 
 class TrackingOutput(NamedTuple):
     """
-    What tracking asks for, each (n,).
+    The output of the tracking law, each (n,).
 
-    `acceleration` q̈_ref + K_d ė + K_p e [rad/s² or m/s²], and `velocity` q̇_ref + K_p/K_d e
-    [rad/s or m/s], q̇_ref where K_d is 0: that of which friction is compensated. `feedback` is the
-    largest of |K_d ė + K_p e|, and `is_far` tells whether an error e exceeds its limit.
+    `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref + K_p/K_d e
+    [rad/s or m/s], q̇_ref if K_d is 0: the velocity at which friction is compensated. `feedback`
+    is the largest of |K_d ė + K_p e|, and `is_far` is true if an error e exceeds its limit.
     """
 
     acceleration: FloatArray
@@ -60,7 +60,7 @@ class TrackingLaw:
             feedback.largest_error.tolist()))
 
     def at(self, now_ns: int, q: FloatArray, v: FloatArray) -> TrackingOutput:
-        """Return what tracking asks for at the state (q, v), each (n,), while it is in force."""
+        """Return the output at the state (q, v), each (n,), while the segment is active."""
         s = self.segment.phase(now_ns)
         a, v_r, largest, is_far = [], [], 0.0, False
         for (p, d, dd, K_p, K_d, ratio, turns, e_max), q_j, v_j in zip(

@@ -13,20 +13,21 @@
 # limitations under the License.
 
 """
-Whether set-points stream, and when the stream has ended.
+Detection of streams of set-points and of their timeout.
 
-One set-point is a pose to go to and hold. Several in a row, each within the timeout of the one
-before, are a stream, whose sender steers: when it falls silent, holding its last would be wrong.
+A single set-point is a pose to reach and hold. Several consecutive set-points, each within the
+timeout after the previous one, are a stream, with which the sender steers the arm. When the stream
+times out, holding its last set-point would be wrong.
 """
 
 import math
 
 STREAM_LENGTH = 5
-"""Set-points in a row that make a stream; fewer may be a change of mind."""
+"""Consecutive set-points that form a stream; fewer may be corrections of a single set-point."""
 
 
 class SetPointStream:
-    """Hears of each reference; times [s] of a steady clock."""
+    """Is notified of each reference; times [s] are those of a steady clock."""
 
     def __init__(self, timeout: float = 0.1) -> None:
         self.timeout = timeout
@@ -34,15 +35,15 @@ class SetPointStream:
         self._in_a_row = 0
 
     def arrived(self, is_set_point: bool, now: float) -> None:
-        """Take note of a reference: a set-point, or a trajectory, which ends any stream."""
+        """Register a reference: a set-point, or a trajectory, which ends any stream."""
         follows = is_set_point and now - self._last <= self.timeout
         self._in_a_row = self._in_a_row + 1 if follows else 1
         self._last = now if is_set_point else -math.inf
 
     def end(self) -> None:
-        """Forget the stream."""
+        """End the stream."""
         self._in_a_row, self._last = 0, -math.inf
 
     def is_over(self, now: float) -> bool:
-        """Tell whether there was a stream and its sender has fallen silent."""
+        """Return whether there was a stream and it has timed out."""
         return self._in_a_row >= STREAM_LENGTH and now - self._last > self.timeout

@@ -13,21 +13,23 @@
 # limitations under the License.
 
 """
-Which velocity the feedback uses, and at which share of its bandwidth it is stable.
+The velocity that the feedback uses, and the fraction of its bandwidth at which it is stable.
 
 PD feedback with natural frequency ω and damping ratio 1 crosses over at ω_x = √(2 + √5) ω, with a
 phase margin of 76°. Two delays reduce the margin:
 
 - sampling and transport: half a period of the states, LOOP_DELAY, and the delay of an estimated
   velocity (`velocity_estimate`);
-- the rate limit of the effort. Noise σ of the velocity is amplified to M K_d σ. Where that exceeds
-  what the limit τ̇ lets through, the limit acts as a low-pass of the time constant
-  M K_d σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal noise.
+- the rate limit of the effort. Noise σ of the velocity is amplified to M K_d σ. If this noise
+  exceeds the changes that the limit τ̇ permits, the limit acts as a low-pass with the time
+  constant M K_d σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal
+  noise.
 
-The bandwidth is scaled by the share s, with K_p s² and K_d s, so that each phase lag at s ω_x
-stays below its bound. A measured velocity whose noise would lower the gains is replaced by the
-difference of the measured positions, half a period later, if that has less noise. Where the share
-is below 1, M, C and g are those of the position half a period ahead, q + q̇ T/2.
+The bandwidth is scaled by the fraction s, with K_p s² and K_d s, so that each phase lag at s ω_x
+stays below its bound. If the noise of the measured velocity would lower the gains, the difference
+of the measured positions replaces it, provided that the difference has less noise; it is late by
+half a period. If s is below 1, M, C and g are those of the position half a period ahead, q + q̇
+T/2.
 """
 
 from collections.abc import Sequence
@@ -45,22 +47,22 @@ NOISE_LAG = 0.1
 """[rad] of phase that the rate limit may take at the crossover."""
 CROSSOVER = math.sqrt(2.0 + math.sqrt(5.0))
 LESS = 0.5
-"""Share of the noise of the measured velocity that the difference of positions must be below."""
+"""The noise of the position difference must be below this fraction of that of the velocity."""
 _SLEW = math.sqrt(2.0 / math.pi)
 LEAST = 0.05
-"""Smallest share; with noise that asks for less, the loop is no longer stable."""
+"""Smallest fraction s; with noise that requires a smaller one, the loop is no longer stable."""
 UNKNOWN = 0.5
-"""Part of the share that is used until the quality of the states is known."""
+"""Factor of s that is used until the quality of the states is known."""
 _FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
-"""Shares that a new state has in the estimates: if every state is used, and if few are."""
+"""Weights of a new state in the estimates: if every state is used, and if only few are."""
 _TURN, _FEW = 16, 6
-"""States between two estimates, and before the first evaluation; few are enough without noise."""
+"""States between two estimates, and before the first evaluation; fewer suffice without noise."""
 _QUIET_TURN = 64
 """States between two evaluations while the noise does not matter."""
 PAUSE = 0.5
-"""[s] from which a single gap between two states is a pause of the source, and not its period."""
+"""[s]: a longer single gap between two states is a pause of the source, not its period."""
 _QUIET = 3.0
-"""Share that the noise permits if there is hardly any."""
+"""The fraction s that the noise permits if the noise is negligible."""
 
 
 class Noise:
@@ -71,14 +73,15 @@ class Noise:
         self._consecutive = self._updates = 0
 
     def restart(self) -> None:
-        """Take the next sample as one that does not follow the last; keep the estimate."""
+        """Treat the next sample as not following the last one; keep the estimate."""
         self._consecutive = 0
 
     def take(self, x: FloatArray, forgetting: float) -> None:
         """
-        Take a sample; `forgetting` is the share of the estimate that it replaces at least.
+        Take a sample, which replaces at least the fraction `forgetting` of the estimate.
 
-        The second difference of white noise has six times its variance, and hardly any motion.
+        The second difference of a signal contains six times the variance of its white noise, and
+        almost none of its motion.
         """
         before, last, self._before, self._last = self._before, self._last, self._last, x
         self._consecutive += 1
@@ -95,7 +98,7 @@ class Noise:
 
 
 class StateQuality:
-    """The period of the states and the noise of their velocities; and the better velocity."""
+    """The period of the states, the noise of their velocities, and the better velocity."""
 
     def __init__(self, joint_kinds: Sequence[str]) -> None:
         n = len(joint_kinds)
@@ -104,7 +107,7 @@ class StateQuality:
         self.differs = False
         """Whether the velocity is the difference of positions."""
         self.velocity_delay = 0.0
-        """[s] by which the given velocity is late: 0 for a measured one."""
+        """Delay [s] of the given velocity: 0 for a measured one."""
         self._measured, self._difference = Noise(n), Noise(n)
         self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
         self._q: FloatArray | None = None
@@ -131,7 +134,7 @@ class StateQuality:
         phase = self._count % _TURN
         if not self._is_noisy:
             self.is_due = self._count % _QUIET_TURN == 2
-            if phase < 3:  # three states in a row are enough for one estimate
+            if phase < 3:  # three consecutive states are enough for one estimate
                 if phase == 0:
                     self._measured.restart()
                 self._measured.take(v, _SPARSE_FORGETTING)
@@ -164,10 +167,10 @@ class StateQuality:
         self, gains: Gains, mass: FloatArray, effort_rate: FloatArray,
     ) -> float:
         """
-        Return the share s in (0, 1] of the bandwidth at which the feedback is stable.
+        Return the fraction s in (0, 1] of the bandwidth at which the feedback is stable.
 
-        `mass` (n, n) is the largest |M|; `effort_rate` (n,) [N·m/s] or [N/s], infinite for none.
-        Chooses the velocity as well.
+        `mass` (n, n) is the largest |M|; `effort_rate` (n,) [N·m/s] or [N/s] is infinite if there
+        is no limit. Also chooses the velocity.
         """
         omega = _natural_frequency(gains)
         if omega == 0.0:
@@ -179,7 +182,7 @@ class StateQuality:
             return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
 
         measured = self._measured.deviation
-        if not np.isfinite(measured).all():  # after velocities that no arm has
+        if not np.isfinite(measured).all():  # after implausibly large velocities
             self._measured = Noise(len(measured))
             self._count, self.is_known, self.differs = 0, False, False
             measured = self._measured.deviation
@@ -204,7 +207,7 @@ class StateQuality:
 
 
 def longest_period(gains: Gains) -> float:
-    """Return the period of the states [s] above which these gains are lowered; 0 for any."""
+    """Return the period of the states [s] above which these gains are lowered, 0: any period."""
     omega = _natural_frequency(gains)
     if omega == 0.0:
         return math.inf
@@ -212,7 +215,7 @@ def longest_period(gains: Gains) -> float:
 
 
 def slowest_rate(gains: Gains) -> float:
-    """Return the rate of the joint states [Hz] below which these gains are lowered; 0 for none."""
+    """Return the rate of the joint states [Hz] below which these gains are lowered, 0: no rate."""
     period = longest_period(gains)
     return 1.0 / period if period > 0.0 else math.inf
 

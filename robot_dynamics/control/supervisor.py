@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-When efforts go out, and how they end: the supervisor of the command.
+The supervisor of the command: decides when efforts are published and how they end.
 
     inactive -> waiting for the first state -> running <-> fault
     running or fault -> stopping -> inactive
 
-The first effort to an arm is what holds it. In a fault each valid state is answered by what holds
-the arm, with damping; the fault action begins when there are no valid states any more. The command
-resumes automatically once the cause has ended, except after a fault that is latched.
-Efforts of a fault action and of a ramp keep to the rate limit as all others do, so that a ramp of
-a large effort may take longer than the ramp time. No two efforts in a row differ by more.
-Times are of a steady clock, so that a clock that stops or jumps changes nothing.
+The first effort is the command that holds the arm (`hold`). In a fault, the answer to each valid
+state is `hold` with damping; the fault action begins when no valid states arrive any more. The
+command resumes automatically once the cause has ended, except after a latched fault.
+The rate limit applies to the efforts of a fault action and of a ramp as well, so that a ramp from
+a large effort may take longer than the ramp time. No two consecutive efforts differ by more.
+Times are those of a steady clock: a system clock that stops or jumps has no effect.
 """
 
 from collections.abc import Callable
@@ -38,11 +38,11 @@ FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 
 Brake = Callable[[FloatArray, FloatArray | None, FloatArray], FloatArray]
-"""Returns the command (n,) that holds and brakes the arm at (q, v), from what holds it."""
+"""Returns the command (n,) that holds and brakes the arm at (q, v), from the `hold` command."""
 
 
 class Mode(Enum):
-    """What the supervisor does."""
+    """The state of the supervisor."""
 
     INACTIVE = 'inactive'
     WAITING = 'waiting for the first state'
@@ -54,9 +54,9 @@ class Mode(Enum):
 @dataclass(frozen=True)
 class SafetyOptions:
     """
-    Times [s]; `fault_margin` [rad] or [m] past a position limit that is a fault.
+    Times are in [s]. A position `fault_margin` [rad] or [m] past its limit is a fault.
 
-    `overspeed` is the multiple of a velocity limit that is a fault, infinite for none.
+    A velocity above `overspeed` times its limit is a fault; infinite disables this check.
     """
 
     state_timeout: float = 0.05
@@ -70,9 +70,9 @@ class SafetyOptions:
 @dataclass(frozen=True)
 class Fault:
     """
-    What went wrong: a name for machines, words for people, and whether it needs a reset.
+    A fault: its name for programs, a message for the operator, and whether it needs a reset.
 
-    Otherwise it is over after `recovery` good states with no fault in between.
+    If it needs no reset, it ends after `recovery` consecutive good states.
     """
 
     name: str
@@ -83,9 +83,9 @@ class Fault:
 
 class CommandSupervisor:
     """
-    Lets efforts of n joints out, or what the fault action says; not for two threads at a time.
+    Passes the efforts of n joints on, or replaces them with the fault action; for one thread.
 
-    What a method returns is to be published, None for nothing.
+    The caller publishes the effort that a method returns; None means that nothing is published.
     """
 
     def __init__(
@@ -96,16 +96,16 @@ class CommandSupervisor:
         self.options = options
         self.mode = Mode.INACTIVE
         self.fault: Fault | None = None
-        """The fault in force, or the last one."""
+        """The active fault, or the last one."""
         self.fault_count = 0
         self.guarded: GuardedEffort | None = None
-        """What the limits did to the last effort, while running."""
+        """The last effort within the limits and the limits that acted on it, while running."""
         self._hold = self._braked = np.zeros(len(joint_names))
         self._last_state = self._last_output = self._since = 0.0
         self._good = 0
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
-        """Take over limits and options, also those of another model of the same joints."""
+        """Apply limits and options, also those of another model of the same joints."""
         self._guard.limits, self.options = limits, options
 
     def activate(self) -> None:
@@ -142,7 +142,7 @@ class CommandSupervisor:
         return True, f'reset {fault.name}: {fault.words}'
 
     def fail(self, now: float, fault: Fault) -> None:
-        """Begin the fault action; a fault in force gives way to one that is harder to leave."""
+        """Begin the fault action; a fault that is harder to leave replaces the active fault."""
         if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT):
             return
         self._good = 0
@@ -159,10 +159,11 @@ class CommandSupervisor:
         fault: Fault | None = None,
     ) -> FloatArray | None:
         """
-        Return the effort that answers a valid state; `hold` (n,) is what holds the arm.
+        Return the effort for a valid state; `hold` (n,) is the command that holds the arm.
 
-        The state is dt [s] after the one before by their stamps, None if unknown. `fault` is one
-        that was found with this state. `brake` returns `hold` with damping at (q, v), for a fault.
+        `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
+        fault that was found with this state. `brake` returns `hold` with damping at (q, v); it is
+        used in a fault.
         """
         limits = self._guard.limits
         is_near, is_too_fast = limits.is_near(q), limits.is_too_fast(v)
@@ -179,7 +180,7 @@ class CommandSupervisor:
         elif self.mode is Mode.WAITING:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
-            self.mode, dt = Mode.RUNNING, None  # efforts may have gone out since that state
+            self.mode, dt = Mode.RUNNING, None  # efforts may have been published since that state
         if self.mode is Mode.FAULT:
             return self._hold_on(now, hold if brake is None else brake(q, v, hold))
         if self.mode is not Mode.RUNNING:
@@ -191,11 +192,11 @@ class CommandSupervisor:
         return self.guarded.effort
 
     def repeat(self) -> FloatArray | None:
-        """Return the effort of the last state once more, where efforts go out."""
+        """Return the effort of the last state again, or None if no efforts are published."""
         return self._guard.last if self.mode is Mode.RUNNING else None
 
     def tick(self, now: float) -> FloatArray | None:
-        """Return what is due without a state: nothing, or the next effort of a fault action."""
+        """Return the effort that is due without a state (fault action or ramp), or None."""
         if now - self._last_state > self.options.state_timeout and self.mode is Mode.RUNNING:
             self.fail(now, self._timeout())
         return self._action(now)
@@ -207,7 +208,7 @@ class CommandSupervisor:
             'driver, and the status `joint states` for dropped ones')
 
     def _hold_on(self, now: float, hold: FloatArray) -> FloatArray | None:
-        """Answer a valid state in a fault: hold the arm, and let the fault action start later."""
+        """Answer a valid state in a fault: hold the arm and postpone the fault action."""
         self._since, self._braked = now + self.options.state_timeout, hold
         if self._guard.last is None:  # no effort has begun, or the action has ended
             return None
@@ -217,27 +218,27 @@ class CommandSupervisor:
 
     @property
     def is_latched(self) -> bool:
-        """Tell whether a fault waits for `reset`."""
+        """Return whether a fault requires `reset`."""
         return self.fault is not None and self.fault.latched
 
     @property
     def is_commanding(self) -> bool:
-        """Tell whether efforts go out, in answer to states or alone."""
+        """Return whether efforts are published, in answer to states or without them."""
         return self.mode is Mode.RUNNING or self.acts_alone
 
     @property
     def acts_alone(self) -> bool:
-        """Tell whether `tick` has efforts to give, so that it is due often."""
+        """Return whether `tick` returns efforts and must therefore be called often."""
         return self.mode in (Mode.FAULT, Mode.STOPPING) and self._guard.last is not None
 
     @property
     def deadline(self) -> float:
-        """When `tick` is due while states arrive."""
+        """Time at which `tick` is due while states arrive."""
         return self._last_state + self.options.state_timeout
 
     @property
     def time_to_stop(self) -> float:
-        """How long [s] a ramp from the last effort to zero takes."""
+        """Duration [s] of a ramp from the last effort to zero."""
         last, rate = self._guard.last, self._guard.limits.rate
         return max(
             self.options.ramp_time, 0.0 if last is None else float(np.max(np.abs(last) / rate)))
@@ -245,7 +246,7 @@ class CommandSupervisor:
     # ------------------------------------------------------------------ what ends an effort
 
     def _recovers(self) -> bool:
-        """Count a good state; tell whether the fault is over with it."""
+        """Count a good state; return whether it ends the fault."""
         self._good += 1
         return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
 
@@ -275,13 +276,13 @@ class CommandSupervisor:
         return np.zeros(len(self._names))
 
     def _fraction_left(self, passed: float) -> float:
-        """Return the share of an effort that is left so long [s] after its ramp began."""
+        """Return the remaining fraction of an effort `passed` [s] after its ramp began."""
         if passed <= 0.0:
             return 1.0
         return 0.0 if passed >= self.options.ramp_time else 1.0 - passed / self.options.ramp_time
 
     def _finish(self) -> None:
-        """Be silent; whatever comes next begins with what holds the arm."""
+        """Publish nothing; the next command begins with `hold`."""
         self._guard.last = None
         if self.mode is Mode.STOPPING:
             self.mode = Mode.INACTIVE

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From recordings to an identified arm."""
+"""Identification of the parameters of an arm from recordings."""
 
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
 from robot_dynamics.identification.pipeline import Identification, identify

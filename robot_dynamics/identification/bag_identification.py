@@ -15,9 +15,9 @@
 """
 Identification from recordings on disk: the steps of `pipeline` run as tasks.
 
-Each recording is read three times: for its information with the load of the URDF, for that with
-the load of the first model, and for the test. A function that is passed in runs the tasks: in this
-process, in several processes or on a cluster.
+Each recording is read three times: for its information with the load of the URDF, for its
+information with the load of the first model, and for the test. The caller passes the function that
+runs the tasks: in this process, in several processes or on a cluster.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ from robot_dynamics.model.arm import ArmModel
 
 
 class TaskRunner(Protocol):
-    """Runs a task on recordings, as `batch.run_tasks`."""
+    """Runs a task on recordings, such as `batch.run_tasks`."""
 
     def __call__(
         self, function: Task[Settings, Outcome], bags: Sequence[Path], settings: Settings, /,
@@ -51,10 +51,10 @@ class TaskRunner(Protocol):
 @dataclass(frozen=True, eq=False)
 class BagIdentification:
     """
-    An identification, and the files that it was made of.
+    An identification, and the files of its recordings.
 
-    `bags` are the recordings of `identification.recordings`, `failed` the others with their
-    errors.
+    `bags` are the recordings of `identification.recordings`, `failed` are the other recordings
+    with their errors.
     """
 
     identification: Identification
@@ -63,7 +63,7 @@ class BagIdentification:
 
 
 class BagRecordings:
-    """Recordings on disk; one that fails in a step is left out of those after it."""
+    """Recordings on disk; a recording that fails in a step is excluded from the later steps."""
 
     def __init__(
         self, bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
@@ -82,7 +82,7 @@ class BagRecordings:
             reduce_task, self.left, IdentificationTask(self._settings, step)))
 
     def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
-        """Return how well models predict each recording; raise RecordingError if all fail."""
+        """Return the tests of the models on each recording; raise RecordingError if all fail."""
         return self._results(self._run(
             evaluate_task, self.left, IdentificationTask(self._settings, step)))
 
@@ -101,9 +101,9 @@ def identify_bags(
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
 ) -> BagIdentification:
     """
-    Return the identification of an arm from recordings on disk, as `identify_recordings`.
+    Return the identification of an arm from recordings on disk, like `identify_recordings`.
 
-    Recordings that fail are left out. Raises RecordingError if all fail, and as
+    Recordings that fail are excluded. Raises RecordingError if all fail, and the errors of
     `identify_recordings`.
     """
     recordings = BagRecordings(bags, settings, run)

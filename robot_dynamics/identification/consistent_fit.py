@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-A full set of parameters that some arm could really have: every body a mass distribution.
+A full, physically consistent set of parameters: every body is a mass distribution.
 
-Minimised is what `regularized_least_squares` minimises, but over the relative log-Cholesky
-coordinates of each body (`pseudo_inertia`), which reach physically consistent bodies alone, with
-friction and rotors not below 0, and with the entropic divergence itself in place of its second
-order. What the efforts do not tell stays at the URDF. Solved by Gauss–Newton steps within a trust
-region, from the URDF.
+The cost function is that of `regularized_fit`, but with the entropic divergence itself instead of
+its second-order approximation. The variables are the relative log-Cholesky coordinates of each
+body (`pseudo_inertia`), which represent only physically consistent bodies; friction and rotors are
+non-negative. Parameters that the efforts do not excite keep the values of the URDF. The problem is
+solved by Gauss–Newton steps within a trust region, starting from the URDF.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ from robot_dynamics.model.pseudo_inertia import (
 
 MOST_EVALUATIONS = 100
 LEAST_REGULARIZATION = 1.0
-"""κ, at least: bodies that the data pull to the edge of what is possible are no model."""
+"""Smallest κ, which keeps the bodies away from the boundary of physical consistency."""
 
 
 def consistent_fit(
@@ -46,7 +46,7 @@ def consistent_fit(
     prior: Prior, regularization: float, start: Fit,
 ) -> Fit:
     """
-    Return the physically consistent fit to factors R (n, k, k), by weights w (n,).
+    Return the physically consistent fit to factors R (n, k, k), with weights w (n,).
 
     `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
     """
@@ -55,7 +55,7 @@ def consistent_fit(
     regularization = max(regularization, LEAST_REGULARIZATION)
     A, b, low, high, own = bounded_problem(factors, structures, weights, prior, regularization)
     n, k, _ = factors.shape
-    # the regularization of φ itself gives way to the divergence
+    # the divergence replaces the regularization of φ itself
     A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
     R: FloatArray = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode='r'))
     A, b = np.vstack([R[:, :-1], np.zeros((p, len(low)))]), np.append(R[:, -1], np.zeros(p))
@@ -97,8 +97,8 @@ def consistent_fit(
     first = p
     for j, columns in enumerate(own):
         own_values = x[first:first + len(columns)]
-        # the solver stays off its bounds by a hair
-        if weights[j] > 0.0:  # a joint without effort could have any
+        # the solver stops just inside its bounds
+        if weights[j] > 0.0:  # without effort, the parameters of a joint are undetermined
             joint_values[j, columns - p] = np.where(np.abs(own_values) < 1e-8, 0.0, own_values)
         first += len(columns)
     return Fit(bodies_of(x), joint_values, tuple(structures))

@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-The gain of a drive whose effort is a current, or any number that is proportional to torque.
+The gain of a drive whose effort is a current, or another quantity proportional to torque.
 
-τ = K i: K [N·m/A] can be told where the joint bears a load that is known before, as the URDF's, or
-that of a payload that was weighed: i = (1/K) τ_URDF + I a / K + friction, by least squares of the
-joint alone. Where the load is small beside friction, as at a last wrist, K cannot be told.
+τ = K i: the gain K [N·m/A] is identifiable if the joint bears a known load, such as that of the
+URDF or of a weighed payload: i = (1/K) τ_URDF + I a / K + friction, by least squares for each
+joint separately. If the load is small compared with friction, as at the last wrist joint, K is not
+identifiable.
 Source: M. Gautier, S. Briot, "Global identification of joint drive gains and dynamic parameters of
 robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 """
@@ -30,18 +31,18 @@ from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.qr_information import QrInformation
 
 LEAST_CERTAINTY = 5.0
-"""1/K over its deviation, at least."""
+"""Smallest ratio of 1/K to its standard deviation with which K counts as known."""
 LEAST_JOINTS = 3
 LARGEST_RATIO = 2.0
-"""By which half of the gains may differ from their median."""
+"""Factor by which half of the gains may differ from their median."""
 _FRICTION = FrictionStructure(sigmoid=1).columns
 
 
 class DriveGains(NamedTuple):
     """
-    Gains K (n,) and their standard deviations, (n,), joint effort a unit of recorded effort.
+    Gains K (n,) and their standard deviations (n,), in joint effort per unit of recorded effort.
 
-    `is_known` (n,) is false where the recorded motion does not tell K.
+    `is_known` (n,) is false for joints whose K is not identifiable from the recorded motion.
     """
 
     gain: FloatArray
@@ -56,10 +57,10 @@ class DriveGains(NamedTuple):
     @property
     def differ(self) -> bool:
         """
-        Tell whether the gains of most joints differ, so that effort can have no common unit.
+        Return whether the gains of most joints differ, so that efforts cannot have a common unit.
 
-        A joint or two of which the URDF has wrong masses do not make it so, nor do masses that
-        are all wrong by the same factor.
+        Wrong masses in the URDF at one or two joints, or a common factor of all masses, do not
+        have this effect.
         """
         sizes = np.log(self.gain[self.is_known])
         if len(sizes) < LEAST_JOINTS:
@@ -68,7 +69,7 @@ class DriveGains(NamedTuple):
 
 
 def drive_gains(information: QrInformation, parameters: FloatArray) -> DriveGains:
-    """Return the gains that make efforts fit the rigid bodies with the parameters φ (p,)."""
+    """Return the gains for which the efforts fit the rigid bodies with the parameters φ (p,)."""
     factors = information.together()
     n, p = len(information.joint_names), len(parameters)
     rows = max(float(information.rows.sum()), 1.0)

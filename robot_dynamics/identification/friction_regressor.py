@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The columns of a regression that belong to one joint alone: rotor, friction, drive.
+The columns of a regression that belong to a single joint: rotor, friction, drive.
 
-They are linear in their parameters once widths and distances are fixed, so that many of them can
-be offered side by side, and the data choose a structure: which sigmoid, whether Coulomb friction
-has a presliding distance, whether friction grows with the load (`friction`).
+The model is linear in its parameters for fixed widths and distances. Many candidate columns can
+therefore be computed together, from which the data select a structure: the width of the sigmoid,
+the presliding distance of Coulomb friction, and whether friction grows with the load (`friction`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,11 +29,12 @@ from robot_dynamics.joints.friction import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
 
 SIGMOID_VELOCITIES = (0.01, 0.03, 0.1, 0.3)
-"""[rad/s]; on a prismatic joint `PRISMATIC_SCALE` of it in [m/s]."""
+"""Widths [rad/s]; for a prismatic joint times `PRISMATIC_SCALE` in [m/s]."""
 PRESLIDING_DISTANCES = (0.0, 0.001, 0.003, 0.01, 0.03)
 """
-[rad]; on a prismatic joint `PRISMATIC_SCALE` of it in [m]. The first, a sharp sign, is not
-offered: the sign of a measured velocity says nothing around rest. It is for single states.
+Distances [rad]; for a prismatic joint times `PRISMATIC_SCALE` in [m]. The first one, a sharp sign,
+is no candidate, because the sign of a measured velocity is meaningless around rest. It is used for
+single states.
 """
 PRISMATIC_SCALE = 0.1
 INERTIA, VISCOUS, OFFSET = range(3)
@@ -42,17 +43,17 @@ _LOAD = _SIGMOID + len(SIGMOID_VELOCITIES)
 _COULOMB = _LOAD + len(SIGMOID_VELOCITIES)
 COLUMN_COUNT = _COULOMB + len(PRESLIDING_DISTANCES)
 SHARP = slice(_SIGMOID, COLUMN_COUNT)
-"""The columns that change fast where velocity changes its sign."""
+"""The columns that change fast at a velocity reversal."""
 COULOMB = slice(_COULOMB, COLUMN_COUNT)
 """The columns of Coulomb friction; the first has no presliding."""
 
 
 class FrictionStructure(NamedTuple):
     """
-    Which friction a joint has, besides viscous friction, an offset and its rotor.
+    The friction of a joint, in addition to viscous friction, an offset and its rotor.
 
-    `sigmoid` and `coulomb` number the entries of SIGMOID_VELOCITIES and PRESLIDING_DISTANCES, or
-    are None; `load` says whether the sigmoid grows with the load.
+    `sigmoid` and `coulomb` are indices into SIGMOID_VELOCITIES and PRESLIDING_DISTANCES, or None;
+    `load` states whether the sigmoid grows with the load.
     """
 
     sigmoid: int | None = None
@@ -61,7 +62,7 @@ class FrictionStructure(NamedTuple):
 
     @property
     def columns(self) -> list[int]:
-        """The numbers of the columns that it uses, in ascending order."""
+        """The numbers of the columns of this structure, in ascending order."""
         chosen = [INERTIA, VISCOUS, OFFSET]
         if self.sigmoid is not None:
             chosen += [_SIGMOID + self.sigmoid]
@@ -82,11 +83,11 @@ class FrictionStructure(NamedTuple):
 
 
 SIMPLEST = FrictionStructure(sigmoid=0)
-"""The sign of velocity, but for a narrow band around rest."""
+"""The sign of velocity, except in a narrow band around rest."""
 
 
 def structures() -> Iterator[FrictionStructure]:
-    """Yield every structure that is offered to the data."""
+    """Yield every candidate structure."""
     for sigmoid in (None, *range(len(SIGMOID_VELOCITIES))):
         for coulomb in (None, *range(1, len(PRESLIDING_DISTANCES))):
             yield FrictionStructure(sigmoid, coulomb)
@@ -95,7 +96,7 @@ def structures() -> Iterator[FrictionStructure]:
 
 
 def scale_of(kind: str) -> float:
-    """Return what widths and distances are multiplied with on a joint of this kind."""
+    """Return the factor of widths and distances for a joint of this kind."""
     return PRISMATIC_SCALE if kind == 'prismatic' else 1.0
 
 
@@ -106,7 +107,7 @@ def joint_columns(
     """
     Return all columns at the m samples of a motion, (m, n, COLUMN_COUNT).
 
-    `load` (m, n) is what the joints bear of rigid bodies; `starts` are the samples at which a
+    `load` (m, n) are the joint efforts of the rigid bodies; `starts` are the samples at which a
     stretch without gaps begins.
     """
     m, n = q.shape
@@ -127,7 +128,7 @@ def joint_columns(
 
 
 class JointEstimate(NamedTuple):
-    """The parameters of one joint's own columns, in SI units; 0 where there is no such column."""
+    """The parameters of one joint's own columns, in SI units; 0 for a column that is not used."""
 
     reflected_inertia: float
     viscous: float
@@ -149,7 +150,7 @@ class JointEstimate(NamedTuple):
 def joint_estimate(
     structure: FrictionStructure, kind: str, values: Sequence[float],
 ) -> JointEstimate:
-    """Return what the values of the structure's columns, in their order, mean."""
+    """Return the parameters for the values of the structure's columns, in their order."""
     found = dict(zip(structure.columns, values))
     scale = scale_of(kind)
     sigmoid = structure.sigmoid

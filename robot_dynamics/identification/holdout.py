@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How well models predict the samples that they were not trained with.
+The residual of models on samples that were not used for training.
 
 A residual is given relative to the effort, RMS to RMS. It is computed twice: along the motion,
-with the memory of presliding, and sample by sample, as an answer that knows one state alone is.
+with presliding hysteresis, and sample by sample, like an answer of the node to a single state.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,8 +35,8 @@ class ModelTest:
     """
     Sums of squares over samples, each (n,): of a model's residual, and of the effort itself.
 
-    `train`, `test` along the motion; `test_by_sample` sample by sample; `train_effort` and
-    `test_effort` of the measured effort; `samples` of (training, test).
+    `train` and `test` are along the motion, `test_by_sample` is sample by sample; `train_effort`
+    and `test_effort` are those of the measured effort; `samples` are the counts (training, test).
     """
 
     train: FloatArray
@@ -47,7 +47,7 @@ class ModelTest:
     samples: tuple[int, int]
 
     def relative(self, which: str = 'test') -> FloatArray:
-        """Return RMS of residual over RMS of effort, (n,), of 'train', 'test', …; NaN of none."""
+        """Return RMS of residual / RMS of effort, (n,), for 'train', 'test', …; NaN if empty."""
         effort = self.train_effort if which == 'train' else self.test_effort
         squares: FloatArray = getattr(self, which)
         return np.sqrt(np.divide(
@@ -62,7 +62,7 @@ class ModelTest:
 def evaluate_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, models: Mapping[str, Fit],
 ) -> dict[str, ModelTest]:
-    """Return how well each model predicts the samples of one recording."""
+    """Return the test of each model on the samples of one recording."""
     parts = parts_of(motion, train_fraction)
     tests = {}
     for name, fit in models.items():
@@ -77,7 +77,7 @@ def evaluate_motion(
 
 
 def merge_tests(tests: Sequence[Mapping[str, ModelTest]]) -> dict[str, ModelTest]:
-    """Return the tests of several recordings together, for each model."""
+    """Return the combined tests of several recordings, for each model."""
     return {name: _sum([of_one[name] for of_one in tests]) for name in tests[0]}
 
 

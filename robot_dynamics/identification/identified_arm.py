@@ -59,8 +59,8 @@ def identified_urdf(
     Return the URDF with the bodies' parameters φ (10 × bodies,), of the arm that it describes.
 
     `viscous` and `dry` (n,) [N·m·s/rad, N·m] become `<dynamics damping friction>` of the joints.
-    Bodies whose φ are as before keep their elements. Raises ModelError where a body is not
-    physically consistent.
+    Bodies whose φ is unchanged keep their elements. Raises ModelError if a body is not physically
+    consistent.
     """
     links = {
         name: None if phi is None else _inertial(phi)
@@ -73,7 +73,7 @@ def identified_urdf(
 
 def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> (
         dict[str, FloatArray | None]):
-    """Return φ (10,) of each link whose inertial changes; None where it loses it."""
+    """Return φ (10,) of each link whose inertial changes; None if the link loses its inertial."""
     before = inertial_parameters(arm.with_payloads(())).reshape(-1, COUNT)
     bodies = {body.name: body for body in read_bodies(urdf)}
     changed: dict[str, FloatArray | None] = {}
@@ -83,8 +83,8 @@ def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> (
         main = body_names(arm)[i]
         if not is_consistent(phi) or main not in bodies:
             raise ModelError(
-                f'the parameters of the body {main!r} belong to no mass distribution, expected '
-                'a positive definite pseudo-inertia')
+                f'the parameters of the body {main!r} correspond to no mass distribution, '
+                'expected a positive definite pseudo-inertia')
         fixed = _fixed_links(arm, i + 1, main, bodies)
         rest = phi - sum(fixed.values(), start=np.zeros(COUNT))
         if is_consistent(rest):
@@ -98,7 +98,7 @@ def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> (
 def _fixed_links(
     arm: ArmModel, joint: int, main: str, bodies: Mapping[str, LinkBody],
 ) -> dict[str, FloatArray]:
-    """Return φ (10,), in the body's frame, of the links with mass fixed to a body's main link."""
+    """Return φ (10,), in the frame of the body, of the massive links fixed to its main link."""
     found: dict[str, FloatArray] = {}
     for frame in arm.pinocchio_model.frames:
         body = bodies.get(frame.name)
@@ -140,8 +140,9 @@ def parameter_values(
     """
     Return the parameters of `dynamics_node`, by name, that belong to the identified URDF.
 
-    `drive_gain` (n,) [N·m/A] or [N/A], where effort is current: the joint effort a unit of it.
-    `given` are parameters that were there before: those that identification does not find stay.
+    `drive_gain` (n,) [N·m/A] or [N/A] is the joint effort per unit of recorded effort, if the
+    effort is a current. `given` are the previous parameters; those that the identification does
+    not determine are kept.
     """
     joints = joint_estimates(arm, fit)
 
@@ -199,7 +200,7 @@ def _as_yaml(value: Any) -> str:
         return f'[{", ".join(_as_yaml(item) for item in value)}]'
     if isinstance(value, float):
         text = f'{value:.{_DIGITS}g}'
-        # YAML 1.1 takes 1e-05 for a word
+        # YAML 1.1 parses 1e-05 as a string
         mantissa, exponent, power = text.partition('e')
         return f'{mantissa if "." in mantissa else mantissa + ".0"}{exponent}{power}'
     return str(value)

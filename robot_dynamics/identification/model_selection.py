@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Which friction each joint has, and how far the URDF is trusted: chosen by cross-validation.
+Selection of the friction structures and of the regularization weight κ by cross-validation.
 
-Every block of the training samples is left out once, with the gaps beside it, and predicted from
-the others. Blocks are contiguous in time: neighbouring samples are nearly the same, so that a
-sample left out of their midst would prove nothing. (P. Burman, E. Chow, D. Nolan, "A
-cross-validatory method for dependent data", Biometrika 81(2), 1994.) Of friction structures that
-predict as well as the best, to within the standard error between blocks, the simplest is taken,
-and of the regularizations the strongest.
+Every block of the training samples is a fold: it is omitted once, together with the adjacent gaps,
+and predicted from the others. Blocks are contiguous in time, because neighbouring samples are
+nearly equal, so that the prediction of a single omitted sample would prove nothing. (P. Burman,
+E. Chow, D. Nolan, "A cross-validatory method for dependent data", Biometrika 81(2), 1994.) Of the
+friction structures whose prediction is as good as the best, to within the standard error between
+the folds, the simplest one is used, and of the regularizations the strongest one.
 """
 
 from collections.abc import Sequence
@@ -37,10 +37,10 @@ from robot_dynamics.identification.qr_information import BLOCKS, QrInformation
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
 
 REGULARIZATIONS = tuple(10.0**exponent for exponent in range(-3, 7))
-"""κ on offer; the last leaves the URDF as it is."""
+"""Candidates of κ; the last one leaves the bodies of the URDF unchanged."""
 SWEEPS = 2
 LARGEST_LOSS = 0.05
-"""By which the residual of a simpler structure may be larger than that of the best."""
+"""Relative increase of the residual that is accepted for a simpler structure."""
 _FIRST_REGULARIZATION = 1.0
 _FIRST_SIGMA = 0.1
 
@@ -48,11 +48,11 @@ _FIRST_SIGMA = 0.1
 @dataclass(frozen=True, eq=False)
 class ModelChoice:
     """
-    What cross-validation chose.
+    The result of cross-validation.
 
-    `structures` of the n joints, `regularization` κ, `weights` (n,) of their residuals,
-    `validated` (n,): the RMS of the residual on blocks left out, relative to that of the effort,
-    and `by_regularization` (len(REGULARIZATIONS), n) the same for each κ.
+    `structures` are those of the n joints, `regularization` is κ, `weights` (n,) are those of the
+    residuals. `validated` (n,) is the RMS of the residual on the omitted blocks, relative to that
+    of the effort; `by_regularization` (len(REGULARIZATIONS), n) is the same for each κ.
     """
 
     structures: tuple[FrictionStructure, ...]
@@ -63,7 +63,7 @@ class ModelChoice:
 
 
 class CrossValidation:
-    """Sums of squares on blocks left out, for any model."""
+    """Sums of squares on the omitted blocks (folds), for any model."""
 
     def __init__(self, information: QrInformation, prior: Prior) -> None:
         self.information, self.prior = information, prior
@@ -78,7 +78,7 @@ class CrossValidation:
     def squares(
         self, chosen: Sequence[FrictionStructure], weights: FloatArray, regularization: float,
     ) -> FloatArray:
-        """Return the sum of squared residuals on each block left out, (BLOCKS, n)."""
+        """Return the sum of squared residuals on each omitted block, (BLOCKS, n)."""
         return np.stack([
             solve(train, chosen, weights, self.prior, regularization).squares(block)
             for train, block in zip(self._train, self._block)])
@@ -89,7 +89,7 @@ class CrossValidation:
         return np.asarray(np.sqrt(squares.sum(axis=0) / power))
 
     def weights(self, squares: FloatArray) -> FloatArray:
-        """Return w = 1 / (σ² × samples that count as one), (n,); 0 without any effort."""
+        """Return w = 1 / (σ² × samples per independent sample), (n,); 0 without any effort."""
         variance = squares.sum(axis=0) / self.rows
         least = 1e-12 * max(float(self.effort_power.max()) / self.rows, 1e-30)
         weight = 1.0 / (
@@ -101,7 +101,7 @@ def choose_model(
     information: QrInformation, prior: Prior,
     first: Sequence[FrictionStructure] | None = None,
 ) -> ModelChoice:
-    """Return the structures and the regularization that predict the samples left out best."""
+    """Return the structures and the regularization that predict the omitted samples best."""
     validation = CrossValidation(information, prior)
     n = len(information.joint_names)
     chosen = list(first or [SIMPLEST] * n)
@@ -127,7 +127,7 @@ def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArr
     """Return the number of the strongest regularization that predicts as well as the best."""
     by_regularization = [squares[:, is_measured] for squares in every_joint]
     totals = [np.maximum(squares.sum(axis=0), 1e-300) for squares in by_regularization]
-    # the sum of logarithms over joints: a percent counts the same at each
+    # the sum of logarithms over joints, in which relative changes of all joints count equally
     best = int(np.argmin([np.log(total).sum() for total in totals]))
     ratios = [(squares / totals[best]).sum(axis=1) for squares in by_regularization]
     return max(i for i in range(best, len(by_regularization)) if i == best or (

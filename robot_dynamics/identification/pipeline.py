@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Identification of an arm from recordings: the whole way, step by step.
+Identification of an arm from recordings: the sequence of all steps.
 
-`identify_recordings` is the course of the steps. Those that touch samples (`steps`) run on each
-recording separately, in memory (`identify`) or on files (`bag_identification`); those between
-(`fit_model`, `describe`) take a second or two, whatever the number of recordings.
+`identify_recordings` runs the steps. Steps that process samples (`steps`) run on each recording
+separately, in memory (`identify`) or on files (`bag_identification`). The steps between them
+(`fit_model`, `describe`) take one or two seconds for any number of recordings.
 """
 
 from collections.abc import Callable, Sequence
@@ -62,7 +62,7 @@ from robot_dynamics.model.regressor import (
 from robot_dynamics.model.rigid_body import RigidBody
 
 TRAIN_FRACTION = 0.6
-STAGES = ('what the recordings say', 'model', 'what they say beside it', 'better model', 'test')
+STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
 _STATES = 60
 
 
@@ -71,9 +71,9 @@ class FittedModels:
     """
     Models of one arm, fitted to the same samples, and how they were chosen.
 
-    `urdf` has the bodies of the URDF and no friction, `friction` the bodies of the URDF and
-    friction that was fitted, `base` the regularized base parameters, `consistent` the physically
-    consistent set.
+    `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the URDF and
+    fitted friction, `base` the regularized base parameters, `consistent` the physically consistent
+    set.
     """
 
     choice: ModelChoice
@@ -91,10 +91,11 @@ class FittedModels:
 @dataclass(frozen=True, eq=False)
 class Identification:
     """
-    The result of an identification: the models, the base parameters, and how good they are.
+    The result of an identification: the models, the base parameters, and their tests.
 
-    `gains` are those of the drives if the effort was interpreted as a current, and `seeming_gains`
-    those that the effort would have as one. `recordings` are those that were tested.
+    `gains` are the gains of the drives if the effort was interpreted as a current;
+    `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
+    tested recordings.
     """
 
     arm: ArmModel
@@ -109,7 +110,7 @@ class Identification:
 
 
 class Recordings(Protocol):
-    """Recordings of one arm on which steps run, each recording separately."""
+    """Recordings of one arm; the steps run on each recording separately."""
 
     def arm(self, joint_names: Sequence[str]) -> ArmModel:
         """Return the arm of these joints, with its payloads."""
@@ -118,7 +119,7 @@ class Recordings(Protocol):
         """Return the information in each recording."""
 
     def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
-        """Return how well models predict each recording."""
+        """Return the tests of the models on each recording."""
 
 
 class MotionRecordings:
@@ -135,17 +136,17 @@ class MotionRecordings:
         return self._arm
 
     def reduce(self, step: Reduction) -> list[QrInformation]:
-        """Return the information in each motion; raise as `reduce_recording`."""
+        """Return the information in each motion; raise the errors of `reduce_recording`."""
         return [reduce_recording(motion, self._train_fraction, step) for motion in self._motions]
 
     def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
-        """Return how well models predict each motion."""
+        """Return the tests of the models on each motion."""
         return [
             evaluate_recording(motion, self._train_fraction, step) for motion in self._motions]
 
 
 def prior_of(arm: ArmModel) -> Prior:
-    """Return what the arm's URDF says before any recording."""
+    """Return the prior model, from the arm's URDF."""
     bare = bare_arm(arm)
     body = RigidBody(bare)
     inertia = np.mean([
@@ -168,7 +169,7 @@ def fit_model(
     arm: ArmModel, information: QrInformation,
     first: Sequence[FrictionStructure] | None = None,
 ) -> FittedModels:
-    """Return the models that the information of all recordings gives."""
+    """Return the models that are fitted to the information of all recordings."""
     prior = prior_of(arm)
     choice = choose_model(information, prior, first)
     factors = information.together()
@@ -185,7 +186,7 @@ def fit_model(
 
 def describe(arm: ArmModel, models: FittedModels, information: QrInformation) -> (
         tuple[BaseParameters, ParameterEstimate]):
-    """Return the base parameters and what the information says of them, with deviations."""
+    """Return the base parameters and their estimates from the information, with deviations."""
     base = base_parameters_of(bare_arm(arm))
     return base, estimate_parameters(
         information, base, prior_of(arm), models.choice.structures)
@@ -198,9 +199,9 @@ def identify(
     """
     Return the identification of an arm from motions of its joints, in its order.
 
-    The first fraction of the samples of each motion is trained with, the rest tested with.
+    The first fraction of the samples of each motion is used for training, the rest for the test.
     Raises RecordingError if a motion has no effort, InvalidInputError if it has too few samples,
-    and as `identify_recordings`. Needs scipy.
+    and the errors of `identify_recordings`. Needs scipy.
     """
     return identify_recordings(
         MotionRecordings(arm, motions, train_fraction), effort_is_current)
@@ -213,9 +214,9 @@ def identify_recordings(
     """
     Return the identification of an arm from recordings.
 
-    `effort_is_current` None takes effort for currents if the gains of most joints differ.
-    `on_stage` is called with each of STAGES before it begins. Raises InvalidInputError if the
-    joints of recordings differ, or no drive's gain can be told.
+    If `effort_is_current` is None, efforts are interpreted as currents if the gains of most joints
+    differ. `on_stage` is called with each of STAGES before it begins. Raises InvalidInputError if
+    the joints of recordings differ, or if no drive gain is identifiable.
     """
     on_stage(STAGES[0])
     first, gains = _first_pass(recordings, effort_is_current)
@@ -250,6 +251,6 @@ def _first_pass(
     gains = drive_gains(raw, inertial_parameters(arm))
     if not gains.is_known.any():
         raise InvalidInputError(
-            f'the gain of no drive of {list(arm.joint_names)} can be told from effort as '
-            'current, expected a motion in which the joints bear loads well above friction')
+            f'no drive gain of {list(arm.joint_names)} is identifiable from effort as current, '
+            'expected a motion in which the joints bear loads well above friction')
     return merge(recordings.reduce(Reduction(drive_gain=gains.scale))), gains

@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-What recordings say about the parameters, reduced to small matrices that merge exactly.
+The information of recordings about the parameters, as small matrices that combine exactly.
 
 The rows of a regression [X | y] of m samples can be replaced by the R factor of their QR
 decomposition: the sum of squares of X θ − y is the same for every θ. R of [[R₁], [R₂]] is that of
 both recordings together. (G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., section
-5.3 and 6.5.3.) So recordings of any number and length, reduced one by one, in any order and
-place, give the same estimate as all their samples at once.
+5.3 and 6.5.3.) Any number of recordings of any length, reduced one by one, in any order and on any
+computer, therefore give the same estimate as all their samples at once.
 
-Samples for training are parted in time-contiguous blocks, each with an R factor of its own, and
-the gaps between blocks, as wide as the filter smears, have one too: a block that is left out to
-validate has then nothing in common with those that remain. There is one factor a joint, so that
-weights between joints can be chosen afterwards.
+Samples for training are split into time-contiguous blocks, each with its own R factor. The gaps
+between blocks, as wide as the effect of the filter, also have their own factors: a block that is
+omitted for validation then shares no data with the remaining blocks. There is one factor per
+joint, so that weights between joints can be chosen afterwards.
 """
 
 from collections.abc import Sequence
@@ -41,12 +41,12 @@ _ROUNDING = 1e-20
 @dataclass(frozen=True, eq=False)
 class QrInformation:
     """
-    What recordings say: for each of 2 × BLOCKS − 1 slots and n joints an R factor (k, k).
+    The information of recordings: one R factor (k, k) per slot and joint, 2 × BLOCKS − 1 slots.
 
-    Even slots are blocks, odd ones the gaps after them. `factors` (slots, n, k, k), `rows`
-    (slots,) the samples behind them; the last of k columns is the effort, those before are
-    `columns`, by name, the same for every joint. `correlation` (n,) is the sum over the blocks'
-    samples of how many samples count as one, and merges by adding.
+    Even slots are blocks, odd slots are the gaps after them. `factors` are (slots, n, k, k);
+    `rows` (slots,) are their sample counts. The last of the k columns is the effort; `columns` are
+    the names of the columns before, the same for every joint. `correlation` (n,) is the number of
+    samples per independent sample, summed over the samples of the blocks; it combines by addition.
     """
 
     joint_names: tuple[str, ...]
@@ -61,17 +61,17 @@ class QrInformation:
 
     @property
     def samples_per_independent_sample(self) -> FloatArray:
-        """How many samples count as one independent one, (n,)."""
+        """The number of samples that count as one independent sample, (n,)."""
         return np.asarray(self.correlation / max(float(self.rows.sum()), 1.0))
 
     @property
     def is_measured(self) -> BoolArray:
-        """For which joints (n,) there is any effort, beyond rounding."""
+        """Marks the joints (n,) that have any effort, beyond rounding."""
         power = np.sum(self.factors[..., -1]**2, axis=(0, 2))
         return np.asarray(power > _ROUNDING * max(float(power.max()), 1e-300))
 
     def all_but(self, block: int) -> FloatArray:
-        """Return the factors (n, k, k) of all samples but a block and the gaps beside it."""
+        """Return the factors (n, k, k) of all samples except a block and its adjacent gaps."""
         kept = [i for i in range(len(self.factors)) if abs(i - 2 * block) > 1]
         return stack_factors(self.factors[kept])
 
@@ -91,14 +91,14 @@ def reduce_rows(
     """
     Return the information in a regression: X (m, n, p) and y (m, n), in the order of time.
 
-    Between blocks are gaps of so many samples; `samples_per_independent_sample` (n,) says how many
-    samples count as one. Raises InvalidInputError where there are too few samples for that.
+    Between blocks are gaps of `gap` samples; `samples_per_independent_sample` (n,) is the number
+    of samples that count as one. Raises InvalidInputError if there are too few samples.
     """
     m, n, p = X.shape
     edges = np.linspace(0, m, BLOCKS + 1).astype(int)
     if m < BLOCKS * 2 * (gap + 1):
         raise InvalidInputError(
-            f'the recording has {m} samples to train with, expected at least '
+            f'the recording has {m} samples for training, expected at least '
             f'{BLOCKS * 2 * (gap + 1)}')
     bounds = [0]
     for edge in edges[1:-1]:
@@ -117,18 +117,18 @@ def reduce_rows(
 
 def merge(parts: Sequence[QrInformation]) -> QrInformation:
     """
-    Return the information of several recordings together.
+    Return the combined information of several recordings.
 
-    Raises InvalidInputError where there are none, or their joints or columns differ.
+    Raises InvalidInputError if there are no recordings, or if their joints or columns differ.
     """
     if not parts:
-        raise InvalidInputError('there is no recording to merge, expected at least one')
+        raise InvalidInputError('there is no recording to combine, expected at least one')
     first = parts[0]
     for other in parts[1:]:
         if (other.joint_names, other.columns) != (first.joint_names, first.columns):
             raise InvalidInputError(
                 f'recordings of the joints {list(other.joint_names)} and '
-                f'{list(first.joint_names)} cannot be merged, expected the same joints and '
+                f'{list(first.joint_names)} cannot be combined, expected the same joints and '
                 'columns')
     factors = np.stack([
         stack_factors(np.stack([part.factors[slot] for part in parts]))
@@ -139,13 +139,13 @@ def merge(parts: Sequence[QrInformation]) -> QrInformation:
 
 
 def stack_factors(factors: FloatArray) -> FloatArray:
-    """Return the factors (n, k, k) of all the samples of several factors (s, n, k, k)."""
+    """Return the combined factors (n, k, k) of several factors (s, n, k, k)."""
     s, n, k, _ = factors.shape
     return np.stack([_factor(factors[:, j].reshape(s * k, k)) for j in range(n)])
 
 
 def _factor(rows: FloatArray) -> FloatArray:
-    """Return R (k, k) of rows (m, k), with rows of zeros where m < k."""
+    """Return R (k, k) of rows (m, k), with rows of zeros if m < k."""
     k = rows.shape[1]
     R = np.asarray(np.linalg.qr(rows, mode='r'))
     return np.vstack([R, np.zeros((k - len(R), k))]) if len(R) < k else R

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-From a filtered motion to the rows of a regression, and their reduction to `QrInformation`.
+The rows of a regression from a filtered motion, and their reduction to `QrInformation`.
 
-Each bag passes through here twice: first with the load of the URDF and all samples alike; then
-with the load of the model that was found, and with less weight for samples that it cannot explain
-(P. J. Huber, *Robust Statistics*, Wiley 1981), such as a contact.
+Each recording is reduced twice: first with the load of the URDF and equal weights of all samples;
+then with the load of the first model, and with lower weights for samples that this model does not
+explain (P. J. Huber, *Robust Statistics*, Wiley 1981), such as a contact.
 """
 
 from dataclasses import dataclass
@@ -43,16 +43,16 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names, TorqueRegressor
 
 HUBER = 4.0
-"""Standard deviations, by the median, beyond which a residual counts less."""
+"""Standard deviations, from the median, beyond which a residual has a lower weight."""
 SAMPLES_A_PERIOD = 5.0
-"""Samples a period of the cut-off frequency that are kept, at least."""
+"""Smallest number of samples that are kept per period of the cut-off frequency."""
 _PART = 2000
 _NORMAL = 1.4826
 _MOST_LAGS = 2000
 
 
 class MotionParts(NamedTuple):
-    """Samples of a motion to train with and to test with, by their numbers."""
+    """Indices of the samples of a motion for training and for the test."""
 
     train: slice
     test: slice
@@ -63,7 +63,8 @@ class Rows:
     """
     A regression: `X` (m, n, p + own) and `y` (m, n), with τ = X θ.
 
-    The first p columns are those of the bodies' parameters, the rest the joints' own.
+    The first p columns are those of the bodies' parameters, the others are the joints' own
+    columns.
     """
 
     X: FloatArray
@@ -79,7 +80,7 @@ class Rows:
 
 
 def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
-    """Return the first share of the samples to train with, the rest to test with."""
+    """Return the first fraction of the samples for training, the rest for the test."""
     m = len(motion.stamps_ns)
     count = int(train_fraction * m)
     return MotionParts(slice(0, count), slice(count, m))
@@ -92,10 +93,10 @@ def regression_rows(
     """
     Return the regression of a motion of the arm's joints, in its order, of every step-th sample.
 
-    `reference` is the model whose load presses on the gears, with its rotors, as inverse dynamics
-    has it; None takes the arm. With `is_filtered`, sharp friction passes the filter of the motion,
-    as the effort did: for estimates without a bias. What a payload of the arm takes is subtracted
-    from y. Raises RecordingError where no effort was recorded.
+    `reference` is the model from which inverse dynamics computes the load of the gears, with its
+    rotors; None uses the arm. With `is_filtered`, sharp friction passes the same filter as the
+    measured effort, which avoids a bias of the estimates. The effort of a payload of the arm is
+    subtracted from y. Raises RecordingError if no effort was recorded.
     """
     efforts = _measured(motion)
     of_payload = _of_payload(arm, motion)
@@ -112,9 +113,9 @@ def regression_rows(
 def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
         FloatArray, FloatArray]:
     """
-    Return the efforts (m, n) of a fit along a motion, and by single states, with the payload.
+    Return the efforts (m, n) of a fit along a motion, and for single states, with the payload.
 
-    The latter have the sign of velocity in place of the state of presliding.
+    The efforts for single states use the sign of velocity instead of the state of presliding.
     """
     of_payload = _of_payload(arm, motion)
     own = _own_columns(arm, motion, fit, of_payload)
@@ -150,7 +151,7 @@ def _of_payload(arm: ArmModel, motion: FilteredMotion) -> FloatArray:
 
 
 def _of_bodies(arm: ArmModel, motion: FilteredMotion, parameters: FloatArray) -> FloatArray:
-    """Return Y φ (m, n), in parts, as Y of a long motion fits no memory."""
+    """Return Y φ (m, n), computed in parts, because Y of a long motion exceeds the memory."""
     regressor = TorqueRegressor(arm)
     efforts = np.empty_like(motion.position)
     for first in range(0, len(efforts), _PART):
@@ -162,9 +163,9 @@ def _of_bodies(arm: ArmModel, motion: FilteredMotion, parameters: FloatArray) ->
 
 def decimation(motion: FilteredMotion) -> int:
     """
-    Return which share of the samples tells what all do: every so many-th.
+    Return the decimation step: every step-th sample contains the information of all samples.
 
-    After the filter nothing is left beyond a few times its cut-off (Gautier's parallel
+    The filter removes all frequencies beyond a few times its cut-off (Gautier's parallel
     decimation).
     """
     return max(1, int(motion.sample_rate_hz / (SAMPLES_A_PERIOD * motion.cutoff_hz)))
@@ -184,10 +185,11 @@ def reduce_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, reference: Fit | None = None,
 ) -> QrInformation:
     """
-    Return what the training samples of one recording say.
+    Return the information in the training samples of one recording.
 
-    With a `reference`, found in a first pass, its load presses on the gears, and samples far from
-    it count less. Raises RecordingError without effort, or with too few samples.
+    With a `reference`, the model of a first pass, the load of the gears is that of this model, and
+    samples with a large residual have lower weights. Raises RecordingError without effort, or with
+    too few samples.
     """
     step = decimation(motion)
     rows = regression_rows(arm, motion, reference, is_filtered=True, step=step)
@@ -209,7 +211,7 @@ def reduce_motion(
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:
-    """Return the weights (m, n) of residuals: 1, and less beyond `HUBER` standard deviations."""
+    """Return the weights (m, n) of residuals: 1, but lower beyond `HUBER` deviations."""
     sigma = _NORMAL * np.median(np.abs(residual), axis=0)
     size = np.abs(residual)
     return np.asarray(np.minimum(1.0, HUBER * sigma / np.maximum(size, 1e-300)))
@@ -217,7 +219,7 @@ def huber_weights(residual: FloatArray) -> FloatArray:
 
 def correlation_time(residual: FloatArray) -> float:
     """
-    Return how many samples of a residual (m,) count as one: 1 + 2 Σ ρ_k.
+    Return the number of samples of a residual (m,) that count as one: 1 + 2 Σ ρ_k.
 
     The sum of autocorrelations ends where two neighbours add up to less than 0 (C. J. Geyer,
     "Practical Markov chain Monte Carlo", Statistical Science 7(4), 1992).

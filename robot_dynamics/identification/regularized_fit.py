@@ -13,14 +13,16 @@
 # limitations under the License.
 
 """
-Least squares with regularization toward the prior model: the URDF.
+Least squares with regularization towards the prior model, which is the URDF.
 
-Minimised is ½ Σ_j w_j |X_j θ_j − y_j|² + ½ κ Σ_b |W_b (φ_b − φ⁰_b)|² + ½ κ Σ_j (I_j / s_j)²: the
-residuals of all joints, each weighted by w_j = 1 / (σ_j² × samples that count as one); the
-entropic divergence of the bodies from the URDF, to second order (`pseudo_inertia`); and reflected
-inertia beside the joint's own inertia s_j. κ = 1 expects the URDF to be wrong by about 100 %, κ =
-10⁴ by 1 %. Source of the regularization: T. Lee, F. C. Park, "A geometric algorithm for robust
-multibody inertial parameter identification", IEEE Robotics and Automation Letters 3(3), 2018.
+The cost function is
+½ Σ_j w_j |X_j θ_j − y_j|² + ½ κ Σ_b |W_b (φ_b − φ⁰_b)|² + ½ κ Σ_j (I_j / s_j)². Its terms are the
+residuals of all joints, each with the weight w_j = 1 / (σ_j² × samples per independent sample);
+the entropic divergence of the bodies from the URDF, to second order (`pseudo_inertia`); and the
+reflected inertia I_j relative to the inertia s_j at the joint. κ = 1 corresponds to a URDF that is
+wrong by about 100 %, κ = 10⁴ to one that is wrong by 1 %. Source of the regularization: T. Lee,
+F. C. Park, "A geometric algorithm for robust multibody inertial parameter identification", IEEE
+Robotics and Automation Letters 3(3), 2018.
 """
 
 from collections.abc import Sequence
@@ -44,15 +46,15 @@ from robot_dynamics.model.pseudo_inertia import (
 )
 
 URDF_REGULARIZATION = 1e12
-"""κ that leaves the bodies as the URDF has them."""
+"""κ that leaves the bodies of the URDF unchanged."""
 _LEAST_MASS = 0.01
-"""Share of the arm's mass that a body may be wrong by even where the URDF gives it less."""
+"""Fraction of the arm's mass that is the smallest assumed error of the mass of a body."""
 _LEAST_RADIUS = 0.03
-"""[m] of gyration, likewise."""
+"""Smallest radius of gyration [m] that the regularization assumes."""
 _LEAST_ROTOR = 0.1
 """
-Reflected inertia that is expected at any joint, as a share of the largest inertia at a joint: a
-rotor behind a large reduction may well outweigh a wrist.
+Reflected inertia that is expected at every joint, as a fraction of the largest inertia at a joint:
+the rotor of a large reduction may have a larger reflected inertia than a wrist.
 """
 _RIDGE = 1e-9
 
@@ -60,7 +62,7 @@ _RIDGE = 1e-9
 @dataclass(frozen=True, eq=False)
 class Prior:
     """
-    What is known before: φ⁰ (p,), a Cholesky factor of P₀ a body (b, 4, 4), and s (n,).
+    The prior: φ⁰ (p,), one Cholesky factor of P₀ per body (b, 4, 4), and s (n,).
 
     `rows` (p, p) is W of all bodies; `inertia` s_j [kg·m²] or [kg].
     """
@@ -79,8 +81,8 @@ def make_prior(parameters: FloatArray, joint_inertia: FloatArray) -> Prior:
     """
     Return the prior of a URDF's φ⁰ (p,), and the inertia at each joint s (n,).
 
-    A body that the URDF makes very light, flat or impossible is given a little mass around the
-    same centre, for the regularization alone, so that the data may still say otherwise.
+    If a body of the URDF is very light, flat or physically inconsistent, the regularization adds a
+    small mass around the same centre, so that the data can still change its parameters.
     """
     bodies = parameters.reshape(-1, COUNT)
     total = max(float(np.maximum(bodies[:, 0], 0.0).sum()), 1e-3)
@@ -116,7 +118,7 @@ class Fit:
     """
     Parameters of a model: φ (p,) of the bodies, and (n, COLUMN_COUNT) of the joints' own columns.
 
-    Columns that a joint's structure does not use have 0.
+    Columns that the structure of a joint does not use are 0.
     """
 
     parameters: FloatArray
@@ -133,7 +135,7 @@ class Fit:
 
 
 def without_memory(fit: Fit) -> Fit:
-    """Return the fit with the sign of velocity in place of the state of presliding."""
+    """Return the fit with the sign of velocity instead of the state of presliding."""
     values = fit.joint_values.copy()
     values[:, COULOMB] = 0.0
     values[:, COULOMB.start] = fit.joint_values[:, COULOMB].sum(axis=1)
@@ -152,7 +154,7 @@ def solve(
     """
     Return the fit to RᵀR (n, k, k) of each joint, by the normal equations, without bounds.
 
-    `weights` w (n,), `regularization` κ. It is quick, for choosing between models.
+    `weights` are w (n,), `regularization` is κ. The solution is fast, for selecting models.
     """
     p = prior.count
     own = [np.array(structure.columns) + p for structure in structures]
@@ -183,9 +185,9 @@ def solve_bounded(
     prior: Prior, regularization: float,
 ) -> Fit:
     """
-    Return the same fit to factors R (n, k, k), with no friction or rotor below 0.
+    Return the same fit to factors R (n, k, k), with non-negative friction and rotors.
 
-    By least squares with bounds, without squaring the condition number.
+    The method is least squares with bounds, which does not square the condition number.
     """
     lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
     A, b, low, high, own = bounded_problem(factors, structures, weights, prior, regularization)
@@ -199,7 +201,7 @@ def bounded_problem(
     factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
     prior: Prior, regularization: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, list[FloatArray]]:
-    """Return A, b of |A x − b|², the bounds of x, and where the joints' own columns come from."""
+    """Return A, b of |A x − b|², the bounds of x, and the sources of the joints' own columns."""
     n, k, _ = factors.shape
     p = prior.count
     own = [np.array(structure.columns) + p for structure in structures]
@@ -220,7 +222,7 @@ def bounded_problem(
 
 
 def is_physical(fit: Fit) -> bool:
-    """Tell whether no friction of the fit is below 0; its rotors are not looked at."""
+    """Return whether no friction of the fit is below 0; its rotors are not checked."""
     values = fit.joint_values.copy()
     values[:, [INERTIA, OFFSET]] = 0.0
     return bool((values >= 0.0).all())

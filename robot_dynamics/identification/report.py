@@ -56,8 +56,8 @@ def write_identification(
     """
     Write all files, and return their paths; `urdf` is the text that was identified.
 
-    `given` are parameters that the identified ones are added to. Raises OSError, ModelError where
-    the URDF cannot take the parameters, MissingDependencyError without matplotlib.
+    `given` are parameters to which the identified ones are added. Raises OSError, ModelError if
+    the URDF cannot represent the parameters, MissingDependencyError without matplotlib.
     """
     directory.mkdir(parents=True, exist_ok=True)
     paths = [directory / name for name in (URDF, PARAMETERS, REPORT, FIGURES)]
@@ -78,7 +78,7 @@ def _head(found: BagIdentification) -> list[str]:
     ratios = ', '.join(f'{100.0 * ratio:.1f}' for ratio in tests.relative())
     return [
         f'Identified by `identify` from {", ".join(bag.name for bag in found.bags)}.',
-        f'Residual on samples that were not trained with, % of the effort, RMS: {ratios}.',
+        f'Residual on samples that were not used for training, % of the effort, RMS: {ratios}.',
         '',
         '  ros2 run robot_dynamics dynamics_node --ros-args --params-file identified.yaml',
         '  ros2 run robot_dynamics simulated_arm --ros-args --params-file identified.yaml',
@@ -86,7 +86,7 @@ def _head(found: BagIdentification) -> list[str]:
 
 
 def as_data(found: BagIdentification) -> dict[str, Any]:
-    """Return all figures as JSON can write them."""
+    """Return all figures as types of JSON."""
     identification = found.identification
     arm, estimate = identification.arm, identification.estimate
     models, choice = identification.models, identification.models.choice
@@ -138,7 +138,7 @@ def _numbers(values: Any) -> list[float | None]:
 
 
 def _number(value: Any) -> float | None:
-    """Return a number, None where it is none: JSON has no NaN."""
+    """Return a number, None if it is not finite: JSON has no NaN."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -158,16 +158,17 @@ def _page(found: BagIdentification) -> str:
     if said:
         body += ['<h2>Recordings</h2>', items(said)]
     body += [
-        '<h2>Residual on samples that were not trained with</h2>',
+        '<h2>Residual on samples that were not used for training</h2>',
         table(residual_rows(identification)),
-        '<p>RMS of measured − model by that of the measured effort. The last column is the '
-        'consistent set without the memory of presliding, as an answer at a single state.</p>',
+        '<p>RMS of the residual (measured − model), relative to the RMS of the measured effort. '
+        'The last column is the consistent set without presliding hysteresis, like an answer of '
+        'the node to a single state.</p>',
         '<h2>Friction and rotors</h2>', table(friction_rows(identification)),
-        '<p>N·m and rad, or N and m; docs/friction.md has the equations.</p>']
+        '<p>Units: N·m and rad, or N and m. docs/friction.md has the equations.</p>']
     if identification.gains is not None:
         body += ['<h2>Drive gains</h2>', table(gain_rows(identification, identification.gains))]
     body += ['<h2>Base parameters</h2>', table(parameter_rows(identification)),
-             '<p>By least squares without a pull to the URDF; * marks regrouped parameters.</p>']
+             '<p>By least squares without regularisation; * marks regrouped parameters.</p>']
     name = found.bags[0].name
     efforts = joint_figure(
         f'{name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds, [

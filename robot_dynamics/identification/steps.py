@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The steps of an identification that touch samples: functions of one motion, with small results.
+The steps of an identification that process samples: functions of one motion, with small results.
 
-Results of several recordings merge exactly (`qr_information`, `holdout`), so that the steps may
-run on recordings in any order and process.
+Results of several recordings combine exactly (`qr_information`, `holdout`), so that the steps may
+run on the recordings in any order and process.
 """
 
 from collections.abc import Mapping
@@ -32,12 +32,12 @@ from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
 
 SHOWN = 3000
-"""Samples of a recording that are drawn, at most."""
+"""Largest number of samples of a recording that are plotted."""
 
 
 @dataclass(frozen=True)
 class RecordingFacts:
-    """What is reported of a recording in addition to its figures."""
+    """The facts that are reported about a recording in addition to its figures."""
 
     rate_hz: float
     cutoff_hz: float
@@ -71,7 +71,7 @@ class Reduction:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Models by name to test on a recording; the effort of the one `shown` is for drawing."""
+    """Models by name to test on a recording; the effort of the model `shown` is plotted."""
 
     models: Mapping[str, Fit]
     shown: str
@@ -80,7 +80,7 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class EffortSeries:
-    """Measured and modelled effort over time, thinned out for a picture: (m,) [s] and (m, n)."""
+    """Measured and modelled effort over time, decimated for a plot: (m,) [s] and (m, n)."""
 
     times: FloatArray
     velocity: FloatArray
@@ -90,7 +90,7 @@ class EffortSeries:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRecording:
-    """How well the models predict a recording, by name, and what is reported of it."""
+    """The tests of the models on a recording, by name, and the facts about the recording."""
 
     facts: RecordingFacts
     tests: dict[str, ModelTest]
@@ -100,10 +100,10 @@ class EvaluatedRecording:
 def recording_facts(
     motion: FilteredMotion, losses: tuple[str, ...] = (), remarks: tuple[str, ...] = (),
 ) -> RecordingFacts:
-    """Return what is reported of a filtered motion, with losses and remarks of its reading."""
+    """Return the facts about a filtered motion, with the losses and remarks of its recording."""
     if motion.differentiated:
-        remarks = (*remarks, 'recorded velocity is no derivative of the position, and is not '
-                             f'used, of {", ".join(motion.differentiated)}')
+        remarks = (*remarks, 'recorded velocity is inconsistent with the position, and is not '
+                             f'used, for {", ".join(motion.differentiated)}')
     return RecordingFacts(
         motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks)
 
@@ -124,7 +124,7 @@ def reduce_recording(
 def evaluate_recording(
     recording: ArmMotion, train_fraction: float, step: Evaluation,
 ) -> EvaluatedRecording:
-    """Return how well models predict a recording."""
+    """Return the tests of models on a recording."""
     motion = _with_gain(recording.motion, step.drive_gain)
     assert motion.effort is not None
     every = max(1, int(np.ceil(len(motion.effort) / SHOWN)))

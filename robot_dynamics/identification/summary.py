@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What an identification says, in rows of words: for the console and for the report."""
+"""The results of an identification as rows of text, for the console and for the report."""
 
 from collections.abc import Iterator, Mapping
 
@@ -30,18 +30,18 @@ from robot_dynamics.reporting.text_table import percent
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
     'consistent': 'consistent'}
-"""The models that are compared, and what they are called."""
+"""The models that are compared, with their titles."""
 ILL_CONDITIONED = 100.0
-"""A condition number above it makes base parameters uncertain (a usual bound of excitation)."""
+"""Condition number above which base parameters are uncertain (a usual bound of excitation)."""
 LOST = 1.2
-"""Times the residual of the base parameters that the consistent set should not exceed."""
+"""Ratio of the residuals of the consistent set and of the base parameters that is a warning."""
 SEEMS_OFF = 2.0
-"""A drive gain off from 1 by more than this factor hints at another unit than N·m."""
+"""A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 _MOST_NAMES = 12
 
 
 def fact_rows(found: BagIdentification) -> Rows:
-    """Return what was identified from what, a name and a value in each row."""
+    """Return the facts of an identification, with a name and a value in each row."""
     identification = found.identification
     facts = [recording.facts for recording in identification.recordings]
     test = identification.tests['consistent']
@@ -52,20 +52,20 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('recordings', ', '.join(bag.name for bag in found.bags[:_MOST_NAMES]) + (
             f' and {len(found.bags) - _MOST_NAMES} more' if len(found.bags) > _MOST_NAMES
             else '')),
-        ('samples', f'{test.samples[0]} to train with, the {test.samples[1]} after them to test '
-                    f'with, at {facts[0].rate_hz:.4g} Hz'),
+        ('samples', f'{test.samples[0]} for training, the following {test.samples[1]} for the '
+                    f'test, at {facts[0].rate_hz:.4g} Hz'),
         ('filter', f'Butterworth, order 4, forward and backward, {" … ".join(cutoffs)} Hz'
                    + (f': {facts[0].cutoff_reason}' if len(cutoffs) == 1 else '')),
         ('base parameters', f'{identification.base.rank} of '
                             f'{identification.base.matrix.shape[1]} parameters (rank)'),
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
-        ('pull to the URDF',
-         f'κ = {choice.regularization:g}, chosen on blocks left out of the training'),
+        ('regularisation towards the URDF',
+         f'κ = {choice.regularization:g}, chosen by cross-validation'),
     ]
 
 
 def residual_rows(identification: Identification) -> Rows:
-    """Return the residual of the models on samples that they were not trained with."""
+    """Return the residual of the models on samples that were not used for training."""
     tests = identification.tests
     rows: Rows = [('joint', *MODELS.values(), 'sample by sample')]
     for j, name in enumerate(identification.arm.joint_names):
@@ -96,7 +96,7 @@ def _friction_cell(field: ParameterField, friction: Mapping[str, float]) -> str:
 
 
 def parameter_rows(identification: Identification) -> Rows:
-    """Return the base parameters and the joints' own, with their deviations."""
+    """Return the base parameters and the joints' own parameters, with their deviations."""
     estimate, base = identification.estimate, identification.base
     rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'is')]
     for i, name in enumerate(estimate.names):
@@ -116,12 +116,12 @@ def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
     for j, name in enumerate(identification.arm.joint_names):
         rows.append((
             name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
-            '' if gains.is_known[j] else 'cannot be told: taken as 1'))
+            '' if gains.is_known[j] else 'not identifiable: 1 is used'))
     return rows
 
 
 def warnings(identification: Identification) -> list[str]:
-    """Return what is to be known before the model is trusted."""
+    """Return the warnings to consider before the model is used."""
     return [*_of_excitation(identification), *_of_models(identification),
             *_of_effort(identification)]
 
@@ -130,21 +130,21 @@ def _of_excitation(identification: Identification) -> Iterator[str]:
     estimate = identification.estimate
     if estimate.condition > ILL_CONDITIONED:
         yield (f'the condition number of the base parameters is {estimate.condition:.3g}, above '
-               f'{ILL_CONDITIONED:g}: the motion excites some of them hardly; a motion made by '
-               '`excite` does better')
+               f'{ILL_CONDITIONED:g}: some parameters are poorly excited; record a trajectory '
+               'generated with `excite`')
     if estimate.unexcited:
         names = ', '.join(estimate.unexcited)
-        yield (f'not excited, {len(estimate.unexcited)} of {estimate.base_count} base parameters, '
-               f'which stay near the URDF: {names}')
+        yield (f'{len(estimate.unexcited)} of {len(estimate.names)} base and joint parameters are '
+               f'not excited and stay near the URDF: {names}')
     if identification.models.choice.regularization == REGULARIZATIONS[-1]:
-        yield ('no block of the recording is predicted better with other masses than those of '
+        yield ('in the cross-validation, no masses predict the recording better than those of '
                'the URDF: only friction was identified')
 
 
 def _of_models(identification: Identification) -> Iterator[str]:
     tests, names = identification.tests, identification.arm.joint_names
     if tests['base'].samples[1] == 0:
-        yield 'all samples were trained with, so that nothing was left to test with'
+        yield 'all samples were used for training: there are no samples for the test'
         return
     base, consistent = tests['base'].relative(), tests['consistent'].relative()
     simple, urdf = tests['urdf and friction'].relative(), tests['urdf'].relative()
@@ -158,31 +158,31 @@ def _of_models(identification: Identification) -> Iterator[str]:
                    f'samples better, {percent(min(simple[j], urdf[j]))} against '
                    f'{percent(consistent[j])}')
         if np.isnan(base[j]):
-            yield f'{name}: no effort was recorded, so that nothing was identified at it'
+            yield f'{name}: no effort was recorded: no parameter of this joint was identified'
         if consistent[j] > 0.5:
-            yield f'{name}: half of its effort or more is not explained'
+            yield f'{name}: the model does not explain half of the effort or more'
 
 
 def _of_effort(identification: Identification) -> Iterator[str]:
     names, gains = identification.arm.joint_names, identification.gains
     if gains is not None:
         if gains.differ:
-            yield ('the gains of most joints differ, so that effort is taken for currents, with '
-                   'the masses of the URDF as reference; --effort torque does not')
+            yield ('the gains of most joints differ: efforts are interpreted as currents, with '
+                   'the masses of the URDF as reference; use --effort torque to disable this')
         unknown = [name for name, known in zip(names, gains.is_known) if not known]
         if unknown:
-            yield (f'the drive gain cannot be told at {", ".join(unknown)}, which bear little '
-                   'beside friction: their effort stays in the unit of the recording')
+            yield (f'drive gain not identifiable for {", ".join(unknown)}: gravity load too small '
+                   'relative to friction; their effort stays in the unit of the recording')
         return
     gains = identification.seeming_gains
     off = gains.is_known & ((gains.gain > SEEMS_OFF) | (gains.gain < 1.0 / SEEMS_OFF))
-    # One joint alone is more likely a wrong mass.
+    # At a single joint, a wrong mass is more likely.
     if off.sum() > max(1.0, 0.5 * gains.is_known.sum()):
         listed = ', '.join(
             f'{name} ({1.0 / gain:.3g} times)'
             for name, gain, is_off in zip(names, gains.gain, off) if is_off)
-        yield (f"effort is not the size of the URDF's torque at {listed}: is it a current, or "
-               'another unit? Then give --effort current')
+        yield (f'effort differs from the torque of the URDF at {listed}: if the effort is a '
+               'current or in another unit, use --effort current')
 
 
 def recording_lines(found: BagIdentification) -> list[str]:

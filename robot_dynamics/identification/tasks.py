@@ -45,7 +45,7 @@ Step = TypeVar('Step', Reduction, Evaluation)
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """How recordings are read, the fraction that is trained with, and the arm's payloads."""
+    """Options of reading recordings, the fraction for training, and the payloads of the arm."""
 
     analysis: AnalysisSettings
     train_fraction: float
@@ -64,7 +64,7 @@ class IdentificationSettings:
 
 @dataclass(frozen=True)
 class IdentificationTask(Generic[Step]):
-    """A step to run on recordings, and how to read them."""
+    """A step to run on recordings, and the settings with which they are read."""
 
     settings: IdentificationSettings
     step: Step
@@ -74,8 +74,8 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> ArmMotion:
     """
     Return the filtered motion of a recording, with the effort at the joints.
 
-    Raises RobotDynamicsError as `read_for_arm` and `filter_motion`, and RecordingError if there
-    is no effort.
+    Raises the errors of `read_for_arm` and `filter_motion`, and RecordingError if there is no
+    effort.
     """
     read = read_for_arm(bag, settings.analysis)
     arm = settings.arm(read.arm.joint_names)
@@ -91,12 +91,12 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> ArmMotion:
 
 
 def reduce_task(bag: Path, task: IdentificationTask[Reduction]) -> QrInformation:
-    """Return the information in a recording; raise as `read_motion` and `reduce_recording`."""
+    """Return the information in a recording; raise like `read_motion` and `reduce_recording`."""
     return reduce_recording(
         read_motion(bag, task.settings), task.settings.train_fraction, task.step)
 
 
 def evaluate_task(bag: Path, task: IdentificationTask[Evaluation]) -> EvaluatedRecording:
-    """Return how well models predict a recording; raise as `read_motion`."""
+    """Return the tests of models on a recording; raise the errors of `read_motion`."""
     return evaluate_recording(
         read_motion(bag, task.settings), task.settings.train_fraction, task.step)

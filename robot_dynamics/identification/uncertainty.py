@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How well each base parameter is known: its standard deviation, and what no sample excites.
+The uncertainty of each base parameter: its standard deviation, and whether it is excited.
 
-Plain weighted least squares over the base parameters and the joints' own columns, unregularized:
-the covariance is (Σ_j w_j X_jᵀ X_j)⁻¹ with w_j = 1 / (σ_j² s_j). Filtered samples are not
-independent: s_j of them count as one (`motion_regression`). That is exact for noise that is white
+The method is weighted least squares over the base parameters and the joints' own columns, without
+regularization: the covariance is (Σ_j w_j X_jᵀ X_j)⁻¹ with w_j = 1 / (σ_j² s_j). Filtered samples
+are not independent: s_j samples count as one (`regression`). This is exact for noise that is white
 over the band of the regressor.
 """
 
@@ -37,8 +37,8 @@ from robot_dynamics.model.base_parameters import BaseParameters
 
 UNEXCITED = 1.0
 """
-A base parameter is not excited where its deviation is above this share of what a URDF that is
-wrong by about 100 % would give it.
+A base parameter is not excited if its deviation is above this fraction of the deviation that
+corresponds to a URDF that is wrong by about 100 %.
 """
 
 
@@ -49,8 +49,8 @@ class ParameterEstimate:
 
     `names`, `values`, `deviations` (standard), `prior` (of the URDF; own parameters 0) are (k,).
     `base_count` of them are base parameters; `condition` is the condition number of their columns,
-    scaled to the same size; `excited` (k,) tells where the data say more than the scale of the
-    URDF does.
+    scaled to the same size; `excited` (k,) marks the parameters that the data determine better
+    than the scale of the URDF.
     """
 
     names: tuple[str, ...]
@@ -64,7 +64,7 @@ class ParameterEstimate:
 
     @property
     def relative_deviations(self) -> FloatArray:
-        """Return deviation / |value|, (k,), infinite where the value is 0."""
+        """Return deviation / |value|, (k,), infinite if the value is 0."""
         with np.errstate(divide='ignore'):
             return np.asarray(self.deviations / np.abs(self.values))
 
@@ -124,7 +124,7 @@ def _columns(
     information: QrInformation, base: BaseParameters, structures: Sequence[FrictionStructure],
     p: int,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
-    """Return for each joint the matrix that takes the estimate to the columns of its factor."""
+    """Return for each joint the matrix that maps the estimate to the columns of its factor."""
     r = base.rank
     own = [[c for c in structure.columns if c != INERTIA] for structure in structures]
     total = r + sum(len(columns) for columns in own)
@@ -151,7 +151,7 @@ def _condition(singular: FloatArray) -> float:
 
 
 def _scale_of(base: BaseParameters, prior: Prior, n: int) -> FloatArray:
-    """Return the deviation (r,) that a URDF wrong by about 100 % would give each."""
+    """Return the deviations (r,) that correspond to a URDF that is wrong by about 100 %."""
     p = prior.count
     spread = np.zeros((p + n, p + n))
     spread[:p, :p] = np.linalg.inv(prior.rows)

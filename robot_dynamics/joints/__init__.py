@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Models of one joint: friction, stiction, gears, motors, and what its effort means."""
+"""Models of one joint: friction, stiction, gears, motors, and the convention of its effort."""
 
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention

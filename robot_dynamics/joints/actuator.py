@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-Motors behind gearboxes: joint effort, motor torque, current, voltage, and back.
+Motors with gearboxes: conversions between joint effort, motor torque, current and voltage.
 
 At each joint an electric motor with rotor inertia J_r drives through a gear ratio N with
 efficiency η. In motor quantities, ω = N v:
 
     electromagnetic torque  K_t i = J_r N a + τ_gear,   voltage  V = R i + L di/dt + K_e ω
 
-The rotor's reflected inertia N² J_r is part of M(q), so that a joint effort τ includes N² J_r a;
-the rest passes the gearbox, which loses power on the way: τ − N² J_r a = η N τ_gear where the
-motor drives the joint, and N τ_gear / η where the joint drives the motor. Source: B. Siciliano et
-al., *Robotics*, Springer 2009, sections 5.2 and 7.1.1 (motor, reduction); the side on which
-efficiency acts follows from the direction of power.
+The reflected rotor inertia N² J_r is part of M(q), so that a joint effort τ includes N² J_r a. The
+rest passes the gearbox, which has losses: τ − N² J_r a = η N τ_gear if the motor drives the joint,
+and N τ_gear / η if the joint drives the motor. Source: B. Siciliano et al., *Robotics*, Springer
+2009, sections 5.2 and 7.1.1 (motor, reduction); the side on which efficiency acts follows from the
+direction of power.
 """
 
 from collections.abc import Sequence
@@ -47,10 +47,11 @@ class Actuators:
     Motors and gearboxes of n joints, each parameter (n,).
 
     `torque_constant` K_t [N·m/A], `back_emf_constant` K_e [V·s/rad], `resistance` R [Ω],
-    `inductance` L [H], `rotor_inertia` J_r [kg·m²], `gear_ratio` N (motor turns a joint turn, or
-    [rad/m]), `efficiency` η, `current_limit` [A] and `voltage_limit` [V], infinite for none;
-    For the simulation: `current_time_constant` T_c [s] of the drive's current loop; `backlash`,
-    the whole gap between the teeth [rad] or [m] on the joint side, and their `restitution` e.
+    `inductance` L [H], `rotor_inertia` J_r [kg·m²], `gear_ratio` N (motor revolutions per joint
+    revolution, or [rad/m]), `efficiency` η, `current_limit` [A] and `voltage_limit` [V], infinite
+    for no limit. For the simulation: `current_time_constant` T_c [s] of the drive's current loop;
+    `backlash`, the whole gap between the teeth [rad] or [m] on the joint side, and the
+    `restitution` e of the teeth.
     """
 
     torque_constant: FloatArray
@@ -79,7 +80,7 @@ class Actuators:
             rotor / self.gear_ratio + passed / (self.gear_ratio * self._gain(passed, v)))
 
     def effort(self, motor_torque: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Return the joint effort, (..., n) [N·m] or [N], of a motor torque: the way back."""
+        """Return the joint effort, (..., n) [N·m] or [N], of a motor torque."""
         rotor = self.reflected_inertia * a
         at_gear = motor_torque * self.gear_ratio - rotor
         return np.asarray(rotor + at_gear * self._gain(at_gear, v))
@@ -121,11 +122,11 @@ class Actuators:
         zero = np.zeros_like(v)
         one = self.effort(low * self.torque_constant, v, zero)
         other = self.effort(high * self.torque_constant, v, zero)
-        # A gearbox that reverses, N < 0, turns the two ends round.
+        # A gearbox that reverses the direction, N < 0, exchanges the two ends.
         return np.minimum(one, other), np.maximum(one, other)
 
     def load(self, effort: FloatArray, v: FloatArray, a: FloatArray) -> 'ActuatorLoad':
-        """Return what a joint effort asks of the motors."""
+        """Return the currents and voltages of the motors that a joint effort requires."""
         current = self.current(self.motor_torque(effort, v, a))
         voltage = self.voltage(current, v)
         return ActuatorLoad(
@@ -133,16 +134,16 @@ class Actuators:
             np.abs(voltage) / self.voltage_limit)
 
     def _gain(self, effort: FloatArray, v: FloatArray) -> FloatArray:
-        """Return η where power goes to the joint, or there is none (the worse case), else 1/η."""
+        """Return η if the power flows to the joint or is zero (the worse case), else 1/η."""
         absorbs = np.sign(effort) * np.sign(v) < 0.0
         return np.where(absorbs, 1.0 / self.efficiency, self.efficiency)
 
 
 class ActuatorLoad(NamedTuple):
     """
-    Steady current [A] and voltage [V] of each motor, (n,), and their share of the limits.
+    Steady current [A] and voltage [V] of each motor, (n,), and their ratios to the limits.
 
-    A share is 0 where there is no limit.
+    A ratio is 0 if there is no limit.
     """
 
     current: FloatArray
@@ -170,10 +171,10 @@ def make_actuators(
     Return checked actuators; each parameter is (n,), one value for all joints, or empty.
 
     Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
-    no limits, no backlash, e = 0. Raises InvalidInputError, naming field, joint and value, on
+    no limits, no backlash, e = 0. Raises InvalidInputError, naming field, joint and value, for
     another number of values, N = 0, η outside (0, 1], e outside [0, 1], backlash of a rotor
-    without inertia, a value that must not be negative or zero, and as zero counts what is below
-    SMALLEST_DIVISOR.
+    without inertia, and a value that must not be negative or zero. Values below SMALLEST_DIVISOR
+    count as zero.
     """
     n = len(joint_names)
 
@@ -184,7 +185,7 @@ def make_actuators(
         if len(value) == 0:
             raise InvalidInputError(
                 f'actuator.{field} is empty, expected one value for all of {list(joint_names)} or '
-                'one a joint')
+                'one value per joint')
     nothing, unlimited = np.zeros(n), np.full(n, np.inf)
     K_t = values('torque_constant', torque_constant, nothing)
     actuators = Actuators(

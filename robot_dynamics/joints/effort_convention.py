@@ -13,18 +13,18 @@
 # limitations under the License.
 
 """
-What the `effort` of a robot's joint states is, and what the robot adds to a command by itself.
+The meaning of `effort` in the joint states of a robot, and the efforts that the robot adds.
 
 With u the commanded effort, τ the effort at the joint and g the gravity term of the robot's own
-model (the arm of the URDF, without a load that only this package was told of):
+model (the arm of the URDF, without payloads that only this package knows):
 
     τ = u + [the robot compensates gravity] g(q) + [it compensates friction] τ_f(q̇)
     measured = τ,   τ − g(q),   K_t i = τ / N,   or the current i
 
-The latter two are on the motor's side of the gearbox. Its losses depend on the way that power
-takes; in a static hold there is none, and the friction of the gears leaves the motor torque
-anywhere between η τ / N and τ / (η N). Read at rest, the gearbox is taken as lossless, which is
-within that range for every η, and its middle on a scale of ratios.
+The last two are on the motor side of the gearbox. The losses depend on the direction of power. In
+a static hold there is no power, and because of the friction of the gears, the motor torque has any
+value between η τ / N and τ / (η N). At rest, the gearbox is therefore assumed to be lossless,
+which is within this range for every η, and is its geometric mean.
 """
 
 from collections.abc import Sequence
@@ -38,16 +38,16 @@ from robot_dynamics.validation import check_choice, check_unique
 
 MEASURED_EFFORTS = (
     'joint_torque', 'joint_torque_without_gravity', 'motor_torque', 'motor_current', 'none')
-"""What `effort` in joint states may be."""
+"""The possible meanings of `effort` in joint states."""
 MOTOR_SIDE = ('motor_torque', 'motor_current')
-"""Those of them that say nothing without actuators."""
+"""The meanings that require actuators."""
 ROBOT_COMPENSATIONS = ('gravity', 'friction')
-"""What a robot may add by itself to the effort that it is commanded."""
+"""The efforts that a robot may add to the commanded effort on its own."""
 
 
 @dataclass(frozen=True)
 class EffortConvention:
-    """What a robot measures and adds; `make_effort_convention` checks it."""
+    """The efforts that a robot measures and adds; checked by `make_effort_convention`."""
 
     measured_effort: str = 'joint_torque'
     robot_compensates: tuple[str, ...] = ()
@@ -62,12 +62,12 @@ class EffortConvention:
 
     @property
     def lacks_gravity(self) -> bool:
-        """Tell whether gravity was taken out of the measured effort."""
+        """Return whether the measured effort excludes gravity."""
         return self.measured_effort == 'joint_torque_without_gravity'
 
     @property
     def expected_ratio(self) -> float:
-        """Return by how much of g(q) the measured effort at rest exceeds the command."""
+        """Return the expected ratio of (measured effort − command) to g(q) at rest."""
         return float(self.compensates_gravity) - float(self.lacks_gravity)
 
 
@@ -77,8 +77,8 @@ def make_effort_convention(
     """
     Return checked semantics.
 
-    Raises InvalidInputError on an unknown choice, one that stands twice, and on an effort of the
-    motor where there are no actuators to know K_t and N from.
+    Raises InvalidInputError for an unknown choice, for a repeated one, and for a motor-side effort
+    without actuators, because K_t and N are then unknown.
     """
     check_choice('measured_effort', measured_effort, MEASURED_EFFORTS)
     for i, compensation in enumerate(robot_compensates):
@@ -96,9 +96,9 @@ def joint_effort_at_rest(
     measured_effort: str, effort: FloatArray, actuators: Actuators | None,
 ) -> FloatArray:
     """
-    Return a measured effort (..., n) as one on the joint side of the gearbox [N·m] or [N].
+    Return a measured effort (..., n) on the joint side of the gearbox [N·m] or [N].
 
-    Gravity that the robot took out stays out. Raises InvalidInputError for an effort of the motor
+    Gravity that the robot excludes is not added. Raises InvalidInputError for a motor-side effort
     without actuators, and for `none`.
     """
     if measured_effort == 'none':
@@ -115,9 +115,10 @@ def measured_from_joint(
     actuators: Actuators | None,
 ) -> FloatArray:
     """
-    Return what a robot reports of a joint effort (n,) at the velocity v; for `none` an empty one.
+    Return the effort that a robot reports for a joint effort (n,) at the velocity v.
 
-    The losses of the gearbox are those of `Actuators.motor_torque`; the rotor's share is left out.
+    The result is empty for `none`. The losses of the gearbox are those of
+    `Actuators.motor_torque`; the contribution of the rotor is omitted.
     """
     if measured_effort == 'none':
         return np.zeros(0)
@@ -135,10 +136,10 @@ def joint_from_measured(
     actuators: Actuators | None,
 ) -> FloatArray:
     """
-    Return the joint effort (n,) of what a robot reports at the velocity v: the way back.
+    Return the joint effort (n,) for the effort that a robot reports at the velocity v.
 
-    `gravity` (n,) is g(q) of the robot's own model. Raises InvalidInputError for an effort of the
-    motor without actuators, and for `none`.
+    `gravity` (n,) is g(q) of the robot's own model. Raises InvalidInputError for a motor-side
+    effort without actuators, and for `none`.
     """
     if measured_effort == 'joint_torque_without_gravity':
         return np.asarray(effort + gravity)

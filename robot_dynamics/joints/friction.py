@@ -21,9 +21,10 @@ Friction at the joints, on the joint side of the gearbox.
 The first line is viscous friction, Coulomb friction with the Stribeck effect, and an offset by
 which friction differs between the two directions. At rest, dry friction has any value up to F_s
 that holds the joint (`stiction`). The second line is the friction of gears and drives, as
-identification finds it: a sigmoid of width v_a, a fraction μ of the load τ_load = M a + C v + g −
-Jᵀ f, as the teeth of a loaded gear press harder on each other, and the constant F_b of a sensor or
-drive. When the motion reverses, Coulomb friction changes its sign over the presliding distance d
+identification determines it: a sigmoid of width v_a; a fraction μ of the load
+τ_load = M a + C v + g − Jᵀ f, because the load increases the contact forces of the teeth; and the
+constant F_b of a sensor or drive. After a velocity reversal, Coulomb friction changes its sign
+over the presliding distance d
 (`presliding`). Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7),
 1994, sections 2 and 3 (Stribeck's curve in the Gaussian form); B. Siciliano et al., *Robotics*,
 Springer 2009, section 7.3; P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with
@@ -45,7 +46,7 @@ from robot_dynamics.joints.parameter_field import ParameterField, per_joint_valu
 from robot_dynamics.validation import SMALLEST_DIVISOR
 
 SMOOTHING_VELOCITY = 0.01
-"""[rad/s] or [m/s] over which the smooth sign of dry friction changes."""
+"""Velocity [rad/s] or [m/s] over which the smooth sign of dry friction changes."""
 DEFAULT_STRIBECK_VELOCITY = 0.05
 """[rad/s] or [m/s]"""
 DEFAULT_SIGMOID_VELOCITY = 0.03
@@ -120,12 +121,12 @@ class JointFriction:
 
     @cached_property
     def has_stribeck_effect(self) -> bool:
-        """Whether any joint needs more effort to break away than to slide on."""
+        """Whether any joint needs more effort to break away than to continue sliding."""
         return bool((self.static > self.coulomb).any())
 
     @cached_property
     def is_viscous(self) -> bool:
-        """Whether there is viscous friction alone, or none."""
+        """Whether there is only viscous friction, or no friction."""
         return not (self.is_dry or self.coulomb.any() or self.offset.any() or self.has_gear_terms)
 
     @cached_property
@@ -153,7 +154,7 @@ class JointFriction:
             nothing, nothing, nothing)
 
     def dry(self, v: FloatArray) -> FloatArray:
-        """Return the size of dry friction while a joint slides at v, shape (..., n) or (n,)."""
+        """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""
         if not self.has_stribeck_effect:
             return self.coulomb
         ratio = v / self.stribeck_velocity
@@ -179,22 +180,22 @@ class JointFriction:
         smoothing_velocity: float = SMOOTHING_VELOCITY,
     ) -> FloatArray:
         """
-        Return the same with the sigmoid tanh(v / smoothing_velocity) for the sign, (..., n).
+        Return the effort with tanh(v / smoothing_velocity) instead of the sign, (..., n).
 
-        For a control law, whose effort must not chatter between two signs around rest, and for
-        identification, where the sign of a noisy velocity has no meaning.
+        It is used by control laws, whose effort must not chatter around rest, and by the
+        identification, in which the sign of a noisy velocity has no meaning.
         """
         return self.effort(v, load, smooth_sign(v, smoothing_velocity))
 
     def load_behind(
         self, v: FloatArray, effort: FloatArray, sign: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the load (..., n) that a joint effort leaves after friction: `effort` solved."""
+        """Return the load (..., n) of a joint effort minus friction, the inverse of `effort`."""
         return self._load_behind_gears(v, effort - self._joint_effort(v, sign))
 
     def without_dry(self, v: FloatArray, effort: FloatArray) -> FloatArray:
         """
-        Return what an effort (n,) leaves for rigid bodies and dry friction at the velocity v.
+        Return the part of an effort (n,) for rigid bodies and dry friction at the velocity v.
 
         Dry friction of sliding joints counts as part of the effort that the gears transmit.
         """
@@ -210,8 +211,8 @@ class JointFriction:
         """
         Return the load behind a constant effort (n,), as a function of the velocity (..., n).
 
-        Dry friction has the `direction` (n,) of sliding, 0 where there is none, whatever the sign
-        of the velocity. Without `is_stribeck_active` it is F_c.
+        Dry friction has the `direction` (n,) of sliding, 0 for joints that do not slide,
+        independent of the sign of the velocity. Without `is_stribeck_active` it is F_c.
         """
         base, F_v = effort - self.offset, self.viscous
         if not (self.is_dry or F_v.any()):
@@ -230,7 +231,7 @@ class JointFriction:
 
     def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
         """
-        Return the viscous friction (..., n) that is as large as all smooth friction but F_b.
+        Return the viscous friction (..., n) that equals all smooth friction except F_b.
 
         It is F_v + (F_a + μ |load|) tanh(v / v_a) / v; at rest tanh(v / v_a) / v is 1 / v_a.
         """
@@ -279,10 +280,10 @@ def make_friction(
     """
     Return checked friction; each parameter is (n,), one value for all joints, or empty.
 
-    `gears` are the parameters of gears and drives, by their names in `FRICTION_FIELDS`. Empty
-    means: as in `default`, or the default of the field, or none; an empty `static` is `coulomb`.
-    Raises InvalidInputError that names field, joint and value: on another number of values, a
-    value outside its bounds, F_s < F_c, or |F_o| > F_c, as such friction would create energy.
+    `gears` are the parameters of gears and drives, by their names in `FRICTION_FIELDS`. An empty
+    parameter is that of `default`, or the default of the field, or 0; an empty `static` is
+    `coulomb`. Raises InvalidInputError that names field, joint and value: for another number of
+    values, a value outside its bounds, F_s < F_c, or |F_o| > F_c, which would create energy.
     """
     given = {'viscous': viscous, 'coulomb': coulomb, 'static': static,
              'stribeck_velocity': stribeck_velocity, 'offset': offset, **gears}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is known of a parameter of a joint: name, unit, default, bounds and description."""
+"""The properties of a joint parameter: name, unit, default, bounds and description."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -23,13 +23,13 @@ from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 
 class ParameterField(NamedTuple):
     """
-    One parameter of a joint, of which parameter specs, file reading and reports are made.
+    One parameter of a joint, which parameter specs, file reading and reports use.
 
-    `unit` is that of a revolute or prismatic joint, '' for a share. `default` holds if the
-    parameter is empty; None takes it from elsewhere, as the description says. `minimum` and
+    `unit` is that of a revolute or prismatic joint, '' for a fraction. `default` is used if the
+    parameter is empty; None means that the description names another source. `minimum` and
     `maximum` bound a parameter of the nodes. `template` is the description, with `{unit}` and
-    `{default}`. `heading` is that of its column in reports, which shows the parameter if one of
-    the parameters `needs` is not 0.
+    `{default}`. `heading` is the heading of its column in reports, which show the parameter if one
+    of the parameters `needs` is not 0.
     """
 
     name: str
@@ -52,8 +52,8 @@ def per_joint_values(
     """
     Return a parameter as an array (n,): `value` is empty, one value for all, or one per joint.
 
-    Empty means `default`. Raises InvalidInputError, naming the parameter as `label`, on another
-    number of values, or one that is not finite or too large.
+    Empty means `default`. Raises InvalidInputError, naming the parameter as `label`, for another
+    number of values, or for a value that is not finite or too large.
     """
     return default if is_empty(value) else (
         check_per_joint(label, value, joint_names, LARGEST_VALUE))

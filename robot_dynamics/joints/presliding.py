@@ -13,12 +13,14 @@
 # limitations under the License.
 
 """
-Coulomb friction where a motion turns round: contacts yield like a spring before they slide.
+Presliding hysteresis of Coulomb friction.
 
-The sign of velocity gives way to a state z in [−1, 1] that follows the *displacement*: dz = dq / d
-within the bounds, d the presliding distance. It is Maxwell's slip element, or the stop operator of
-Prandtl and Ishlinskii, whatever the speed. Source: F. Al-Bender, V. Lampaert, J. Swevers, "The
-generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11), 2005.
+After a velocity reversal, contacts yield like a spring before they slide.
+A state z in [−1, 1] that follows the *displacement* replaces the sign of velocity: dz = dq / d
+within the bounds, with the presliding distance d. This is Maxwell's slip element, or the stop
+operator of Prandtl and Ishlinskii, and independent of the speed. Source: F. Al-Bender, V.
+Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE Trans. Automatic Control 50(11),
+2005.
 """
 
 import numpy as np
@@ -31,12 +33,12 @@ def presliding_state(
     state: FloatArray | None = None,
 ) -> FloatArray:
     """
-    Return z along a motion, (m, n): what the sign of Coulomb friction is at each sample.
+    Return z along a motion, (m, n), which replaces the sign of Coulomb friction at each sample.
 
     `position` (m, n) [rad] or [m] and `velocity` are in the order of time, `distance` (n,) is d.
     A joint with d = 0 has the smooth sign of its velocity (`friction.smooth_sign`). `state` (n,)
-    is z at the first sample; None takes the sign of the first velocity, as nothing is known of
-    what was before.
+    is z at the first sample; None uses the sign of the first velocity, because the motion before
+    it is unknown.
     """
     z = smooth_sign(velocity, SMOOTHING_VELOCITY)
     if len(z) == 0:

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Which joints stick, and what holds them: Coulomb friction at rest.
+Stiction, which is Coulomb friction at rest: the sticking joints and their friction.
 
 A joint with dry friction either slides in one direction, or sticks: its velocity is 0, and
-friction takes whatever value up to F_s keeps it so. Between changes of these modes the motion is
-smooth, so that a method of high order can follow it; where a joint comes to rest, or breaks away,
-the modes are chosen anew. Source: F. Pfeiffer and C. Glocker, *Multibody Dynamics with Unilateral
-Contacts*, Wiley 1996 (here without contacts: one direction of sliding a joint).
+friction has the value up to F_s that keeps it at rest. Between changes of these modes the motion
+is smooth, so that a method of high order can integrate it; when a joint comes to rest, or breaks
+away, the modes are determined again. Source: F. Pfeiffer and C. Glocker, *Multibody Dynamics with
+Unilateral Contacts*, Wiley 1996 (here without contacts: one direction of sliding per joint).
 """
 
 from typing import NamedTuple
@@ -27,21 +27,21 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 
-# Relative slack, so that rounding does not break a joint away.
+# Relative tolerance, so that rounding does not cause a joint to break away.
 _HOLD_TOLERANCE = 1e-12
-# After so many changes of mode the last choice stands; two or three are the rule.
+# After this number of mode changes the last choice is used; usually there are two or three.
 _CHANGES_PER_JOINT = 20
 
 
 class Modes(NamedTuple):
-    """The `direction` (n,) of sliding, 0 where there is none; `stuck` (n,), which joints stick."""
+    """The `direction` (n,) of sliding, 0 without sliding; `stuck` (n,) marks sticking joints."""
 
     direction: FloatArray
     stuck: BoolArray
 
 
 class Holding(NamedTuple):
-    """Accelerations (n,), 0 at stuck joints, and the friction (n,) that holds those."""
+    """Accelerations (n,), 0 at stuck joints, and the friction (n,) that holds these joints."""
 
     acceleration: FloatArray
     friction: FloatArray
@@ -51,8 +51,8 @@ def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
     """
     Return M a = effort + friction with a = 0 at the stuck joints, friction = 0 at the others.
 
-    `effort` (n,) is what is left to accelerate the arm; `friction` is what the joints must bear,
-    with the sign of what it resists.
+    `effort` (n,) is the net effort that accelerates the arm; `friction` is the effort that
+    friction must compensate, with the sign of the effort that it resists.
     """
     a, friction = np.zeros_like(effort), np.zeros_like(effort)
     if not stuck.any():
@@ -70,11 +70,11 @@ def choose_modes(
     """
     Return the modes at a state: a joint at rest sticks if friction of at most F_s can hold it.
 
-    `effort` (n,) is what would accelerate the arm if there were no dry friction, `sliding` (n,)
-    the size of dry friction where a joint slides at v, `static` (n,) F_s. Of joints that cannot be
-    held, the one that is furthest beyond breaks away first, and the rest is weighed anew. A joint
-    that broke away, and that others then push back the other way, sticks again: friction never
-    drives.
+    `effort` (n,) is the effort that would accelerate the arm without dry friction, `sliding` (n,)
+    is the magnitude of dry friction of a joint that slides at v, and `static` (n,) is F_s. Of the
+    joints that friction cannot hold, the one with the largest excess breaks away first; then the
+    modes of the others are determined again. If a joint that broke away is accelerated in the
+    opposite direction by other joints, it sticks again, because friction never drives a joint.
     """
     dry = static > 0.0
     at_rest = dry & (v == 0.0)

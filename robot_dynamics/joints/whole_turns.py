@@ -15,9 +15,9 @@
 """
 Whole turns of continuous joints, which many drivers remove from the measured position.
 
-A continuous joint reaches the same pose after a whole turn, so that a driver may report its
-position within ±π, in which case it steps by 2π. Between two samples it is assumed to turn by less
-than half a turn. Other joints are never changed: the position limits of a revolute joint
+A continuous joint reaches the same pose after a whole turn. A driver may therefore report its
+position within ±π; the position then steps by 2π. The joint is assumed to turn by less than half a
+turn between two samples. Other joints are never changed: the position limits of a revolute joint
 distinguish whole turns, so that a step of 2π is a motion or a fault, and a prismatic joint has no
 turns.
 """
@@ -30,9 +30,9 @@ def nearest_turn(
     position: FloatArray, near: FloatArray, is_continuous: BoolArray,
 ) -> FloatArray:
     """
-    Return positions (..., n) [rad or m], at continuous joints moved by whole turns.
+    Return positions (..., n) [rad or m], with those of continuous joints moved by whole turns.
 
-    They are then within half a turn of `near` (..., n); `is_continuous` is (n,).
+    The positions are then within half a turn of `near` (..., n); `is_continuous` is (n,).
     """
     return np.asarray(position - _whole_turns(position - near, is_continuous))
 

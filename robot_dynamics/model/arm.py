@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An arm as the rest of the package sees it: joints by name, limits, links, and payload."""
+"""The arm model of the package: joint names, limits, links, and payloads."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -35,7 +35,7 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of n joints, each (n,); infinite where there is none. [rad, m], [/s], [N·m, N]."""
+    """Limits of n joints, each (n,); infinite for no limit. [rad, m], [/s], [N·m, N]."""
 
     lower: FloatArray
     upper: FloatArray
@@ -58,8 +58,8 @@ class ArmModel:
     """
     An arm with a fixed base and n actuated joints, in the order of `joint_names`.
 
-    It does not change: `with_payload` returns another one. `pinocchio_model` holds the whole
-    tree, whose joints `joint_coordinates` maps to the actuated ones.
+    The model is immutable: `with_payloads` returns another one. `pinocchio_model` contains the
+    whole tree, whose joints `joint_coordinates` maps to the actuated ones.
     """
 
     name: str
@@ -88,15 +88,15 @@ class ArmModel:
 
     @property
     def is_continuous(self) -> BoolArray:
-        """Which joints turn without end, (n,): whole turns of them are no displacement."""
+        """Marks the continuous joints, (n,): a whole turn of them is no displacement."""
         return np.array([kind == 'continuous' for kind in self.joint_kinds], dtype=np.bool_)
 
     @property
     def gear_ratios(self) -> dict[str, float]:
         """
-        The gear ratios N that transmissions of the URDF state, by joint; a joint may have none.
+        The gear ratios N in the transmissions of the URDF, by joint; a joint may have no ratio.
 
-        Raises ModelError where one is zero, no number, or stated differently twice.
+        Raises ModelError if a ratio is zero, non-numeric, or stated with different values.
         """
         ratios = {name: gear_ratio(name, self.reductions) for name in self.joint_names}
         return {name: ratio for name, ratio in ratios.items() if ratio is not None}
@@ -110,11 +110,11 @@ class ArmModel:
         return model.frames[model.getFrameId(link, pin.FrameType.BODY)]
 
     def with_friction(self, friction: JointFriction) -> 'ArmModel':
-        """Return this arm with this friction in place of that of the URDF."""
+        """Return this arm with this friction instead of that of the URDF."""
         return replace(self, friction=friction)
 
     def with_actuators(self, actuators: Actuators) -> 'ArmModel':
-        """Return this arm with these motors, whose rotors' inertia becomes part of M(q)."""
+        """Return this arm with these motors, whose reflected inertia becomes part of M(q)."""
         return replace(self._with_armature(actuators.reflected_inertia), actuators=actuators)
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
@@ -132,9 +132,10 @@ class ArmModel:
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':
         """
-        Return this arm with these loads in place of those that it has.
+        Return this arm with these loads instead of its present loads.
 
-        Each is added to its link's own inertia. Raises InvalidInputError for an unknown link.
+        Each load is added to the inertia of its link. Raises InvalidInputError for an unknown
+        link.
         """
         model = self.unloaded_model.copy()
         loads = tuple(payload for payload in payloads if payload.mass > 0.0)
@@ -153,11 +154,11 @@ def load_arm(
     """
     Return the arm that a URDF describes.
 
-    `joints` names the actuated joints in the wanted order; empty means all that move and do not
-    mimic, in the order of the document. Moving joints left out are locked at 0, or at the limit
-    nearest to it, and keep their mass. `gravity` [m/s²] is expressed in the base frame.
+    `joints` names the actuated joints in the wanted order; empty means all moving joints that are
+    no mimic joints, in the order of the document. Other moving joints are locked at 0, or at the
+    limit nearest to 0, and keep their mass. `gravity` [m/s²] is expressed in the base frame.
 
-    Raises ModelError where the URDF cannot be used, InvalidInputError on wrong names or gravity.
+    Raises ModelError if the URDF cannot be used, InvalidInputError for wrong names or gravity.
     """
     robot = parse_urdf(urdf)
     g = check_vector('gravity', gravity, 3, ('x', 'y', 'z'))
@@ -182,7 +183,7 @@ def load_arm(
         leader, multiplier, offset = _leader_of(joint, robot)
         column = index[leader]
         G[row, column], q0[row] = multiplier, offset
-        # Friction of a mimic joint is felt at its leader: power is the same on both sides.
+        # Friction of a mimic joint acts on its leader, with the same power on both sides.
         viscous[column] += multiplier**2 * joint.viscous_friction
         coulomb[column] += abs(multiplier) * joint.coulomb_friction
         if joint.mimic is not None:
@@ -229,7 +230,7 @@ def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint,
 
 
 def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, float]:
-    """Return where the joints stand that are locked, or mimic one that is."""
+    """Return the positions of joints that are locked, or that mimic a locked joint."""
     positions = {}
     for joint in robot.joints:
         if joint.moves:
@@ -241,9 +242,9 @@ def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, f
 
 def _without_joints(model: pin.Model, positions: dict[str, float]) -> pin.Model:
     """
-    Return the model with these joints fixed where they stand; their links keep their mass.
+    Return the model with these joints fixed at these positions; their links keep their mass.
 
-    Where Pinocchio cannot do that, as a link has the name of a joint, they stay coordinates.
+    If Pinocchio cannot do this, because a link has the name of a joint, they remain coordinates.
     """
     if not positions:
         return model
@@ -266,7 +267,7 @@ def _leader_of(joint: UrdfJoint, robot: UrdfRobot) -> tuple[str, float, float]:
 def _build_pinocchio_model(robot: UrdfRobot) -> pin.Model:
     try:
         return pin.buildModelFromXML(robot.pinocchio_xml)
-    except Exception as error:  # Pinocchio raises what its parser raises
+    except Exception as error:  # Pinocchio passes on any exception of its parser
         raise ModelError(
             f'robot_description: robot {robot.name!r} was refused by the parser: {error}'
         ) from error

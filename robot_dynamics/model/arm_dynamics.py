@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-What the actuators of an arm must deliver: rigid bodies and friction together.
+The dynamics of an arm, which are those of its rigid bodies and of friction together.
 
 τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f; τ is on the joint side of the gearbox.
-Friction (`friction`) may depend on the load: the effort of the rigid bodies, M q̈ + C q̇ + g − Jᵀ f.
+Friction (`friction`) may depend on the load: the effort of the rigid bodies, M q̈ + C q̇ + g − Jᵀ
+f.
 """
 
 from collections.abc import Sequence
@@ -70,7 +71,7 @@ class UncheckedArmDynamics:
         """
         Return the effort (n,) that produces the acceleration a at the state (q, v).
 
-        At rest any dry friction up to F_s fits; it is taken as 0.
+        At rest, any dry friction up to F_s is possible; it is assumed to be 0.
         """
         effort = self.rigid_body.inverse_dynamics(q, v, a, wrenches)
         return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
@@ -103,8 +104,8 @@ class UncheckedArmDynamics:
         """
         Return the friction (m, n) along a motion: m samples in the order of time.
 
-        For measured motions: around rest the sign is smooth. Where gears have a presliding
-        distance, dry friction follows the displacement since the motion turned round
+        For measured motions: around rest the sign is smooth. If gears have a presliding distance,
+        dry friction follows the displacement since the last velocity reversal
         (`presliding_state`), with `state` (n,) at the first sample.
         """
         distance = self.friction.presliding_distance
@@ -120,9 +121,9 @@ class UncheckedArmDynamics:
         """
         Return the acceleration (n,) that the effort tau produces at the state (q, v).
 
-        A joint with dry friction at rest, its velocity exactly 0, stays there while at most F_s
-        holds it (`stiction`); beyond, it breaks away against F_s. Raises InvalidInputError where
-        M(q) is singular: a joint that moves no mass.
+        A joint with dry friction whose velocity is exactly 0 stays at rest while a friction of at
+        most F_s holds it (`stiction`); otherwise it breaks away against F_s. Raises
+        InvalidInputError if M(q) is singular, because a joint moves no mass.
         """
         if self._is_dry and bool((self._dry & (v == 0.0)).any()):
             return self._acceleration_from_rest(q, v, tau, wrenches)
@@ -132,7 +133,7 @@ class UncheckedArmDynamics:
 
     def load_behind(self, v: FloatArray, effort: FloatArray) -> FloatArray:
         """
-        Return what a measured effort (..., n) leaves for the rigid bodies: less all friction.
+        Return the effort of the rigid bodies: a measured effort (..., n) minus all friction.
 
         For measured motions: around rest the sign is smooth.
         """
@@ -162,7 +163,7 @@ class UncheckedArmDynamics:
         """
         Return the effort of `inverse_dynamics` split by term, and the energies.
 
-        `friction` (n,) takes the place of that at the velocity v, where it is given.
+        `friction` (n,), if given, replaces the friction at the velocity v.
         """
         inertial, coriolis, gravity, external, *energies = self.rigid_body.terms(
             q, v, a, wrenches)
@@ -199,8 +200,8 @@ class ArmDynamics(ManipulatorEquation):
         """
         Return τ = M(q) a + C(q, v) v + g(q) + τ_friction − Jᵀ f, (n,) [N·m] or [N].
 
-        At rest any dry friction up to F_s is possible; it is taken as 0. Recursive Newton–Euler
-        algorithm (Featherstone 2008, section 5.3).
+        At rest, any dry friction up to F_s is possible; it is assumed to be 0. Recursive
+        Newton–Euler algorithm (Featherstone 2008, section 5.3).
         """
         return self.unchecked.inverse_dynamics(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
 

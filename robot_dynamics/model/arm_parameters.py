@@ -15,9 +15,9 @@
 """
 The arm that a URDF and the parameters of a node describe, without ROS.
 
-Nodes and tools make their arm from parameters here. A parameter file is that of ROS 2: nodes by
-name (`dynamics`, or `/**` for all), under each `ros__parameters`, nested as the names of the
-parameters are.
+Nodes and tools create their arm from parameters with this module. A parameter file is that of
+ROS 2: it contains nodes by name (`dynamics`, or `/**` for all), and for each node
+`ros__parameters`, nested like the names of the parameters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
     """
     Return the parameters of a node in a file, by their full names.
 
-    Raises InvalidInputError where it cannot be read or has nothing for the node,
+    Raises InvalidInputError if the file cannot be read or has no parameters for the node,
     MissingDependencyError without PyYAML.
     """
     yaml = optional('yaml', 'a parameter file')
@@ -58,7 +58,7 @@ def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
             values |= _flat(section['ros__parameters'])
     if not values:
         raise InvalidInputError(
-            f'parameter file {str(path)!r} has nothing for the node {node!r}, expected '
+            f'parameter file {str(path)!r} has no parameters for the node {node!r}, expected '
             f"'{node}:' or '/**:' with ros__parameters; it has {list(sections)}")
     return values
 
@@ -75,11 +75,11 @@ def arm_from_parameters(
     urdf: str, values: Mapping[str, Any], joints: Sequence[str] = (),
 ) -> ArmModel:
     """
-    Return the arm of a URDF with joints, gravity, friction and motors as the parameters say.
+    Return the arm of a URDF with the joints, gravity, friction and motors of the parameters.
 
-    `values` are parameters of `dynamics_node` by their full names; one left out is as its default.
-    `joints` names the joints in use, in their order; empty means those of the parameter `joints`.
-    Raises ModelError, or InvalidInputError if the parameters do not fit the arm.
+    `values` are parameters of `dynamics_node` by their full names; an omitted parameter has its
+    default. `joints` names the actuated joints, in their order; empty means those of the parameter
+    `joints`. Raises ModelError, or InvalidInputError if the parameters do not match the arm.
     """
     gravity = values.get('gravity', STANDARD_GRAVITY)
     whole = load_arm(urdf, values.get('joints', ()), gravity)
@@ -125,8 +125,8 @@ def check_order_is_given(values: Mapping[str, Any], name: str, arm: ArmModel) ->
     count = len(values.get(name, ()))
     if count > 1 and not values.get('joints') and arm.joint_count > 1:
         raise InvalidInputError(
-            f'{name} has {count} values, one a joint, but the parameter joints, '
-            'which gives them their order, is not set: expected one value, or joints')
+            f'{name} has {count} values, one per joint, but the parameter joints, '
+            'which defines their order, is not set: expected one value, or joints')
 
 
 def _described_gear_ratios(arm: ArmModel) -> list[float]:

@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-Base parameters: the combinations of parameters that efforts tell, and no others.
+Base parameters: the combinations of parameters that are identifiable from efforts.
 
-Columns of a regressor that depend linearly on columns before them are regrouped into those:
-τ = Y φ = Y_b (φ_b + K φ_d). Taken from the base to the tip, parameters of outer links so join
-those of inner ones, as in M. Gautier, "Numerical calculation of the base inertial parameters of
-robots", J. Robotic Systems 8(4), 1991 (QR decomposition of the regressor at random states).
+Columns of a regressor that depend linearly on previous columns are regrouped into those:
+τ = Y φ = Y_b (φ_b + K φ_d). In the order from the base to the tip, parameters of outer links are
+thus added to those of inner ones, as in M. Gautier, "Numerical calculation of the base inertial
+parameters of robots", J. Robotic Systems 8(4), 1991 (QR decomposition of the regressor at random
+states).
 """
 
 from collections.abc import Sequence
@@ -29,13 +30,13 @@ from robot_dynamics.arrays import FloatArray
 
 TOLERANCE = 1e-4
 """
-Of a column, relative to its own size, that is left beside the columns before it if it counts.
+Smallest part of a column, relative to its size, that is independent of the previous columns.
 
-Angles in a URDF are rounded: with π/2 as 1.5708 efforts would tell more parameters than the arm
-has, but by a millionth.
+Angles in a URDF are rounded: with π/2 as 1.5708, more parameters than the arm has would be
+identifiable, but only from a millionth of the efforts.
 """
 _NOTHING = 1e-8
-"""Of the largest column, below which one is empty."""
+"""Fraction of the size of the largest column below which a column is empty."""
 _SHOWN = 1e-7
 
 
@@ -57,14 +58,14 @@ class BaseParameters:
 
     @property
     def expressions(self) -> tuple[str, ...]:
-        """Each base parameter as a sum, as 'Izz(a) + Iyy(b) - 0.32·mx(b)'."""
+        """Each base parameter as a sum, such as 'Izz(a) + Iyy(b) - 0.32·mx(b)'."""
         return tuple(
             _expression(row, self.names, column)
             for row, column in zip(self.matrix, self.columns))
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The parameter after which each is named, with * where others are regrouped into it."""
+        """The parameter after which each is named, with * if others are regrouped into it."""
         several = (np.abs(self.matrix) > _SHOWN).sum(axis=1) > 1
         return tuple(
             self.names[column] + ('*' if more else '')
@@ -73,7 +74,7 @@ class BaseParameters:
 
 def find_base_parameters(regressor: FloatArray, names: Sequence[str]) -> BaseParameters:
     """
-    Return the base parameters that a regressor (rows, p) at many random states tells.
+    Return the base parameters from a regressor (rows, p) at many random states.
 
     `names` (p,) are those of its columns.
     """
@@ -87,7 +88,7 @@ def find_base_parameters(regressor: FloatArray, names: Sequence[str]) -> BasePar
         if size[i] <= _NOTHING * largest:
             continue
         rest = R[:, i] / size[i]
-        for _ in range(2):  # once more for what rounding leaves
+        for _ in range(2):  # the second time because of rounding
             for unit in basis:
                 rest = rest - unit * (unit @ rest)
         left = float(np.linalg.norm(rest))

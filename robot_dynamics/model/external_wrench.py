@@ -23,10 +23,10 @@ from robot_dynamics.validation import check_vector
 @dataclass(frozen=True, eq=False)
 class ExternalWrench:
     """
-    What the environment exerts on a link, in that link's frame, at its origin.
+    An external wrench on a link, in the frame of that link, at its origin.
 
-    `force` (3,) [N], `torque` (3,) [N·m]. Raises InvalidInputError on another length or a value
-    that is not finite.
+    `force` is (3,) [N], `torque` (3,) [N·m]. Raises InvalidInputError for another length or a
+    value that is not finite.
     """
 
     link: str

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How the actuated joints of an arm move the joints of the whole tree.
+The map from the actuated joints of an arm to the joints of the whole tree.
 
-q_tree = G q + q0 with constant G: it sorts the joints, lets mimic joints follow their leaders
-(their row holds the multiplier) and locks joints that are not actuated (their row is zero).
-By the principle of virtual work efforts come back with Gᵀ, and, as G is constant, so do
+q_tree = G q + q0 with constant G: G sorts the joints, makes mimic joints follow their leaders
+(their row contains the multiplier) and locks joints that are not actuated (their row is zero).
+By the principle of virtual work, efforts are mapped back with Gᵀ. Because G is constant,
 M = Gᵀ M_tree G and C = Gᵀ C_tree G.
 """
 
@@ -50,13 +50,13 @@ class JointCoordinates:
         return q if self.is_identity else q @ self.G.T + self.q0
 
     def rate(self, v: FloatArray) -> FloatArray:
-        """Velocities or accelerations of the tree, likewise."""
+        """Velocities or accelerations of the tree, shape (m,) or (samples, m)."""
         return v if self.is_identity else v @ self.G.T
 
     def effort(self, tau: FloatArray) -> FloatArray:
-        """Efforts at the actuated joints, shape (n,) or (samples, n), of efforts at the tree's."""
+        """Efforts at the actuated joints, (n,) or (samples, n), for efforts at all joints."""
         return tau if self.is_identity else tau @ self.G
 
     def form(self, A: FloatArray) -> FloatArray:
-        """Gᵀ A G: a matrix over the tree's joints as one over the actuated joints."""
+        """Gᵀ A G: a matrix over all joints of the tree mapped to the actuated joints."""
         return A if self.is_identity else self.G.T @ A @ self.G

@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-Joints are matched by name: from the order of a request to the arm's order and back.
+Joint name matching between the order of a request and the order of the arm.
 
-The rule: a request names every actuated joint, in any order, or none at all, which means all in
-the arm's own order. A mimic joint may be named too; its position, velocity and acceleration must
-be what its leader gives it (within `MIMIC_TOLERANCE`), an effort at it counts at its leader by its
-multiplier, and answers leave it out. Locked joints (see `load_arm`) cannot be named.
+A request names every actuated joint, in any order, or no joint, which means all joints in the
+order of the arm. A request may also name mimic joints. The position, velocity and acceleration of
+a mimic joint must be those that follow from its leader (within `MIMIC_TOLERANCE`); an effort at a
+mimic joint, times its multiplier, is added to its leader; answers omit mimic joints. Locked joints
+(see `load_arm`) cannot be named.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,7 @@ from robot_dynamics.validation import (
 )
 
 MIMIC_TOLERANCE = 1e-3
-"""[rad] or [m], and per second: how far a named mimic joint may be off its leader."""
+"""Largest deviation of a named mimic joint from its leader [rad] or [m], and per second."""
 
 
 class JointOrder:
@@ -83,7 +84,7 @@ class JointOrder:
         return self._motion(self._samples(field, value), field, True)
 
     def rates(self, value: Any, samples: int, field: str) -> FloatArray:
-        """Return many velocities or accelerations likewise; empty means zero."""
+        """Return many velocities or accelerations, (samples, n); empty means zero."""
         if is_empty(value):
             return np.zeros((samples, self._n))
         rates = self._samples(field, value)
@@ -93,11 +94,11 @@ class JointOrder:
         return self._motion(rates, field, False)
 
     def answer(self, value: FloatArray) -> FloatArray:
-        """Return values of shape (..., n) in the arm's order in the order of `names`."""
+        """Return values (..., n), given in the order of the arm, in the order of `names`."""
         return value if self._same else np.asarray(value[..., self._to_request])
 
     def answer_form(self, value: FloatArray) -> FloatArray:
-        """Return an array (n, n) or (n, n, n) over joints with every axis in that order."""
+        """Return an array (n, n) or (n, n, n) over joints with all axes in that order."""
         if self._same:
             return value
         return np.asarray(value[np.ix_(*(self._to_request,) * value.ndim)])

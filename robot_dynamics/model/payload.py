@@ -23,7 +23,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import check_scalar, check_tensor, check_vector, LARGEST_VALUE
 
-# Relative slack of the triangle inequality: inertias come from files with few digits.
+# Relative tolerance of the triangle inequality: inertias in files have few digits.
 _INERTIA_TOLERANCE = 1e-6
 
 
@@ -32,7 +32,7 @@ class Payload:
     """
     A rigid load: `mass` [kg], `com` (3,) [m] and `inertia` (3, 3) [kg·m²] about the COM.
 
-    Both are expressed in the frame of `link`. No inertia at all (a point mass) is allowed.
+    Both are expressed in the frame of `link`. Zero inertia (a point mass) is permitted.
     """
 
     link: str
@@ -48,9 +48,9 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
     """
     Return a checked Payload.
 
-    Raises InvalidInputError on a negative mass, a number beyond LARGEST_VALUE, or an inertia that
-    no body has: it must be symmetric, its principal moments non-negative and each at most the sum
-    of the other two.
+    Raises InvalidInputError for a negative mass, a number beyond LARGEST_VALUE, or a physically
+    inconsistent inertia: the tensor must be symmetric, and its principal moments non-negative and
+    each at most the sum of the other two.
     """
     mass = check_scalar('payload.inertia.m', mass, 0.0, LARGEST_VALUE)
     com = check_vector('payload.inertia.com', com, 3, ('x', 'y', 'z'), LARGEST_VALUE)
@@ -65,7 +65,7 @@ def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = No
             'payload.inertia.m is 0 with a moment of inertia, expected a mass > 0, '
             'or all zeros to clear the payload')
     _check_physical(tensor)
-    # What rounding left below 0, and Pinocchio would refuse.
+    # Corrects moments that are negative because of rounding, which Pinocchio would reject.
     np.fill_diagonal(tensor, np.maximum(np.diagonal(tensor), 0.0))
     return Payload(link, mass, com.copy(), tensor)
 
@@ -74,9 +74,9 @@ def with_payload_on(
     payloads: Iterable[Payload], link: str, payload: Payload | None,
 ) -> tuple[Payload, ...]:
     """
-    Return the loads with `payload` (None for none) in place of that on `link`.
+    Return the loads with `payload` instead of the load on `link`; None removes that load.
 
-    It is the last one. Without a payload and without a link (`''`), no load remains.
+    `payload` is the last one. Without a payload and without a link (`''`), no load remains.
     """
     others = tuple(one for one in payloads if link and one.link != link)
     return others if payload is None else (*others, payload)
@@ -88,7 +88,7 @@ def describe_payloads(payloads: Iterable[Payload]) -> str:
 
 
 def merged(payloads: Iterable[Payload]) -> tuple[Payload, ...]:
-    """Return the same loads as one body a link, which no effort tells from them."""
+    """Return the same loads combined into one body per link, which has the same efforts."""
     bodies: dict[str, Payload] = {}
     for payload in payloads:
         other = bodies.get(payload.link)
@@ -101,7 +101,7 @@ def _together(one: Payload, other: Payload) -> Payload:
     if mass == 0.0:
         return one
     com = (one.mass * one.com + other.mass * other.com) / mass
-    # Of the lever between the two centres of mass, by Huygens and Steiner.
+    # Inertia of the lever between the two centres of mass (parallel axis theorem).
     d = other.com - one.com
     about_com = one.mass * other.mass / mass * (d @ d * np.eye(3) - np.outer(d, d))
     return Payload(one.link, mass, com, one.inertia + other.inertia + about_com)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Whether an arm can carry a payload at all: mistakes of unit and digit are found before they act.
+Plausibility of payloads, which finds mistakes in units and digits before they have an effect.
 
 A payload is implausible if the arm can hold it almost nowhere, or if its centre of mass is far
 outside the arm. g(q) is linear in the mass m of a payload, g_0(q) + m g_1(q), so that each pose
@@ -41,12 +41,12 @@ The centre of mass of a tool as long as the arm itself is within half the reach.
 millimetres instead of metres is outside by orders of magnitude.
 """
 LEAST_DISTANCE = 1.0
-"""[m] always permitted: the links of a turntable may have no extent in the URDF."""
+"""Distance [m] that is always permitted, because links in a URDF may have no extent."""
 POSES = 1000
-"""Poses, spread evenly over the workspace."""
+"""Number of poses, spread evenly over the workspace."""
 HELD_FRACTION = 0.01
 """
-Share of the poses in which an arm has to hold its payload.
+Fraction of the poses in which an arm has to hold its payload.
 
 It is not 0, because an arm that hangs straight down holds any mass.
 """
@@ -69,7 +69,7 @@ def check_payloads(arm: ArmModel, payloads: Sequence[Payload], remedy: str = '')
 
 
 def reach(arm: ArmModel) -> float:
-    """Return how far a link or its centre of mass can be from the base [m], at most."""
+    """Return the largest possible distance [m] of a link or a centre of mass from the base."""
     model = arm.unloaded_model
     slides = _travel(arm)
     lengths = [0.0] * model.njoints
@@ -84,10 +84,10 @@ def reach(arm: ArmModel) -> float:
 
 def holdable_mass(arm: ArmModel, payload: Payload) -> float:
     """
-    Return the largest mass [kg] at the place of a payload that the arm holds, ∞ for any.
+    Return the largest mass [kg] at the position of a payload that the arm holds, ∞ for any mass.
 
-    The arm holds a mass if gravity exceeds no effort limit in HELD_FRACTION of the poses, with
-    the loads that it has already.
+    The arm holds a mass if gravity exceeds no effort limit in HELD_FRACTION of the poses, together
+    with its present loads.
     """
     lower, upper = _held_masses(arm, payload)
     is_enough = _held_count(lower, upper, upper) >= _NEEDED
@@ -115,7 +115,7 @@ def _check_mass(arm: ArmModel, payload: Payload, remedy: str) -> None:
 
 
 def _held_masses(arm: ArmModel, payload: Payload) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the largest mass that is held, (poses,) each, of poses with any."""
+    """Return the smallest and largest held mass, (poses,) each, of poses that hold any mass."""
     q = sample_positions(arm, POSES)
     unit = replace(payload, mass=1.0, inertia=np.zeros((3, 3)))
     without = _gravity(arm, q)
@@ -132,7 +132,7 @@ def _held_masses(arm: ArmModel, payload: Payload) -> tuple[FloatArray, FloatArra
 
 
 def _held_count(lower: FloatArray, upper: FloatArray, mass: FloatArray) -> FloatArray:
-    """Return in how many poses masses (m,) are held, (m,)."""
+    """Return the number of poses (m,) in which masses (m,) are held."""
     return np.asarray(
         np.searchsorted(np.sort(lower), mass, side='right')
         - np.searchsorted(np.sort(upper), mass, side='left'), dtype=np.float64)
@@ -144,7 +144,7 @@ def _gravity(arm: ArmModel, q: FloatArray) -> FloatArray:
 
 
 def _travel(arm: ArmModel) -> list[float]:
-    """Return how far each joint of Pinocchio slides from its zero [m], 0 for those that turn."""
+    """Return the largest travel [m] of each Pinocchio joint from its zero, 0 if it turns."""
     low, high = search_box(arm)
     travel = [0.0] * arm.unloaded_model.njoints
     for name, kind, *limits in zip(arm.joint_names, arm.joint_kinds, low, high):

@@ -34,7 +34,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 
 COUNT = 10
-"""Parameters of a body."""
+"""Number of parameters of a body."""
 NAMES = ('m', 'mx', 'my', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
 _UPPER = np.triu_indices(4, 1)
 _DIAGONAL = np.diag_indices(4)
@@ -66,8 +66,8 @@ def relative_rows(L0: FloatArray) -> FloatArray:
     """
     Return W (10, 10) with |W δφ|² = tr((P₀⁻¹ δP)²): the entropic divergence near the prior, twice.
 
-    It does not change with the unit or frame of the parameters. `L0` (4, 4) is P₀'s Cholesky
-    factor.
+    The divergence does not depend on the units and frames of the parameters. `L0` (4, 4) is the
+    Cholesky factor of P₀.
     """
     inverse = np.linalg.inv(L0)
     rows = []

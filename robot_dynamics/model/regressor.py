@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The torque regressor: the efforts of rigid bodies as linear in the bodies' inertial parameters.
+The torque regressor: the efforts of rigid bodies are linear in their inertial parameters.
 
-τ = Y(q, q̇, q̈) φ, φ the ten parameters of each body (`pseudo_inertia`), one body a moving joint of
-Pinocchio, to which the links that are fixed to it belong. Source: C. G. Atkeson, C. H. An,
-J. M. Hollerbach, "Estimation of inertial parameters of manipulator loads and links", Int. J.
-Robotics Research 5(3), 1986. Reflected inertia of rotors is no part of it.
+τ = Y(q, q̇, q̈) φ, with the ten parameters φ of each body (`pseudo_inertia`). There is one body
+per moving joint of Pinocchio, which includes the links that are fixed to it. Source: C. G.
+Atkeson, C. H. An, J. M. Hollerbach, "Estimation of inertial parameters of manipulator loads and
+links", Int. J. Robotics Research 5(3), 1986. The reflected inertia of rotors is not included.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
 
 
 def body_names(arm: ArmModel) -> tuple[str, ...]:
-    """Return the link that moves with each joint of Pinocchio, by which its body is named."""
+    """Return the link that moves with each joint of Pinocchio; bodies have these names."""
     names = list(arm.pinocchio_model.names)
     for frame in arm.pinocchio_model.frames:
         if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(1e-12):
@@ -40,7 +40,7 @@ def body_names(arm: ArmModel) -> tuple[str, ...]:
 
 
 def parameter_names(arm: ArmModel) -> tuple[str, ...]:
-    """Return the names of φ, as 'Ixx(forearm_link)'."""
+    """Return the names of φ, such as 'Ixx(forearm_link)'."""
     return tuple(f'{name}({body})' for body in body_names(arm) for name in NAMES)
 
 
@@ -51,7 +51,7 @@ def inertial_parameters(arm: ArmModel) -> FloatArray:
 
 
 class TorqueRegressor:
-    """The regressor Y of one arm; not for two threads, as it holds Pinocchio's scratch memory."""
+    """The regressor Y of one arm; for one thread, because of Pinocchio's scratch memory."""
 
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm

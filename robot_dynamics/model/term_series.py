@@ -18,7 +18,7 @@ The model's effort along a motion, split by term, and the energies.
 The terms come only from the recursive Newton–Euler algorithm (R. Featherstone, *Rigid Body
 Dynamics Algorithms*, Springer 2008, section 5.3), τ = ID(q, q̇, q̈): g = ID(q, 0, 0),
 C q̇ = ID(q, q̇, 0) − g and M q̈ = ID(q, q̇, q̈) − ID(q, q̇, 0); kinetic energy is ½ q̇ᵀ M q̇ with
-M q̇ = ID(q, 0, q̇) − g. So Pinocchio's call for many states computes them all.
+M q̇ = ID(q, 0, q̇) − g. Pinocchio's function for many states therefore computes all of them.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ class TermSeries:
     """
     The model's effort at m states by term, each (m, n) [N·m] or [N]; energies (m,) [J].
 
-    Friction is that of `ArmDynamics.friction_along`: the sign of a measured velocity says nothing
-    around rest.
+    Friction is that of `ArmDynamics.friction_along`, because the sign of a measured velocity is
+    meaningless around rest.
     """
 
     inertial: FloatArray
@@ -46,7 +46,7 @@ class TermSeries:
 
     @property
     def effort(self) -> FloatArray:
-        """The sum of the terms: what the actuators must deliver, (m, n)."""
+        """The sum of the terms, which is the effort of the actuators, (m, n)."""
         return np.asarray(self.inertial + self.coriolis + self.gravity + self.friction)
 
     @property
@@ -64,7 +64,7 @@ def model_terms(
 
     `position`, `velocity` and `acceleration` are (m, n) [rad or m, per second, per second²] in the
     order of `dynamics.arm.joint_names`, finite; the states are in the order of time, which matters
-    where gears have a presliding distance.
+    if gears have a presliding distance.
     """
     body, zero = dynamics.unchecked.rigid_body, np.zeros_like(position)
     q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))

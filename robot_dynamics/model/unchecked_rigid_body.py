@@ -30,9 +30,9 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import ExternalWrench
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
-"""Whether this Pinocchio was built with OpenMP, which is off in its own build by default."""
+"""Whether Pinocchio was built with OpenMP, which is disabled in its build by default."""
 _BATCH = 100
-"""Samples that are worked on in one go."""
+"""Number of samples that are processed in one call."""
 
 
 class RigidBodyTerms(NamedTuple):
@@ -51,8 +51,8 @@ class UncheckedRigidBody:
     `RigidBody` without checks, for control loops and simulation.
 
     Inputs are finite float64 arrays of the right shape; other inputs give errors of Pinocchio or
-    wrong results. An instance holds the scratch memory of the algorithms, so it is not for two
-    threads at a time; what it returns is new.
+    wrong results. An instance holds the scratch memory of the algorithms and is therefore not for
+    two threads at a time; returned arrays are new.
     """
 
     def __init__(self, arm: ArmModel) -> None:
@@ -86,7 +86,7 @@ class UncheckedRigidBody:
         return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree, forces))
 
     def gravity(self, q: FloatArray) -> FloatArray:
-        """Return g(q): what holds the arm still."""
+        """Return the gravity-compensation torque g(q)."""
         x = self._x
         if x.is_identity:
             return np.asarray(pin.computeGeneralizedGravity(self._model, self._data, q))
@@ -99,7 +99,7 @@ class UncheckedRigidBody:
             pin.nonLinearEffects(self._model, self._data, x.position(q), x.rate(v)))
 
     def external(self, q: FloatArray, wrenches: Sequence[ExternalWrench]) -> FloatArray:
-        """Return −Jᵀ f: what bears the wrenches that the environment puts on the links."""
+        """Return −Jᵀ f, the effort that balances the external wrenches on the links."""
         if not wrenches:
             return np.zeros(self.arm.joint_count)
         x, zero = self._x, self._zero
@@ -111,12 +111,12 @@ class UncheckedRigidBody:
         self, q: FloatArray, v: FloatArray, a: FloatArray,
         wrenches: Sequence[ExternalWrench] = (),
     ) -> RigidBodyTerms:
-        """Return the efforts of inverse_dynamics, split; they add up to it. One pass for all."""
+        """Return the effort of inverse_dynamics by term; the terms add up to the effort."""
         x, data = self._x, self._data
         v_tree = x.rate(v)
         pin.computeAllTerms(self._model, data, x.position(q), v_tree)
         inertial, gravity = data.M @ x.rate(a), data.g.copy()
-        # The engine rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
+        # Pinocchio rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
         coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
         return RigidBodyTerms(
             x.effort(inertial), x.effort(coriolis), x.effort(gravity),
@@ -129,7 +129,7 @@ class UncheckedRigidBody:
         """
         Return the efforts of many states; all arrays are (samples, n).
 
-        `threads` share the work where Pinocchio was built with OpenMP; elsewhere there is one.
+        `threads` share the work if Pinocchio was built with OpenMP; otherwise one thread does it.
         """
         x = self._x
         q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
@@ -148,7 +148,7 @@ class UncheckedRigidBody:
     ) -> FloatArray:
         if self._pool is None or self._pool.size() < threads:
             self._pool = pin.ModelPool(self._model, threads)
-        # Pinocchio takes one sample a column, and gives a flat array back for one joint or one
+        # Pinocchio expects one sample per column, and returns a flat array for one joint or one
         # sample.
         columns = (np.asfortranarray(rows.T) for rows in (q, v, a))
         tau = pin.rneaInParallel(threads, self._pool, *columns)
@@ -206,7 +206,7 @@ class UncheckedRigidBody:
         """
         Return the acceleration a with M a + C v + g − Jᵀ f = tau.
 
-        Raises InvalidInputError where M(q) is singular: a joint that moves no mass.
+        Raises InvalidInputError if M(q) is singular, because a joint moves no mass.
         """
         a = self.acceleration(q, v, tau, wrenches)
         if not all_finite(a):
@@ -217,7 +217,7 @@ class UncheckedRigidBody:
         self, q: FloatArray, v: FloatArray, tau: FloatArray,
         wrenches: Sequence[ExternalWrench] = (),
     ) -> FloatArray:
-        """Return the same unchecked: not finite where M(q) is singular."""
+        """Return the same acceleration unchecked: it is not finite if M(q) is singular."""
         x = self._x
         if x.is_identity and not wrenches:
             a: FloatArray = pin.aba(self._model, self._data, q, v, tau)
@@ -263,7 +263,7 @@ class UncheckedRigidBody:
 
 
 def singular_mass_matrix(q: FloatArray) -> InvalidInputError:
-    """Return the error of forward dynamics at a position where M(q) has no inverse."""
+    """Return the error of forward dynamics at a position at which M(q) is singular."""
     return InvalidInputError(
         f'forward dynamics at position {q.tolist()} has no finite solution: the mass matrix is '
         'singular, expected every joint to move some mass or inertia')

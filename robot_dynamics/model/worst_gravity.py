@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-The largest effort that holding still needs anywhere in the workspace, joint by joint.
+The largest gravity effort of each joint in the workspace.
 
-As a function of one position q_j alone, g_i(q) is a + b cos q_j + c sin q_j where joint j turns,
-and a + b q_j where it slides (the potential energy is a sum of products of such functions). Three
-values so give its exact maximum along q_j, and the search goes from coordinate to coordinate,
-from several starts, until nothing grows; after each round it also tries to go on as it went
-(R. Hooke and T. A. Jeeves, *Direct search*, Journal of the ACM 8, 1961: the pattern move). Where
-mimic joints follow a coordinate, that form does not hold, and steps of many sizes are tried.
+As a function of a single position q_j, g_i(q) is a + b cos q_j + c sin q_j if joint j turns, and
+a + b q_j if it slides (the potential energy is a sum of products of such functions). Three values
+therefore give its exact maximum along q_j. The search iterates over the coordinates, from several
+starts, until there is no increase; after each round it also continues in the direction of the
+round (R. Hooke and T. A. Jeeves, *Direct search*, Journal of the ACM 8, 1961: the pattern move).
+If mimic joints follow a coordinate, this form is not valid, and steps of many sizes are tried.
 """
 
 from typing import NamedTuple
@@ -31,16 +31,16 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.rigid_body import RigidBody
 
 UNLIMITED_TRAVEL = 1.0
-"""[m] to which a slide without a limit is taken to go, either way."""
+"""Assumed range [m] of a prismatic joint without a limit, in each direction."""
 _CONVERGED = 1e-9
 _STEPS = 2.0 ** -np.arange(1, 13)
-"""Of the range of a coordinate, either way, where its maximum has no formula."""
+"""Steps in each direction, as fractions of the range, if there is no formula of the maximum."""
 _LEAPS = np.array([1.0, 3.0, 9.0, 27.0])
-"""Lengths of the last round's way that are tried on top of it, as ridges lie askew."""
+"""Steps in the direction of the last round, in units of its length."""
 
 
 class Search(NamedTuple):
-    """How thoroughly to search: positions sampled, starts per joint, rounds over the joints."""
+    """The effort of the search: sampled positions, starts per joint, rounds over the joints."""
 
     samples: int
     starts: int
@@ -48,22 +48,22 @@ class Search(NamedTuple):
 
 
 QUICK = Search(samples=128, starts=4, rounds=6)
-"""For a node that starts."""
+"""The search of a starting node."""
 BRIEF = Search(samples=64, starts=1, rounds=2)
-"""The same for whole robots, as the work grows with the square of the number of joints."""
+"""The search for whole robots, because the work grows with the square of the joint count."""
 THOROUGH = Search(samples=512, starts=4, rounds=10)
-"""For a tool that somebody asks."""
+"""The search of the offline tools."""
 
 
 class WorstGravity(NamedTuple):
-    """The most that gravity asks of each joint: efforts |g_i| (n,), where: positions (n, n)."""
+    """The largest gravity effort |g_i| (n,) of each joint, and the positions of it (n, n)."""
 
     effort: FloatArray
     position: FloatArray
 
 
 def search_box(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest position, each (n,), finite: a turn, where there is more."""
+    """Return the lowest and highest position, each (n,), limited to a finite range of one turn."""
     low, high = arm.limits.lower.copy(), arm.limits.upper.copy()
     for i, kind in enumerate(arm.joint_kinds):
         if kind == 'prismatic':
@@ -77,7 +77,7 @@ def search_box(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
 
 def sample_positions(arm: ArmModel, count: int) -> FloatArray:
     """
-    Return positions (count, n) spread evenly over the limits, always the same.
+    Return positions (count, n) spread evenly over the limits; they are deterministic.
 
     The additive recurrence R_n of M. Roberts, *The unreasonable effectiveness of quasirandom
     sequences*, 2018: steps are powers of 1/φ_n, with φ_n the root of x^(n+1) = x + 1.
@@ -93,12 +93,12 @@ def sample_positions(arm: ArmModel, count: int) -> FloatArray:
 
 
 def worst_gravity(arm: ArmModel, search: Search = THOROUGH) -> WorstGravity:
-    """Return the largest efforts that gravity asks for within the position limits."""
+    """Return the largest gravity efforts within the position limits."""
     return _Ascent(arm, search).climb()
 
 
 class _Ascent:
-    """Climbs |g_i| for all joints i, from several starts each, at the same time."""
+    """Maximises |g_i| for all joints i simultaneously, from several starts each."""
 
     def __init__(self, arm: ArmModel, search: Search) -> None:
         self._arm, self._search = arm, search
@@ -142,7 +142,7 @@ class _Ascent:
         self._take_best(rows, q)
 
     def _onwards(self, q_before: FloatArray, rows: IntArray) -> None:
-        """Move these climbers on in the direction of their last round."""
+        """Move these climbers further in the direction of their last round."""
         way = (self._q - q_before)[rows]
         q = self._q[rows][:, None] + _LEAPS[:, None] * way[:, None]
         self._take_best(rows, np.clip(q, self._low, self._high))
@@ -159,7 +159,7 @@ class _Ascent:
         self._value[rows[better]] = value[each, best][better]
 
     def _candidates(self, j: int, rows: IntArray) -> FloatArray:
-        """Return where |g_i| may be largest along q_j, one row for each climber."""
+        """Return candidates of the largest |g_i| along q_j, one row per climber."""
         low, high = self._low[j], self._high[j]
         if not self._exact[j]:
             steps = (high - low) * np.concatenate([_STEPS, -_STEPS])
@@ -191,7 +191,7 @@ class _Ascent:
 
 
 def _related(arm: ArmModel) -> BoolArray:
-    """Return which g_i may depend on q_j, (n, n): one joint moves the other, or is moved."""
+    """Return which g_i may depend on q_j, (n, n): one of the two joints moves the other."""
     model = arm.pinocchio_model
     above = np.zeros((model.nv, model.nv))
     for joint in range(1, model.njoints):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether a model is fit to compute with: checks and their findings."""
+"""Checks of the validity and consistency of a model, and their findings."""
 
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import errors_of, Finding

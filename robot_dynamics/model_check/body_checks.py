@@ -28,19 +28,19 @@ from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.urdf.inertials import LinkBody
 
 TINY_MASS = 1e-6
-"""[kg] below which a mass is a placeholder."""
+"""Mass [kg] below which a mass is a placeholder."""
 EIGENVALUE_TOLERANCE = 1e-6
-"""Share of the largest moment by which one may be negative: URDFs are rounded."""
+"""Fraction of the largest moment by which a moment may be negative, because of rounding."""
 ZERO_INERTIA = 1e-12
-"""[kg·m²] up to which a moment counts as 0."""
+"""Moment [kg·m²] up to which a moment counts as 0."""
 TRIANGLE_TOLERANCE = 0.01
-"""Share of the largest moment by which it may exceed the sum of the others, likewise."""
+"""Fraction of the largest moment by which it may exceed the sum of the others (rounding)."""
 RADIUS_MARGIN = 1.1
 """Factor by which a radius of gyration may exceed the geometry, which is often simplified."""
 BARE_RADIUS_MARGIN = 2.0
-"""The same where joints alone tell the size of a link."""
+"""The same factor if only joints determine the size of a link."""
 COM_MARGIN = 0.25
-"""Share of the diagonal of its geometry by which a center of mass may be outside."""
+"""Fraction of the diagonal of the geometry by which a center of mass may be outside."""
 _AXES = 'xyz'
 
 
@@ -50,7 +50,8 @@ def check_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
     for body in bodies:
         if body.mass is None or body.mass >= TINY_MASS:
             continue
-        level, expected = WARNING, f'at least {TINY_MASS:g} kg, or no <inertial>'
+        level, expected = WARNING, (
+            f'at least {TINY_MASS:g} kg, or no <inertial> for a massless frame')
         if body.mass < 0.0:
             level, expected = ERROR, 'a positive number'
         findings.append(Finding(
@@ -61,10 +62,10 @@ def check_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
 
 def check_inertias(bodies: Iterable[LinkBody]) -> list[Finding]:
     """
-    Return the links whose inertia tensor no body has.
+    Return the links whose inertia tensor is physically inconsistent.
 
-    A negative moment is an error, as M(q) may lose its definiteness by it; a point mass, or
-    moments against the triangle inequality, leave M(q) positive definite and are warnings.
+    A negative moment is an error, because M(q) may become indefinite. A point mass, or moments
+    that violate the triangle inequality, leave M(q) positive definite and are warnings.
     """
     findings = []
     for body in bodies:
@@ -98,12 +99,12 @@ def check_extents(
     bodies: Iterable[LinkBody], joint_origins: Mapping[str, Sequence[FloatArray]],
 ) -> list[Finding]:
     """
-    Return the links whose mass cannot be where their geometry is.
+    Return the links whose mass distribution is inconsistent with their geometry.
 
     With k_a² = I_a / m about an axis a through the center of mass, no radius of gyration k_a is
-    larger than the distance from that axis to the furthest point of the body. A link without
-    geometry is measured by `joint_origins`, those of its joints in its frame; one with geometry
-    that could not be read is left out.
+    larger than the distance from that axis to the furthest point of the body. The size of a link
+    without geometry is that of its `joint_origins` in its frame; a link whose geometry could not
+    be read is skipped.
     """
     findings = []
     for body in bodies:
@@ -124,13 +125,13 @@ def check_lost_masses(bodies: Iterable[LinkBody]) -> list[Finding]:
         if body.inertials > 1:
             findings.append(Finding(
                 'lost_mass', WARNING, body.name,
-                f'link {body.name!r} has {body.inertials} <inertial> elements, of which the '
-                'first alone is read, expected one'))
+                f'link {body.name!r} has {body.inertials} <inertial> elements, of which only the '
+                'first is read, expected one'))
         elif body.inertials == 0 and body.has_geometry:
             findings.append(Finding(
                 'lost_mass', WARNING, body.name,
-                f'link {body.name!r} has geometry and no <inertial>, so that it moves without '
-                'mass, expected one'))
+                f'link {body.name!r} has geometry but no <inertial>, so that its mass is 0, '
+                'expected one'))
     return findings
 
 
@@ -158,8 +159,8 @@ def _against_geometry(body: LinkBody, corners: FloatArray) -> list[Finding]:
         findings.append(Finding(
             'radius_of_gyration', WARNING, body.name,
             f'radius of gyration of link {body.name!r} about its {_AXES[worst]} axis is '
-            f'{radius[worst]:.3g} m, expected at most {reach[worst]:.3g} m, how far its geometry '
-            'reaches from there'))
+            f'{radius[worst]:.3g} m, expected at most {reach[worst]:.3g} m, the largest distance '
+            'of its geometry from this axis'))
     return findings
 
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Is a model fit to compute with? Findings about a URDF and the arm that is made of it.
+Checks of the validity of a model: findings about a URDF and the arm that is created from it.
 
-An error is a model for which the equation of motion has no unique solution, or none that a body
-can have; it is refused by default. Whatever leaves M(q) positive definite is a warning, however
-unlikely it looks. The checks and their levels are described in docs/model_check.md.
+A finding is an error if the equation of motion has no unique or no physically consistent solution;
+the model is then rejected by default. Any finding that leaves M(q) positive definite is a warning.
+The checks and their levels are described in docs/model_check.md.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -41,7 +41,7 @@ from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, Urd
 LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
 LARGEST_SURVEY = 256
-"""Positions at which M(q) is looked at, at most."""
+"""Largest number of positions at which M(q) is evaluated."""
 _LOST_FRACTION = 1e-6
 
 
@@ -50,17 +50,17 @@ def check_model(
     meshes: MeshBounds | None = None,
 ) -> list[Finding]:
     """
-    Return what is wrong with the model in a URDF, errors first.
+    Return the findings about the model in a URDF, errors first.
 
-    `arm` is what was made of it, with joints, gravity and motors of its own; without, it is
-    loaded. A mesh counts as geometry that cannot be read where `meshes` is not given. A negative
-    mass is found even though no arm can be made of it; the checks of the arm are then left out.
-    Raises ModelError where the URDF cannot be used at all.
+    `arm` is the arm that was created from the URDF, with its joints, gravity and motors; by
+    default, it is loaded from the URDF. Without `meshes`, a mesh counts as geometry that cannot be
+    read. A negative mass is reported although no arm can be created with it; the checks of the arm
+    are then omitted. Raises ModelError if the URDF cannot be used at all.
     """
     try:
         bodies = read_bodies(urdf, meshes)
     except ElementTree.ParseError:
-        bodies = []  # parse_urdf has better words for it
+        bodies = []  # parse_urdf has a better error message
     negative = [finding for finding in check_masses(bodies) if finding.level == ERROR]
     if negative:
         return negative
@@ -84,7 +84,7 @@ def check_model(
 # ---------------------------------------------------------------------------------------- bodies
 
 def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> list[LinkBody]:
-    """Return the links that some joint of the arm moves: the mass of others is of no effect."""
+    """Return the links that a joint of the arm moves; the mass of other links has no effect."""
     names = {name for joint in robot.joints if _is_driven(joint, robot, arm)
              for name in _links_from(robot, joint.child)}
     return [body for body in bodies if body.name in names]
@@ -98,7 +98,7 @@ def _is_driven(joint: UrdfJoint, robot: UrdfRobot, arm: ArmModel) -> bool:
 
 
 def _links_from(robot: UrdfRobot, link: str) -> set[str]:
-    """Return a link and all that it carries."""
+    """Return a link and all links that it carries."""
     found, frontier = {link}, [link]
     while frontier:
         parent = frontier.pop()
@@ -132,7 +132,7 @@ def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
 def _check_inertia_matrix(
     arm: ArmModel, robot: UrdfRobot, moved: list[LinkBody], M: InertiaMatrix, explained: bool,
 ) -> list[Finding]:
-    """Return the joints that move nothing, and what is left of M(q) where they are not it."""
+    """Return the joints that move no mass, or else the findings about M(q)."""
     masses = {body.name: body.mass or 0.0 for body in moved}
     findings = []
     for name in np.array(arm.joint_names)[M.idle].tolist():
@@ -156,7 +156,7 @@ def _check_inertia_matrix(
 
 
 def _check_limits(arm: ArmModel) -> list[Finding]:
-    """Return the joints without a limit: 0, or none, stands for "not known" in a URDF."""
+    """Return the joints without a limit; a missing limit, or 0, means "not known" in a URDF."""
     limits = arm.limits
     findings = []
     for i, name in enumerate(arm.joint_names):
@@ -170,7 +170,7 @@ def _check_limits(arm: ArmModel) -> list[Finding]:
             findings.append(Finding(
                 'limits', WARNING, name,
                 f'joint {name!r} has no {" and no ".join(missing)} limit (none, or 0), expected '
-                'one: nothing is bounded without'))
+                'one: without it, the value is not bounded'))
         if lower == upper:
             findings.append(Finding(
                 'limits', WARNING, name,

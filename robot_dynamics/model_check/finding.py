@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a check of a model finds, and the names of the checks."""
+"""The findings of the checks of a model, and the names of the checks."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -31,13 +31,13 @@ CHECKS = {
     'gravity_capability': 'effort limits that cannot hold gravity somewhere',
     'condition': 'the condition number of M(q)',
 }
-"""The name of every check, which stays, and what it looks at."""
+"""The name of every check, which is stable, and its subject."""
 
 
 @dataclass(frozen=True)
 class Finding:
     """
-    One thing that is wrong (error) or suspicious (warning) in a model.
+    One error or suspicious property (warning) of a model.
 
     `check` is one of `CHECKS`, `where` the link or joint, or '' for the whole arm.
     """

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Whether M(q) can be inverted: joints that move nothing, and its condition number.
+Invertibility of M(q): joints that move no mass, and the condition number.
 
-Definiteness is judged on D^(−1/2) M D^(−1/2) with D the diagonal of M, which has no units and is
-within a factor n of the best that any scaling can do (A. van der Sluis, *Condition numbers and
-equilibration of matrices*, Numerische Mathematik 14, 1969).
+Definiteness is checked for D^(−1/2) M D^(−1/2) with the diagonal D of M. This matrix has no units,
+and its condition number is within a factor n of the best scaling (A. van der Sluis, *Condition
+numbers and equilibration of matrices*, Numerische Mathematik 14, 1969).
 """
 
 from typing import NamedTuple
@@ -29,18 +29,18 @@ from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
 
 SMALLEST_EIGENVALUE = 1e-10
-"""Of the scaled M(q), below which it is singular to working precision."""
+"""Eigenvalue of the scaled M(q) below which it is singular to working precision."""
 SMALLEST_INERTIA = 1e-12
-"""[kg·m²] or [kg] at a joint, at and below which it moves nothing."""
+"""Inertia [kg·m²] or [kg] at a joint up to which the joint moves no mass."""
 
 
 class InertiaMatrix(NamedTuple):
     """
     M(q) over many positions.
 
-    `idle` (n,) tells the joints that move nothing anywhere, which the rest leaves out:
+    `idle` (n,) marks the joints that move no mass in any position; the other fields exclude them.
     `smallest` is the smallest eigenvalue of the scaled matrix, at the position `singular_at` (n,),
-    `condition` the largest condition number, at the position `worst_at` (n,).
+    `condition` is the largest condition number, at the position `worst_at` (n,).
     """
 
     idle: BoolArray
@@ -55,7 +55,7 @@ class InertiaMatrix(NamedTuple):
 
 
 def survey_inertia(arm: ArmModel, samples: int) -> InertiaMatrix:
-    """Return what M is at position 0, or the limits nearest to it, and over the workspace."""
+    """Return properties of M over the workspace and at position 0, or the nearest limits."""
     home = np.clip(0.0, arm.limits.lower, arm.limits.upper)
     q = np.vstack([home, sample_positions(arm, samples)])
     body = RigidBody(arm)

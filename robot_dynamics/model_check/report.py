@@ -29,20 +29,20 @@ _WIDTH = 110
 def findings_of(
     xml: str, joints: Sequence[str], meshes: MeshReader | None = None,
 ) -> list[Finding]:
-    """Return what is found in a URDF; raise RobotDynamicsError where it cannot be used at all."""
+    """Return the findings in a URDF; raise RobotDynamicsError if it cannot be used at all."""
     try:
         arm = load_arm(xml, joints)
     except InvalidInputError:
         raise
     except ModelError:
-        arm = None  # a negative mass is a finding; check_model raises whatever else it is
+        arm = None  # a negative mass is a finding; check_model raises all other errors
     return check_model(xml, arm, meshes=meshes)
 
 
 def findings_as_data(
     findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str] = (),
 ) -> dict[str, object]:
-    """Return findings as what JSON is written of."""
+    """Return findings as types of JSON."""
     return {
         'findings': [
             {'check': finding.check, 'level': finding.level, 'where': finding.where,
@@ -64,7 +64,7 @@ def findings_report(
         lines += [''] if of_level else []
     if unread:
         lines.append(
-            f'Links whose geometry could not be read, and so was not compared: {len(unread)}')
+            f'Links not compared with their geometry, which could not be read: {len(unread)}')
     count = len(errors_of(findings, ignored))
     verdict = f'{count} error{"" if count == 1 else "s"}' if count else (
         'accepted, as the errors are ignored' if errors_of(findings) else 'no errors')
@@ -72,7 +72,7 @@ def findings_report(
 
 
 def _rows(finding: Finding, ignored: Sequence[str]) -> list[str]:
-    """Return the check, and its message in lines beside it."""
+    """Return the name of the check, followed by its message in wrapped lines."""
     note = ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''
     message = textwrap.wrap(
         finding.message + note, _WIDTH - 24, break_long_words=False, break_on_hyphens=False)

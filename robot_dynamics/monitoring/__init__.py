@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What measured states tell while the arm runs: plausibility, timing, external effort."""
+"""Evaluation of measured states while the arm runs: plausibility, timing, external effort."""
 
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.gravity_check import GravityCheck

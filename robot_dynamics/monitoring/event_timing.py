@@ -12,18 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How regularly something happens: rate, jitter and late events of the last window."""
+"""Timing of repeated events: rate, jitter and late events of the last window."""
 
 import math
 from typing import NamedTuple
 
 LATE = 1.5
-"""An interval longer than so many usual ones is late."""
+"""An event is late if its interval is longer than this multiple of the usual interval."""
 
 
 class Timing(NamedTuple):
     """
-    What a window of intervals between events showed.
+    The statistics of the intervals between events in one window.
 
     `rate` [Hz]; `jitter` [s], the standard deviation of the intervals; `longest` [s].
     """
@@ -35,7 +35,7 @@ class Timing(NamedTuple):
 
 class EventTiming:
     """
-    Takes note of events, and sums up windows of at least `window` [s]; times of a steady clock.
+    Records events and evaluates windows of at least `window` [s]; times are of a steady clock.
 
     One thread may call `happened` while another calls `look`.
     """
@@ -48,10 +48,10 @@ class EventTiming:
         self.late = 0
         """Events later than 1.5 times the mean interval of the window before."""
         self.timing = Timing()
-        """The last window that is over."""
+        """The last complete window."""
 
     def happened(self, now: float) -> None:
-        """Take note of an event."""
+        """Record an event."""
         if self._last is not None:
             interval = now - self._last
             self._count += 1
@@ -62,7 +62,7 @@ class EventTiming:
         self._last = now
 
     def look(self, now: float) -> Timing:
-        """Return the last window that is over, which may be up to now."""
+        """Return the last complete window, which may end now."""
         if now - self._began >= self._window:
             self._sum_up(now)
         return self.timing

@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-The effort that the environment exerts on an arm, estimated from its measured motion and effort.
+The external effort on an arm, estimated from its measured motion and effort.
 
-`momentum_observer` filters; here is the model that it needs: p = M(q) q̇ and τ + Cᵀ q̇ − g − τ_f at
-each measured state. Between two states the latter is taken as a straight line, but τ is the effort
-measured at the later one throughout, as drives hold it between two commands.
+`momentum_observer` contains the filter. This module computes its inputs from the model:
+p = M(q) q̇ and τ + Cᵀ q̇ − g − τ_f at each measured state. Between two states, Cᵀ q̇ − g − τ_f is
+interpolated linearly. τ is constant, equal to the effort measured at the later state, because
+drives hold their effort between two commands.
 """
 
 from typing import NamedTuple
@@ -29,7 +30,7 @@ from robot_dynamics.monitoring.momentum_observer import MomentumObserver
 
 
 class _Known(NamedTuple):
-    """A state (q, v) with p and Cᵀ q̇ − g there, each (n,)."""
+    """A state (q, v) with its p and Cᵀ q̇ − g, each (n,)."""
 
     q: FloatArray
     v: FloatArray
@@ -39,33 +40,33 @@ class _Known(NamedTuple):
 
 class ExternalEffort:
     """
-    Estimates Jᵀ f, what all wrenches f of the environment together exert on the joints, (n,).
+    Estimates Jᵀ f, the joint efforts (n,) of all external wrenches f together.
 
-    Its sign is that of an effort of the actuators: what lifts a joint is what lifts it. A load
-    that the model does not have, and friction that it lacks, are environment too.
+    The sign is that of an actuator effort: an external effort is positive if it accelerates the
+    joint in its positive direction. The estimate includes loads and friction that the model lacks.
     """
 
     def __init__(self, dynamics: ArmDynamics, bandwidth: float) -> None:
-        """Follow with a bandwidth of K / 2π [Hz] > 0; raise InvalidInputError."""
+        """Filter with a bandwidth of K / 2π [Hz] > 0; raise InvalidInputError."""
         self._observer = MomentumObserver(dynamics.arm.joint_count, bandwidth)
         self._dynamics = dynamics.unchecked
         self._before: _Known | None = None
 
     def set_bandwidth(self, bandwidth: float) -> None:
-        """Go on with another bandwidth [Hz]."""
+        """Continue with another bandwidth [Hz]."""
         self._observer.set_bandwidth(bandwidth)
 
     def restart(self) -> None:
-        """Begin anew, at 0, with the next state."""
+        """Reset the estimate to 0; the next state is a first one."""
         self._observer.restart()
         self._before = None
 
     def use(self, dynamics: ArmDynamics) -> None:
         """
-        Go on with another model of the same joints, as with a load that was put on.
+        Continue with another model of the same joints, for example with an attached load.
 
-        The momentum of the state before is that of the new model from now on, so that the
-        estimate does not step because the model did.
+        The momentum of the previous state is recomputed with the new model, so that the change of
+        the model does not cause a step of the estimate.
         """
         self._dynamics = dynamics.unchecked
         if self._before is not None:
@@ -75,7 +76,7 @@ class ExternalEffort:
         self, dt: float, q: FloatArray, v: FloatArray, effort: FloatArray,
     ) -> FloatArray | None:
         """
-        Return the estimate (n,) at a state dt [s] after the one before; None at the first one.
+        Return the estimate (n,) at a state dt [s] after the previous one; None at the first state.
 
         `effort` (n,) [N·m] or [N] is measured, on the joint side of the gearbox.
         """

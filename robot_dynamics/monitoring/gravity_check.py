@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-Who carries the arm? A check at start, in a static hold, for gravity that is compensated twice.
+A check at start, in a static hold, for gravity that is compensated twice.
 
-At rest, with the brakes open and nothing else touching the arm, the effort at the joints is g(q)
-up to static friction, whoever commands it. Of what is measured beyond the command, the least
-squares share of gravity
+At rest, with the brakes released and without contact, the effort at the joints is g(q) up to
+static friction, independent of the source of the effort. The measured effort minus the command u
+contains the least-squares share of gravity
 
     k = gᵀ (τ_measured − u) / (gᵀ g)
 
-is 1 where the robot, or another controller, adds gravity by itself, 0 where the command is all
-there is, and less by 1 where gravity was taken out of the measured effort (`effort_convention`).
+which is 1 if the robot or another controller adds gravity compensation, and 0 if the command is
+the only effort. k is lower by 1 if the measured effort excludes gravity (`effort_convention`).
 """
 
 from dataclasses import dataclass
@@ -40,27 +40,27 @@ from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.whole_turns import nearest_turn
 
 STILL_VELOCITY = 0.05
-"""[rad/s] or [m/s] that every joint must stay below, each sample: as much may be noise."""
+"""Velocity [rad/s] or [m/s] that no joint may exceed in any sample; allows for noise."""
 STILL_BAND = 0.0025
-"""[rad] or [m] around the first sample that every joint must keep to, up to whole turns."""
+"""Largest distance [rad] or [m] of every joint from the first sample, apart from whole turns."""
 WINDOW_NS = 500_000_000
 MIN_SAMPLES = 20
 MAX_GAP_NS = 250_000_000
 SAMPLE_PERIOD_NS = 4_500_000
-"""Between two states that are kept: a hundred a window, judged in little time, are enough."""
+"""Shortest interval of the stored states: a hundred per window suffice and are fast to judge."""
 MIN_GRAVITY = 0.1
-"""[N·m] or [N] of gravity that a joint must bear to tell anything."""
+"""Smallest gravity effort [N·m] or [N] with which a joint is used."""
 CLEARANCE = 4.0
-"""How many times its friction and noise a joint's gravity must be to tell anything."""
+"""Smallest ratio of the gravity effort to friction and noise with which a joint is used."""
 STEADY = 0.25
-"""By how much k may differ between the two halves of a window."""
+"""Largest difference of k between the two halves of a window."""
 TOLERANCE = 0.5
 MAX_BAND = 0.25
-"""What friction, noise and gears may add to the tolerance; so 0 is always told from 1."""
+"""Largest addition of friction, noise and gears to the tolerance, which keeps 0 and 1 apart."""
 UNLOADED = 0.25
-"""Share of gravity that the measured effort bears, below which brakes seem to carry the arm."""
+"""Share of gravity in the measured effort below which the brakes probably carry the arm."""
 UNLOADED_PATIENCE_NS = 3_000_000_000
-"""How long that must last under a command: it may be yet to arrive, and to open the brakes."""
+"""Duration of this state under a command: the command first has to arrive and open the brakes."""
 
 STILL = 'waiting for the arm to stand still for 0.5 s'
 POSE = 'cannot decide in this pose: no joint bears gravity well above its friction and noise'
@@ -72,10 +72,10 @@ NO_EFFORT = 'no measured effort'
 @dataclass(frozen=True, eq=False)
 class GravityVerdict:
     """
-    What a static hold told: the share k, that which was expected, and the efforts behind it.
+    The result of a static hold: the share k, its expected value, and the efforts it is based on.
 
-    `measured` (on the joint side), `command` (zeros for none) and `gravity` are (n,) [N·m] or
-    [N], medians over the window; `used` (n,) tells which joints decided.
+    `measured` (on the joint side), `command` (zeros if there is no command) and `gravity` are (n,)
+    [N·m] or [N], medians over the window; `used` (n,) marks the joints from which k is computed.
     """
 
     ratio: float
@@ -88,7 +88,7 @@ class GravityVerdict:
 
     @property
     def excess(self) -> float:
-        """Return by how much of gravity more is carried than expected."""
+        """Return k minus its expected value."""
         return self.ratio - self.expected
 
     @property
@@ -105,9 +105,9 @@ class _Sample(NamedTuple):
 
 class GravityCheck:
     """
-    Gathers states until one static hold tells who carries the arm.
+    Collects states until one static hold shows which effort carries the arm; for one thread.
 
-    `waiting` says what it waits for. It is for one thread.
+    `waiting` states the condition that the check waits for.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class GravityCheck:
         is_continuous: BoolArray,
     ) -> None:
         """
-        `friction` and `actuators` are those known of the arm: they make the check careful.
+        Take the known `friction` and `actuators` of the arm, which increase the tolerance.
 
         `is_continuous` (n,) marks the joints whose position may step by whole turns.
         """
@@ -137,12 +137,13 @@ class GravityCheck:
         command: FloatArray | None, gravity: FloatArray,
     ) -> GravityVerdict | None:
         """
-        Take a state at the time t [ns]; return the verdict where there is one.
+        Take a state at the time t [ns]; return the verdict, or None until the check decides.
 
-        `effort` (n,) is what the robot reports, NaN where it does not; `command` (n,) acts at
-        that time, None for no command; `gravity` (n,) is what the robot would compensate.
+        `effort` (n,) is the effort that the robot reports, NaN for joints without a measurement;
+        `command` (n,) is active at that time, None for no command; `gravity` (n,) is the gravity
+        torque that the robot would compensate.
         """
-        if not self._goes_on(t, q, v, command):
+        if not self._continues(t, q, v, command):
             self._samples.clear()
             self._first_position, self._commanded = q, command is not None
         if v is not None and np.abs(v).max() > STILL_VELOCITY:
@@ -159,7 +160,7 @@ class GravityCheck:
         self._samples.clear()
         return verdict
 
-    def _goes_on(
+    def _continues(
         self, t: int, q: FloatArray, v: FloatArray | None, command: FloatArray | None,
     ) -> bool:
         if not self._samples:
@@ -175,7 +176,7 @@ class GravityCheck:
         return float(np.abs(nearest_turn(q, first, self._is_continuous) - first).max())
 
     def _judge(self) -> GravityVerdict | None:
-        """Return the verdict of a whole window, or None and say in `waiting` why there is none."""
+        """Return the verdict of a whole window, or None and state the reason in `waiting`."""
         efforts, commands, gravities = (
             np.array([getattr(sample, name) for sample in self._samples])
             for name in ('effort', 'command', 'gravity'))
@@ -185,7 +186,7 @@ class GravityCheck:
         if not finite.any():
             self.waiting = NO_EFFORT
             return None
-        # Medians: the first states of a hold may have come before what holds the arm.
+        # Medians: the first states of a hold may precede the effort that holds the arm.
         g = _median(gravities)
         measured = np.where(finite, measured, 0.0)
         beyond = np.where(finite, measured - commands, 0.0)
@@ -213,7 +214,7 @@ class GravityCheck:
     def _is_loaded(
         self, g: FloatArray, measured: FloatArray, used: BoolArray,
     ) -> bool:
-        """Tell whether the measured effort carries the arm, or a command has long been there."""
+        """Return whether the measured effort carries the arm, or a command was active for long."""
         missing = g if self._semantics.lacks_gravity else np.zeros_like(g)
         if _gravity_ratio(g, measured + missing, used) >= UNLOADED:
             self._unloaded_since = None
@@ -247,7 +248,7 @@ def _median(samples: FloatArray) -> FloatArray:
 def verdict_in_words(
     verdict: GravityVerdict, joint_names: tuple[str, ...], semantics: EffortConvention,
 ) -> str:
-    """Return one line with the numbers, what they mean, and which parameter says so."""
+    """Return one line with the numbers, their interpretation, and the parameters to change."""
     comparison = (
         f'in a static hold the measured effort exceeds the command by {verdict.ratio:.2f} times '
         f'g(q), expected {verdict.expected:.0f} (within {verdict.tolerance:.2f}) from '
@@ -269,7 +270,7 @@ def _advice(verdict: GravityVerdict, semantics: EffortConvention) -> str:
     if verdict.excess > 0.0:
         if not semantics.compensates_gravity:
             reasons.append(
-                'the robot compensates gravity by itself, or another controller holds it, and '
+                'the robot compensates gravity on its own, or another controller holds it, and '
                 'gravity would be compensated twice: set robot_compensates: [gravity], or keep '
                 'command: none')
         if semantics.lacks_gravity:
@@ -281,10 +282,10 @@ def _advice(verdict: GravityVerdict, semantics: EffortConvention) -> str:
                 'gravity is not in the measured effort: set measured_effort: '
                 'joint_torque_without_gravity')
             reasons.append(
-                'brakes carry the arm, or the effort is not measured at all: open them, or set '
+                'brakes carry the arm, or the effort is not measured: release the brakes, or set '
                 'measured_effort: none')
         if semantics.compensates_gravity:
             reasons.append(
-                'the robot does not compensate gravity: take it out of robot_compensates')
+                'the robot does not compensate gravity: remove it from robot_compensates')
     reasons.append('load, URDF or measured_effort do not describe this robot')
     return 'Either ' + '; or '.join(reasons)

@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-Measured less modelled effort, while it is measured: what `analyze_bag` does to a recording, live.
+The residual, measured minus modelled effort, while the arm runs.
 
-A recording is filtered forwards and backwards, so that nothing is late. Live there is no later
-sample: position, velocity and effort all pass the same causal filter (`low_pass`), whose
-derivative of the velocity is the acceleration. So both sides of the difference are of the same
-instant, √2/ω ago, and of the same band.
+`analyze_bag` computes the same difference from a recording.
+A recording is filtered forwards and backwards, without delay. Live data have no later samples:
+position, velocity and effort pass the same causal filter (`low_pass`), whose derivative of the
+velocity is the acceleration. Measured and modelled effort therefore refer to the same instant,
+√2/ω ago, and to the same frequency band.
 """
 
 import numpy as np
@@ -42,16 +43,16 @@ class LiveResidual:
         self._settled = 0.0
 
     def set_bandwidth(self, bandwidth: float) -> None:
-        """Go on with another cut-off [Hz]."""
+        """Continue with another cut-off [Hz]."""
         for low_pass in (self._position, self._velocity, self._effort):
             low_pass.set_cutoff(bandwidth)
 
     def use(self, dynamics: ArmDynamics) -> None:
-        """Go on with another model of the same joints, as with a load that was put on."""
+        """Continue with another model of the same joints, for example with an attached load."""
         self._dynamics = dynamics
 
     def restart(self) -> None:
-        """Begin anew with the next state."""
+        """Reset the filter; the next state is a first one."""
         for low_pass in (self._position, self._velocity, self._effort):
             low_pass.restart()
         self._last, self._settled = None, 0.0
@@ -60,10 +61,10 @@ class LiveResidual:
         self, dt: float, q: FloatArray, v: FloatArray, effort: FloatArray,
     ) -> FloatArray | None:
         """
-        Return measured − model (n,) at a state dt [s] after the one before.
+        Return the residual (n,), measured − model, at a state dt [s] after the previous one.
 
-        `effort` (n,) [N·m] or [N] is measured, on the joint side of the gearbox. None until the
-        filter has forgotten how it was started, `LowPass.settling_time` after the first state.
+        `effort` (n,) [N·m] or [N] is measured, on the joint side of the gearbox. Returns None
+        until the filter has settled, `LowPass.settling_time` after the first state.
         """
         if self._last is not None:
             self._settled += dt
@@ -77,6 +78,6 @@ class LiveResidual:
         return np.asarray(measured - terms.effort[0])
 
     def _unwound(self, q: FloatArray) -> FloatArray:
-        """Return the position without the steps of whole turns that encoders may make."""
+        """Return the position without steps of whole turns in the encoder readings."""
         self._last = q if self._last is None else nearest_turn(q, self._last, self._is_continuous)
         return self._last

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-A causal low-pass filter of second order that gives the derivative too, at uneven stamps.
+A causal second-order low-pass filter that also returns the derivative, for uneven stamps.
 
     ÿ = ω² (u − y) − √2 ω ẏ
 
 is a Butterworth filter with the cut-off ω: y follows u, and ẏ is exactly the derivative of y. Its
 group delay is √2 / ω at low frequencies. Between two samples u is a straight line, or constant at
-the later one; for both the solution is known in closed form, so that a step is exact, and stable
-however long it is. Source: A. V. Oppenheim and A. S. Willsky, *Signals and Systems*, 2nd edition,
+the later sample. Both cases have a closed-form solution, so that a step of any length is exact and
+stable. Source: A. V. Oppenheim and A. S. Willsky, *Signals and Systems*, 2nd edition,
 section 6.5.2 (second-order systems), here with the damping ratio 1/√2.
 """
 
@@ -31,7 +31,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.validation import check_scalar
 
 SETTLING_TIME = 7.0
-"""[1/ω] after which less than 1 % is left of how the filter was started."""
+"""[1/ω] after which the effect of the initial state is below 1 %."""
 
 
 class LowPass:
@@ -42,29 +42,29 @@ class LowPass:
         self.value: FloatArray | None = None
         """y, of the shape of the samples."""
         self.rate: FloatArray = np.zeros(0)
-        """ẏ, likewise [1/s]."""
+        """ẏ, of the shape of the samples, in the unit of y per second."""
         self._sample: FloatArray = np.zeros(0)
         self.set_cutoff(cutoff)
 
     def set_cutoff(self, cutoff: float) -> None:
-        """Go on from where it is with another cut-off [Hz]."""
+        """Continue from the current state with another cut-off [Hz]."""
         self.omega = 2.0 * math.pi * check_scalar('cutoff', cutoff, 0.0, exclusive_minimum=True)
 
     @property
     def settling_time(self) -> float:
-        """The time [s] until the start is forgotten, to 1 %."""
+        """The time [s] until the effect of the initial state is below 1 %."""
         return SETTLING_TIME / self.omega
 
     def restart(self) -> None:
-        """Begin anew with the next sample."""
+        """Reset the filter; the next sample is a first one."""
         self.value = None
 
     def update(self, sample: FloatArray, dt: float, held: bool = False) -> FloatArray:
         """
-        Return y at a sample dt [s] after the one before; the first sample is taken for steady.
+        Return y at a sample dt [s] after the previous one; the first sample is a steady state.
 
-        `held` tells that the sample says what was since the one before, as of an effort that was
-        held, and not only what is now.
+        `held` states that the signal had the value of this sample since the previous sample, such
+        as an effort that a drive holds; otherwise the signal is interpolated linearly.
         """
         if self.value is None:
             self.value, self.rate = sample.copy(), np.zeros_like(sample)
@@ -73,7 +73,7 @@ class LowPass:
         before = sample if held else self._sample
         slope = (sample - before) / dt
         lag = math.sqrt(2.0) / self.omega
-        # The steady answer to this straight line is itself, √2/ω late; what differs dies out.
+        # The steady response to a straight line is the same line, √2/ω late; the rest decays.
         y, rate = self.value - (before - lag * slope), self.rate - slope
         d = self.omega / math.sqrt(2.0)
         decay, c, s = math.exp(-d * dt), math.cos(d * dt), math.sin(d * dt)

@@ -13,18 +13,19 @@
 # limitations under the License.
 
 """
-The generalised-momentum observer: which effort the environment exerts on the joints.
+The generalised-momentum observer, which estimates the external effort on the joints.
 
-With the momentum p = M(q) q̇, the manipulator equation reads ṗ = τ + Cᵀ q̇ − g − τ_f + τ_ext: of
-all that changes the momentum, only τ_ext is not known. The residual
+With the momentum p = M(q) q̇, the manipulator equation reads ṗ = τ + Cᵀ q̇ − g − τ_f + τ_ext: the
+only unknown term is τ_ext. The residual
 
     r = K (p(t) − p(0) − ∫ (τ + Cᵀ q̇ − g − τ_f + r) dt)     so that    ṙ = K (τ_ext − r)
 
-follows τ_ext as a low-pass filter of first order does, each joint by itself, without acceleration
-and without inverting M. Sources: A. De Luca and R. Mattone, "Actuator failure detection and
-isolation using generalized momenta", ICRA 2003; "Sensorless robot collision detection and hybrid
-force/motion control", ICRA 2005; S. Haddadin, A. De Luca, A. Albu-Schäffer, "Robot collisions: a
-survey on detection, isolation, and identification", IEEE Trans. Robotics 33(6), 2017, section V-E.
+follows τ_ext like a first-order low-pass filter, independently for each joint, without
+acceleration and without inverting M. Sources: A. De Luca and R. Mattone, "Actuator failure
+detection and isolation using generalized momenta", ICRA 2003; "Sensorless robot collision
+detection and hybrid force/motion control", ICRA 2005; S. Haddadin, A. De Luca, A. Albu-Schäffer,
+"Robot collisions: a survey on detection, isolation, and identification", IEEE Trans. Robotics
+33(6), 2017, section V-E.
 """
 
 import math
@@ -43,21 +44,22 @@ class MomentumObserver:
         self.set_bandwidth(bandwidth)
 
     def set_bandwidth(self, bandwidth: float) -> None:
-        """Go on from the estimate of now with another bandwidth [Hz]."""
+        """Continue from the current estimate with another bandwidth [Hz]."""
         self.gain = 2.0 * math.pi * check_scalar(
             'bandwidth', bandwidth, 0.0, exclusive_minimum=True)
 
     def restart(self) -> None:
-        """Know nothing of the environment: r = 0."""
+        """Reset the estimate: r = 0."""
         self.estimate = np.zeros_like(self.estimate)
 
     def update(self, momentum_change: FloatArray, impulse: FloatArray, dt: float) -> FloatArray:
         """
-        Return the estimate dt [s] after the one before.
+        Return the estimate dt [s] after the previous one.
 
-        `momentum_change` (n,) is p less that of then, `impulse` (n,) is ∫ (τ + Cᵀq̇ − g − τ_f) dt
-        over that time, both [N·m·s] or [N·s]. What they leave is the mean of τ_ext; the step is
-        the exact solution where τ_ext is constant meanwhile, so that it is stable at any K dt.
+        `momentum_change` (n,) is the change of p over dt, `impulse` (n,) is the integral
+        ∫ (τ + Cᵀq̇ − g − τ_f) dt over dt, both [N·m·s] or [N·s]. Their difference divided by dt is
+        the mean of τ_ext. The step is the exact solution for a constant τ_ext, so that it is
+        stable at any K dt.
         """
         fraction = -math.expm1(-self.gain * dt)
         mean = (momentum_change - impulse) / dt

@@ -24,19 +24,19 @@ from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 LEAST_SPAN = 1.0
 """[s] of stamps over which the age must be constant."""
 LEAST_STATES = 10
-"""States in this span."""
+"""Number of states in this span."""
 LARGEST_JITTER = 0.2
-"""[s] between the largest and the smallest age in this span."""
+"""Largest difference [s] between the largest and the smallest age in this span."""
 OLDEST_RECORDING = 1_000_000_000 * NANOSECONDS_PER_SECOND
 """[ns] since 1970; a smaller stamp is that of a simulation, whose time starts at 0."""
 
 
 class ReplayHint:
-    """Looks at states that are too old for live ones; stamps and times in [ns]."""
+    """Examines states that are too old for live states; stamps and times in [ns]."""
 
     def __init__(self) -> None:
         self.text = ''
-        """The hint while states arrive as from a replay, otherwise empty."""
+        """The hint while the states seem to come from a replay, otherwise empty."""
         self._states = 0
         self._first = self._least = self._largest = 0
 
@@ -46,7 +46,7 @@ class ReplayHint:
 
     def look(self, stamp: int, clock: int) -> bool:
         """
-        Look at an old state; `clock` is the time of this computer.
+        Examine an old state; `clock` is the time of this computer.
 
         Return whether the replay was recognised with this state.
         """

@@ -13,21 +13,21 @@
 # limitations under the License.
 
 """
-Whether a measured state can follow the one before it.
+Plausibility of a measured state after the previous state.
 
-A state is judged by its stamp, by the clock of this computer, and by how far the joints have moved
-since. Stamps belong to one of three clocks:
+A state is judged by its stamp, by the clock of this computer, and by the distance that the joints
+have moved since the previous state. Stamps belong to one of three clocks:
 
-- that of this computer, if they are within SAME_CLOCK of it: a state is refused if its age is
-  above `max_age`;
-- the clock of another computer: a state is refused if that clock runs ahead of, or behind, its
+- the clock of this computer, if they are within SAME_CLOCK of it: a state is rejected if its age
+  is above `max_age`;
+- the clock of another computer: a state is rejected if the offset of that clock differs from its
   first offset by more than `max_age`;
-- simulated time, if they are before SIMULATED_BEFORE: it may run slowly or stand still.
+- simulated time, if they are before SIMULATED_BEFORE: simulated time may run slowly or pause.
 
-A stamp that jumps, back or ahead, starts time anew, and so does a position that jumps (a robot or
-a simulator was set back). If the topic has several publishers, such a state is refused until
-CONFIRMATIONS states have followed it; states that follow the old ones meanwhile show that
-publishers contradict each other.
+If a stamp jumps back or ahead, or if a position jumps (because a robot or a simulator was reset),
+the estimates restart with this state. If the topic has several publishers, such a state is
+rejected until CONFIRMATIONS states have followed it. If states that follow the old ones arrive in
+the meantime, the publishers contradict each other.
 """
 
 from collections.abc import Callable
@@ -40,42 +40,42 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.whole_turns import nearest_turn
 
 SAME_CLOCK = 3600.0
-"""[s] within which a stamp is taken to be of the clock of this computer."""
+"""[s] within which a stamp is assumed to be of the clock of this computer."""
 SIMULATED_BEFORE = 1e9
 """[s] since 1970: stamps before this time, in 2001, are simulated time."""
 LONGEST_GAP = 30.0
-"""[s] between two states after which nothing is known any more."""
+"""[s] between two states after which the previous state is no longer used."""
 _LONGEST_GAP_NS = int(1e9 * LONGEST_GAP)
 JUMP = 1.0
 """[s] by which a stamp may run ahead of the clock between two states, without a `max_age`."""
 _JUMP_NS = int(1e9 * JUMP)
 DRIFT = 1e-3
-"""[s/s] by which the offset of the clock of another computer is followed."""
+"""Rate [s/s] at which the offset of the clock of another computer is tracked."""
 PLAY = 0.05
-"""[rad] or [m] that a joint may move between two states, whatever its speed."""
+"""[rad] or [m] that a joint may move between two states at any velocity."""
 SPEED_FACTOR = 1.5
 CONFIRMATIONS = 5
-"""States that must follow a state that did not follow, if there are several publishers."""
+"""States that must confirm an implausible state if there are several publishers."""
 CONTRADICTION = 100
-"""Good states in a row after which publishers that contradicted each other agree again."""
+"""Consecutive good states after which a contradiction between publishers has ended."""
 
 
 class ImplausibleStateError(InvalidInputError):
-    """A state that cannot follow the one before; `reason` names the kind."""
+    """A state that cannot follow the previous one; `reason` names the kind of error."""
 
     def __init__(self, reason: str, words: str, is_conflict: bool = False) -> None:
-        """`is_conflict` tells of publishers that contradict each other."""
+        """`is_conflict` is true if publishers contradict each other."""
         super().__init__(words)
         self.reason, self.is_conflict = reason, is_conflict
 
 
 class StateVerdict(NamedTuple):
     """
-    What a state is: news, `dt` [s] after the state before, None where that is not known.
+    The verdict on a state: whether it is new, and `dt` [s] since the previous state (or None).
 
-    `restart` says why time or place start anew with it, and is empty where they go on. A state
-    with the stamp of the one before is no news, whatever else it says. `stamp` [ns] is the time
-    of the state; what it was for the state before is now less by `time_shift` [ns].
+    `restart` states why the estimates restart with this state; it is empty if they continue. A
+    state with the stamp of the previous one is not new, whatever else it contains. `stamp` [ns] is
+    the time of the state; the time of the previous state decreases by `time_shift` [ns].
     """
 
     is_new: bool
@@ -93,39 +93,39 @@ class StateMonitor:
         wraps: BoolArray,
     ) -> None:
         """
-        `velocity_limit` (n,) is infinite for none; `max_age` [s], 0 for any.
+        `velocity_limit` (n,) is infinite for no limit; a `max_age` [s] of 0 permits any age.
 
-        `wraps` (n,) tells which joints turn without end, so that a whole turn is no way.
+        `wraps` (n,) marks the continuous joints, for which a whole turn is no distance.
         """
         self._names, self._velocity_limit, self._wraps = joint_names, velocity_limit, wraps
         self.max_age = max_age
         self.has_age: Callable[[], bool] = lambda: True
-        """Asked before a state is refused for its age: tells whether stamps have one at all."""
+        """Called before a state is rejected for its age: returns whether stamps have an age."""
         self._q = np.zeros(len(joint_names))
         self._stamp: int | None = None
         self._received = 0
         self._is_same_clock = self._is_unstamped = False
         self._offset = 0.0
-        """[s], of the clock of the stamps behind that of this computer."""
+        """Delay [s] of the clock of the stamps relative to the clock of this computer."""
         self._challenger: tuple[int, FloatArray, int] | None = None
-        """Stamp and position of the newest refused state, and how many preceded it in a row."""
+        """Stamp and position of the newest rejected state, and the count of those before it."""
         self._contradiction = 0
-        """Good states until publishers that contradicted each other agree again."""
+        """Number of good states until a contradiction between publishers has ended."""
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
         has_several_publishers: Callable[[], bool], steady: int | None = None,
     ) -> StateVerdict:
         """
-        Return what the state is; `clock` is the time of this computer, never that of /clock.
+        Return the verdict on a state; `clock` is the time of this computer, never that of /clock.
 
-        `steady` [ns] is that of a clock that is never set; left out, it is `clock`.
+        `steady` [ns] is the time of a steady clock; if it is omitted, it is `clock`.
 
-        A stamp of 0 is none, and the clock stands in for it; unless it was the first of a
-        simulation, whose stamps then go on from 0.
-        `has_several_publishers` is asked if the state does not follow. Raises
-        ImplausibleStateError, reason 'too old', 'from the future', 'stamp jumped ahead', 'stamp
-        went back' or 'jump'.
+        A stamp of 0 means that there is no stamp; `clock` then replaces it, unless 0 was the first
+        stamp of a simulation, whose stamps then continue from 0.
+        `has_several_publishers` is called if the state cannot follow the previous one. Raises
+        ImplausibleStateError with the reason 'too old', 'from the future', 'stamp jumped ahead',
+        'stamp went back' or 'jump'.
         """
         if steady is None:
             steady = clock
@@ -156,15 +156,15 @@ class StateMonitor:
 
     @property
     def is_other_clock(self) -> bool:
-        """Tell whether stamps are those of a simulation, or of any other clock than this one's."""
+        """Return whether stamps are of a simulation, or of the clock of another computer."""
         return not self._is_same_clock
 
     def _is_usual(self, stamp: int, clock: int, steady: int, q: FloatArray) -> bool:
         """
-        Tell in a few steps, for the common case, that a state follows the one before.
+        Return whether a state is of the common case, in which it follows the previous state.
 
-        It is one of the same clock, neither old nor from the future, soon after the one before,
-        and the arm has hardly moved. Whatever is not is looked at in full.
+        Such a state is of the same clock, neither old nor from the future, arrives soon after the
+        previous state, and the arm has hardly moved. All other states are checked in full.
         """
         last = self._stamp
         if last is None or self._challenger is not None or self._contradiction:
@@ -207,7 +207,7 @@ class StateMonitor:
             return StateVerdict(False)
         dt = 1e-9 * (stamp - self._stamp)
         try:
-            with np.errstate(over='ignore', invalid='ignore'):  # any finite number is measured
+            with np.errstate(over='ignore', invalid='ignore'):  # any finite number can be measured
                 self._check_follows(dt, passed, q, v)
         except ImplausibleStateError as error:
             if has_several_publishers() and not self._is_confirmed(stamp, q):
@@ -220,7 +220,7 @@ class StateMonitor:
         return StateVerdict(True, dt)
 
     def _is_confirmed(self, stamp: int, q: FloatArray) -> bool:
-        """Tell whether enough states that did not follow the old ones follow each other."""
+        """Return whether enough states that did not follow the old ones follow each other."""
         if self._contradiction > 0:
             return False
         count = 0
@@ -233,23 +233,23 @@ class StateMonitor:
         return count >= CONFIRMATIONS
 
     def _has_hardly_moved(self, q: FloatArray) -> bool:
-        """Tell in one step, for the common case, whether the way is PLAY at most."""
+        """Return in one step, for the common case, whether the distance is at most PLAY."""
         return math.dist(q.tolist(), self._q.tolist()) <= PLAY
 
     def _check_follows(
         self, dt: float, passed: float, q: FloatArray, v: FloatArray | None,
     ) -> None:
-        crowd, is_conflict = 'there are several publishers of joint_states', (
+        publishers, is_conflict = 'there are several publishers of joint_states', (
             self._contradiction > 0)
         if dt < 0.0:
             raise ImplausibleStateError(
-                'stamp went back', f'header.stamp is {-dt:.3f} s before that of the state before, '
-                f'expected it later; {crowd}', is_conflict)
+                'stamp went back', f'header.stamp is {-dt:.3f} s before that of the previous '
+                f'state, expected a later stamp; {publishers}', is_conflict)
         largest = self.max_age if self.max_age > 0.0 else JUMP
         if dt > LONGEST_GAP or dt - passed > largest:
             raise ImplausibleStateError(
                 'stamp jumped ahead', f'header.stamp is {dt:.3f} s after that of the state '
-                f'{passed:.3f} s before, expected at most {largest:g} s more; {crowd}',
+                f'{passed:.3f} s before, expected at most {largest:g} s more; {publishers}',
                 is_conflict)
         if self._has_hardly_moved(q):
             return
@@ -262,4 +262,4 @@ class StateMonitor:
             raise ImplausibleStateError(
                 'jump', f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from '
                 f'that of {dt:.3f} s before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times '
-                f'the way at its velocity limit; {crowd}', is_conflict)
+                f'the distance at its velocity limit; {publishers}', is_conflict)

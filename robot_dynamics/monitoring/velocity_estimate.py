@@ -32,16 +32,16 @@ SPAN = 0.01
 """[s]"""
 _SPAN_NS = round(SPAN * NANOSECONDS_PER_SECOND)
 _PAUSE_NS = NANOSECONDS_PER_SECOND // 2
-"""[ns] between two states after which the difference of their positions is no velocity."""
+"""[ns] between two states after which the difference of their positions gives no velocity."""
 _MOST = 100
-"""States within a span that are kept."""
+"""Number of stored states within a span."""
 
 
 class VelocityEstimate:
     """The velocity of n joints, estimated state by state."""
 
     def __init__(self, wraps: BoolArray) -> None:
-        """Take which joints turn without end, (n,): their positions may jump by whole turns."""
+        """Mark the continuous joints with `wraps` (n,): their positions may jump by a turn."""
         self._wraps = wraps
         self._any_wraps = bool(wraps.any())
         self._states: deque[tuple[int, FloatArray]] = deque(maxlen=_MOST)
@@ -49,11 +49,11 @@ class VelocityEstimate:
         """[s], half of the span of the last estimate."""
 
     def restart(self) -> None:
-        """Take the next state as a first one."""
+        """Treat the next state as a first one."""
         self._states.clear()
 
     def update(self, stamp_ns: int, q: FloatArray) -> FloatArray | None:
-        """Return the velocity (n,) at a state, None for a first one."""
+        """Return the velocity (n,) at a state, None for a first state."""
         states = self._states
         if states and not 0 <= stamp_ns - states[-1][0] <= _PAUSE_NS:
             states.clear()

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What a 3-D view draws at an arm: arcs of effort at its joints, a force at its tool, its payloads.
+Marks of an arm for a 3-D view: arcs of effort at its joints, a force at its tool, its payloads.
 
 All points are in the base frame [m].
 """
@@ -28,21 +28,21 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
 
 FULL_TURN = 1.5 * math.pi
-"""[rad] of the arc of an effort that is its limit; a whole turn would not tell its sign."""
+"""Angle [rad] of the arc of an effort at its limit; a whole turn would not show its sign."""
 LARGEST_RATIO = 1.2
-"""Share of the limit beyond which arcs grow no more."""
+"""Fraction of the limit beyond which arcs do not grow."""
 _ARC_STEP = 0.15
-"""[rad] between two points of an arc."""
+"""Angle [rad] between two points of an arc."""
 _HEAD = 0.3
-"""Length of an arrowhead, as a share of the radius of an arc."""
+"""Length of an arrowhead, as a fraction of the radius of an arc."""
 _MARK_SIZE, _LEAST_SIZE, _LARGEST_SIZE = 0.12, 0.02, 0.3
-"""Radius of an arc: as a share of the reach; least and largest [m]."""
+"""Radius of an arc: as a fraction of the reach; smallest and largest [m]."""
 _PAYLOAD_DENSITY = 2000.0
-"""[kg/m^3] of the ball that stands for a payload."""
+"""Density [kg/m³] of the ball that represents a payload."""
 _UNEXPLAINED = 0.2
-"""Share of the external effort that a force at the tool may leave unexplained."""
+"""Largest fraction of the external effort that a displayed tool force does not explain."""
 _SMALL_FORCE = 1e-3
-"""Of the arm's weight; a smaller force is noise."""
+"""Fraction of the arm's weight; a smaller force is noise."""
 
 
 class JointPlace(NamedTuple):
@@ -61,7 +61,7 @@ class Ball(NamedTuple):
 
 
 class ArmMarks:
-    """The marks of one arm, with the loads that it has. Not for two threads at a time."""
+    """The marks of one arm with its loads. Not for two threads at a time."""
 
     def __init__(self, arm: ArmModel) -> None:
         self._arm, self._data = arm, arm.pinocchio_model.createData()
@@ -79,13 +79,13 @@ class ArmMarks:
         """[N] on Earth: the scale of forces."""
 
     def move(self, q: FloatArray) -> None:
-        """Take a position q (n,), for all that is asked next."""
+        """Set the position q (n,) for the next marks."""
         model, data = self._arm.pinocchio_model, self._data
         pin.computeJointJacobians(model, data, self._arm.coordinates.position(q))
         pin.updateFramePlacements(model, data)
 
     def joints(self) -> list[JointPlace]:
-        """Return where the joints are."""
+        """Return the places of the joints."""
         places = []
         for joint, kind in zip(self._joints, self._arm.joint_kinds):
             slides = kind == 'prismatic'
@@ -105,8 +105,8 @@ class ArmMarks:
         """
         Return the force (3,) [N] on the link at the end that exerts Jᵀf (n,) on the joints.
 
-        It is the smallest of those that explain it best; None where none explains most of it, or
-        where it is too small to show.
+        The force is the smallest one of the best fit; None if no force explains most of the
+        effort, or if the force is too small to show.
         """
         model, x = self._arm.pinocchio_model, self._arm.coordinates
         J = pin.getFrameJacobian(model, self._data, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
@@ -129,17 +129,17 @@ class ArmMarks:
 
 
 def effort_scale(effort: FloatArray, limit: FloatArray) -> FloatArray:
-    """Return what an arc of FULL_TURN stands for (n,): the limit, or else the largest effort."""
+    """Return the effort (n,) of an arc of FULL_TURN: the limit, or else the largest effort."""
     largest = float(np.abs(effort).max(initial=0.0)) or 1.0
     return np.where(np.isfinite(limit) & (limit > 0.0), limit, largest)
 
 
 def effort_line(place: JointPlace, ratio: float, size: float) -> FloatArray:
     """
-    Return the line (k, 3) of an effort: an arc about the axis, right-handed where it is positive.
+    Return the line (k, 3) of an effort: an arc about the axis, right-handed if it is positive.
 
-    It ends in an arrowhead, no longer than itself, and is FULL_TURN long at the limit; along a
-    joint that slides it is straight, and 3 sizes long there.
+    The line ends in an arrowhead, which is not longer than the line. At the limit, the arc covers
+    FULL_TURN. The line of a prismatic joint is straight, with a length of 3 sizes at the limit.
     """
     ratio = min(max(ratio, -LARGEST_RATIO), LARGEST_RATIO)
     sign = math.copysign(1.0, ratio)

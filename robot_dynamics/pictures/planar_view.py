@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Any planar chain, out of its URDF, as one sees it who looks along the axes of its joints.
+A planar chain from any URDF, viewed along the axes of its joints.
 
-Where `planar.chain` has the recursion for links whose centres of mass lie on them, this takes the
-passes of the general algorithm (the recursive Newton-Euler algorithm; R. Featherstone, *Rigid Body
+`planar.chain` has the recursion for links whose centres of mass lie on the links. This module
+takes the passes of the general recursive Newton-Euler algorithm (R. Featherstone, *Rigid Body
 Dynamics Algorithms*, Springer 2008, section 5.3) and projects them on the plane of motion. For an
-arm of `planar_urdf` both are the same.
+arm of `planar_urdf` both results are equal.
 """
 
 from typing import NamedTuple
@@ -31,14 +31,14 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.chain import NewtonEulerPass
 
 _PARALLEL = 1e-6
-"""What the sine between two axes, or a share of gravity, may be at most to count as nothing."""
+"""Largest sine between two axes, or fraction of gravity, that counts as zero."""
 _SHORTEST = 1e-6
 """[m]"""
 
 
 class Plane(NamedTuple):
     """
-    Axes of the plane in the base frame, each (3,): to the side, up, and what turning is about.
+    Axes of the plane in the base frame, each (3,): to the side, up, and the rotation axis.
 
     Turning from `up` to `side` is positive, as in `planar.chain`; `normal` = up × side.
     """
@@ -50,11 +50,11 @@ class Plane(NamedTuple):
 
 class PlanarView:
     """
-    The plane in which an arm moves, and what happens in it. Not for two threads at a time.
+    The plane in which an arm moves, and the motion in this plane. Not for two threads at a time.
 
-    Motions are in the order of `arm.joint_names`; links, and joints in what is returned, run from
-    the base. `up` is against gravity, or where gravity is square to the plane, along the arm at
-    zero.
+    Motions are in the order of `arm.joint_names`; links, and joints in results, are counted from
+    the base. `up` is against gravity; if gravity is perpendicular to the plane, it is along the
+    arm at zero.
     """
 
     def __init__(self, arm: ArmModel) -> None:
@@ -77,11 +77,11 @@ class PlanarView:
         q = arm.coordinates.position(zero)
         self.upright_at_zero = bool(
             np.abs(self._in_plane(self._points())[:, 0]).max() < _SHORTEST and not q.any())
-        """Whether all joints and the tip are straight above joint 1 where all positions are 0."""
+        """Whether all joints and the tip are straight above joint 1 if all positions are 0."""
 
     @property
     def chain_names(self) -> tuple[str, ...]:
-        """The joints from the base on."""
+        """The names of the joints, starting at the base."""
         return tuple(self._model.names)[1:]
 
     def passes(self, q: FloatArray, v: FloatArray, a: FloatArray) -> NewtonEulerPass:
@@ -118,7 +118,7 @@ class PlanarView:
         return np.asarray(self._on_axes(self._model.inertias[link + 1].mass * g[None])[0])
 
     def reach(self) -> float:
-        """Return the farthest that the tip or a joint can be from joint 1 [m]."""
+        """Return the largest distance [m] of the tip or a joint from joint 1."""
         self._place(np.zeros(self.arm.joint_count))
         steps = np.diff(self._in_plane(self._points()), axis=0)
         return float(np.linalg.norm(steps, axis=1).sum())
@@ -150,7 +150,7 @@ class PlanarView:
         columns = pin.computeJointJacobians(
             self._model, self._data, self.arm.coordinates.position(
                 np.zeros(self.arm.joint_count)))
-        # Pinocchio gives a flat array back for one joint.
+        # Pinocchio returns a flat array for one joint.
         return np.asarray(columns.reshape(6, -1)[3:].T)
 
     def _tool_frame(self, axis: FloatArray) -> int | None:

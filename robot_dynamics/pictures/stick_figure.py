@@ -24,7 +24,7 @@ _SAME = 1e-6
 
 
 def tool_link(arm: ArmModel) -> str:
-    """Return the link with the most joints that move under it; of several, the last."""
+    """Return the link with the most joints between it and the base; of several, the last."""
     model = arm.pinocchio_model
 
     def depth(link: str) -> int:
@@ -63,7 +63,7 @@ def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
     """
     Return the axes (2, 3), to the side and up, of the view in which points (..., 3) spread most.
 
-    Up is against gravity, or along z without it; the side is square to it.
+    The upward axis is against gravity, or along z without gravity; the side axis is perpendicular.
     """
     g = np.asarray(arm.pinocchio_model.gravity.linear)
     size = float(np.linalg.norm(g))
@@ -75,7 +75,7 @@ def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
         up, np.eye(3)[int(np.abs(up).argmin())])
     side = side - (side @ up) * up
     side = side / np.linalg.norm(side)
-    # Of both ways round, the one in which the base frame's own axes count up.
+    # Of both directions, the one in which the axes of the base frame are positive.
     return np.array([side if side[int(np.abs(side).argmax())] > 0.0 else -side, up])
 
 

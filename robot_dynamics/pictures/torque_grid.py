@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Efforts and inertias of an arm over the positions of two of its joints, the others standing still.
+Efforts and inertias of an arm over the positions of two of its joints, with the others fixed.
 
-All positions of a grid are worked on in a few batches of inverse dynamics: the diagonal of the
-mass matrix too, as M_ii is what the unit acceleration of joint i adds to its own effort (M. W.
-Walker and D. E. Orin, *Efficient dynamic computer simulation of robotic mechanisms*, J. Dyn. Sys.,
-Meas., Control 104, 1982, method 1).
+All positions of a grid are computed in a few batches of inverse dynamics, and so is the diagonal
+of the mass matrix: M_ii is the contribution of the unit acceleration of joint i to its own effort
+(M. W. Walker and D. E. Orin, *Efficient dynamic computer simulation of robotic mechanisms*,
+J. Dyn. Sys., Meas., Control 104, 1982, method 1).
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ from robot_dynamics.model.worst_gravity import BRIEF, search_box, worst_gravity
 from robot_dynamics.validation import check_unique, check_vector
 
 SAMPLES = 121
-"""Positions of a joint."""
+"""Number of positions of a joint."""
 
 
 class PositionGrid(NamedTuple):
@@ -54,10 +54,11 @@ def make_grid(
     arm: ArmModel, joints: Sequence[str] = (), position: Any = (), samples: int = SAMPLES,
 ) -> PositionGrid:
     """
-    Return a grid over the ranges of two joints, a turn where a joint has more.
+    Return a grid over the ranges of two joints, limited to one turn per joint.
 
-    `joints` names them; empty chooses the two at which gravity can be largest. `position` (n,)
-    is where the others stand; empty: 0, or the limit nearest to it. Raises InvalidInputError.
+    `joints` names them; empty chooses the two joints with the largest gravity torques. `position`
+    (n,) is that of the other joints; empty means 0, or the limit nearest to 0. Raises
+    InvalidInputError.
     """
     n = arm.joint_count
     if n < 2:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Heat maps over the positions of two joints, with the arm's pose drawn here and there."""
+"""Heat maps over the positions of two joints, with the pose of the arm at selected points."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -31,18 +31,18 @@ SIGNED, POSITIVE = 'PuOr_r', 'cividis'
 PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.6
 """[inch]"""
 POSES = 4
-"""Along either axis."""
+"""Number of poses along each axis."""
 LIMIT_WIDTH = 2.4
-"""Of the contour of the limit [points]."""
+"""Width of the contour of the limit [points]."""
 _POSE_SIZE = 0.95
 """Of the room that a pose has, when the arm is stretched."""
 
 
 class MapPanel(NamedTuple):
     """
-    What is drawn over a grid: `values` (l, k), in `unit`; signed ones are white at zero.
+    A map over a grid: `values` (l, k) in `unit`; signed values are white at zero.
 
-    The size of the values is beyond what the joint can do where it exceeds `limit`.
+    The joint cannot produce values whose magnitude exceeds `limit`.
     """
 
     title: str
@@ -57,7 +57,7 @@ def map_figure(
     poses: FloatArray | None = None,
 ) -> Any:
     """
-    Return a matplotlib figure with the panels beside one another.
+    Return a matplotlib figure with the panels side by side.
 
     `poses` (m, 2) are positions of the grid's joints at which the arm is drawn, by default an even
     choice. Raises MissingDependencyError without matplotlib.

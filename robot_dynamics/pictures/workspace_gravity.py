@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Where in its workspace an arm cannot hold itself: gravity beside the effort limits, place by place.
+Gravity torques relative to the effort limits over the workspace of an arm.
 
-Positions are spread over all joints; each falls into the cell of the plane where it puts a link. A
-cell of a planar arm is one of its plane; of any other, of the distance from the vertical through
-the base and of the height.
+Positions are sampled over all joints; each position is assigned to the cell that contains a given
+link. The cells of a planar arm are in its plane; those of any other arm are in the plane of the
+height and the distance from the vertical through the base.
 """
 
 from typing import NamedTuple
@@ -33,17 +33,17 @@ from robot_dynamics.pictures.stick_figure import side_view, StickFigure
 
 POSITIONS = 60000
 CELLS = 56
-"""Along the longer side of the workspace."""
+"""Number of cells along the longer side of the workspace."""
 
 
 class WorkspaceGravity(NamedTuple):
     """
-    Shares of the effort limits that gravity takes, by where the link is; NaN where it never is.
+    Gravity torques as fractions of the effort limits, per cell of the link; NaN if unreachable.
 
     `across` (k + 1,) and `up` (l + 1,) [m] are the edges of the cells; `most` and `least` (l, k)
-    the largest share at any joint, in the worst and in the best pose that reaches the cell.
-    `is_plane` tells whether `across` is x in the plane of the arm, or the distance from the
-    vertical. `held` is the share of all sampled positions that the arm can hold.
+    are the largest fraction of any joint, in the worst and in the best pose that reaches the cell.
+    `is_plane` is true if `across` is x in the plane of the arm, and false if it is the distance
+    from the vertical. `held` is the fraction of all sampled positions that the arm can hold.
     """
 
     across: FloatArray
@@ -92,7 +92,7 @@ def map_gravity(
 
 
 def _places(arm: ArmModel, points: FloatArray) -> tuple[FloatArray, bool]:
-    """Return where the points (m, 3) are, (m, 2) [m], and whether in the plane of the arm."""
+    """Return the points (m, 3) in the map, (m, 2) [m], and whether it is the plane of the arm."""
     side, up = side_view(arm, points)
     try:
         plane = PlanarView(arm).plane

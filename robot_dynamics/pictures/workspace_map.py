@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The workspace of an arm with the share of its effort limits that gravity takes there."""
+"""Map of the workspace of an arm, with gravity torques as fractions of its effort limits."""
 
 from typing import Any
 
@@ -29,14 +29,14 @@ WIDTH, HEIGHT = 13.0, 4.8
 """[inch]"""
 _PERCENT = 100.0
 _FEW = 6
-"""Joints, for which bars are not made thicker any more."""
+"""Number of joints below which the bars keep their thickness."""
 
 
 def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravity) -> Any:
     """
-    Return a matplotlib figure: the worst and the best pose by place, and the worst by joint.
+    Return a matplotlib figure: the worst and the best pose per cell, and the worst per joint.
 
-    The worst pose of all, by the search of `worst_gravity`, is drawn where it is. Raises
+    The worst pose of all, from the search of `worst_gravity`, is drawn at its position. Raises
     MissingDependencyError without matplotlib.
     """
     worst = worst_gravity(arm)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A planar chain of n links by the Newton-Euler recursion, with the vectors written out.
+A planar chain of n links by the Newton-Euler recursion, with explicit vectors.
 
 The plane is that of `planar`: x to the side, y up, angles from the vertical, each relative to
 the link before, positive towards +x. All vectors are (x, y) pairs in the fixed world frame, so
@@ -45,7 +45,7 @@ class PlanarChain:
 
     Masses [kg], lengths [m] and moments of inertia about the centres of mass (COM) [kg·m²] are
     positive; COM distances [m] are measured from the joint along the link, 0 <= r <= l; gravity
-    [m/s²] is >= 0. They are kept as tuples. Raises InvalidInputError.
+    [m/s²] is >= 0. The values are stored as tuples. Raises InvalidInputError.
     """
 
     masses: Sequence[float]
@@ -89,7 +89,7 @@ class PlanarChain:
 
 
 class NewtonEulerPass(NamedTuple):
-    """What both passes find, row i for link i and the joint that carries it."""
+    """The results of both passes, row i for link i and the joint that carries it."""
 
     omega: FloatArray
     """Shape (n,): absolute angular velocity of the link [rad/s]."""
@@ -115,11 +115,11 @@ def newton_euler(
     chain: PlanarChain, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
 ) -> NewtonEulerPass:
     """
-    Return the torques of the motion q [rad], v [rad/s], a [rad/s²], and all between.
+    Return the torques of the motion q [rad], v [rad/s], a [rad/s²], with the intermediate results.
 
-    Outward, from the base: where the links are and how they accelerate. Inward, from the tip:
-    which force and moment each joint passes on. Raises InvalidInputError where q, v or a does
-    not have shape (n,) or is not finite.
+    The outward pass, from the base, computes positions and accelerations of the links. The inward
+    pass, from the tip, computes the force and the moment that each joint transmits. Raises
+    InvalidInputError if q, v or a does not have shape (n,) or is not finite.
     """
     points = forward_kinematics(chain, q)
     omega, omega_dot = np.cumsum(_joints(chain, 'v', v)), np.cumsum(_joints(chain, 'a', a))
@@ -140,8 +140,8 @@ def _outward(
         joint_acceleration[i] = acceleration
         com_acceleration[i] = acceleration + _acceleration_about(
             points.coms[i] - joint, omega[i], omega_dot[i])
-        # The next joint sits at the link's end: it is that point's acceleration, not the COM's,
-        # which the next link starts from.
+        # The next joint is at the end of the link: the next link starts from the acceleration of
+        # this point, not from that of the COM.
         acceleration = acceleration + _acceleration_about(
             ends[i] - joint, omega[i], omega_dot[i])
     return joint_acceleration, com_acceleration
@@ -158,8 +158,8 @@ def _inward(
     force, tau = np.zeros_like(ends), np.zeros(chain.link_count)
     next_force, next_tau = np.zeros(2), 0.0
     for i in reversed(range(chain.link_count)):
-        # m (acceleration + g up) is what the two neighbours together must exert on the link:
-        # enough to accelerate it, and to carry its weight.
+        # m (acceleration + g up) is the force that both neighbours together exert on the link: it
+        # accelerates the link and carries its weight.
         needed = chain.masses[i] * (com_acceleration[i] + chain.gravity * up)
         force[i] = next_force + needed
         tau[i] = (next_tau + chain.inertias[i] * omega_dot[i]
@@ -172,12 +172,12 @@ def _inward(
 def inverse_dynamics(
     chain: PlanarChain, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
 ) -> FloatArray:
-    """Return the joint torques alone, shape (n,) [N·m]; see `newton_euler`."""
+    """Return only the joint torques, shape (n,) [N·m]; see `newton_euler`."""
     return newton_euler(chain, q, v, a).tau
 
 
 def forward_kinematics(chain: PlanarChain, q: npt.ArrayLike) -> PlanarPositions:
-    """Return where joints, centres of mass and tip are at q, shape (n,) [rad]."""
+    """Return the positions of joints, centres of mass and tip at q, shape (n,) [rad]."""
     directions = link_direction(np.cumsum(_joints(chain, 'q', q)))
     ends = np.cumsum(np.array(chain.lengths)[:, None] * directions, axis=0)
     joints = np.vstack([np.zeros((1, 2)), ends[:-1]])

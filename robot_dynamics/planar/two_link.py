@@ -101,7 +101,7 @@ def link_direction(angle: npt.ArrayLike) -> FloatArray:
 
 
 def forward_kinematics(arm: PlanarTwoLink, q: npt.ArrayLike) -> PlanarPositions:
-    """Return where joints, centres of mass and tip are at q, shape (2,) [rad]."""
+    """Return the positions of joints, centres of mass and tip at q, shape (2,) [rad]."""
     q1, q2 = _joint_vector('q', q)
     u1, u2 = link_direction([q1, q1 + q2])
     elbow = arm.l1 * u1
@@ -116,7 +116,7 @@ def mass_matrix(arm: PlanarTwoLink, q: npt.ArrayLike) -> FloatArray:
     """
     Return M(q), shape (2, 2) [kg·m²], symmetric and positive definite.
 
-    M_11 holds all that joint 1 turns, link 1 itself with I_1 + m_1 r_1² among it.
+    M_11 is the inertia of everything that joint 1 turns, including I_1 + m_1 r_1² of link 1.
     """
     _, q2 = _joint_vector('q', q)
     cos2 = math.cos(q2)
@@ -158,10 +158,10 @@ def coriolis_vector(arm: PlanarTwoLink, q: npt.ArrayLike, v: npt.ArrayLike) -> F
 
 def gravity_vector(arm: PlanarTwoLink, q: npt.ArrayLike) -> FloatArray:
     """
-    Return g(q) = ∂P/∂q, shape (2,) [N·m]: what the motors must deliver to hold the arm at q.
+    Return g(q) = ∂P/∂q, shape (2,) [N·m]: the motor torques that hold the arm at q.
 
-    The weight itself pulls with -g(q). At q = 0 both are 0, and the arm is in the unstable one
-    of its equilibria.
+    The torques of the weight are -g(q). At q = 0 both are 0, and the arm is in its unstable
+    equilibrium.
     """
     q1, q2 = _joint_vector('q', q)
     g2 = -arm.m2 * arm.r2 * arm.g * math.sin(q1 + q2)

@@ -17,8 +17,8 @@ URDF of a planar arm whose dynamics are exactly those of `planar_chain.PlanarCha
 
 The plane of the chain is the x-z plane of the URDF: its x is x, its y (up) is z, and all joints
 turn about +y, which takes z to x as a positive angle does there. At zero all links stand
-upright along +z, each in the frame of its joint. There is no gravity in a URDF: the program
-that reads it has to use 9.81 m/s² along -z.
+upright along +z, each in the frame of its joint. A URDF contains no gravity: the program that
+reads the URDF has to use 9.81 m/s² along -z.
 """
 
 from collections.abc import Sequence
@@ -65,17 +65,16 @@ def planar_arm_urdf(
     Return the URDF of an n-link planar arm, first the link at the base.
 
     Masses [kg], lengths [m], COM distances from the joint [m] and moments of inertia about the
-    joint's axis through the COM [kg·m²] are as in `PlanarChain`. Left out, viscous [N·m·s/rad]
+    joint's axis through the COM [kg·m²] are as in `PlanarChain`. By default, viscous [N·m·s/rad]
     and Coulomb friction [N·m] are 0, the limits are 1000 N·m and 100 rad/s, and the joints are
-    called joint1, joint2, ... They are continuous, so that they can turn over.
+    called joint1, joint2, ... The joints are continuous, so that they can turn over.
 
     The moments about the other two axes do not move a planar arm; they are chosen as those of a
     thin rod along z, so that the pseudo-inertia (Wensing, Kim and Slotine, IEEE RA-L 3(1),
     2018) is positive definite. `tool0` is a frame at the tip, without mass.
 
-    Raises InvalidInputError where a list has another length, a value is out of its range (as
-    for `PlanarChain`; friction >= 0, limits > 0), or a name is empty, is not printable or
-    stands twice.
+    Raises InvalidInputError if a list has another length, if a value is out of its range (as for
+    `PlanarChain`; friction >= 0, limits > 0), or if a name is empty, not printable or repeated.
     """
     chain = PlanarChain(masses, lengths, com_distances, inertias)
     names = _joint_names(chain.link_count, joint_names)
@@ -105,7 +104,7 @@ def planar_arm_urdf(
 
 def default_arm_urdf() -> str:
     """
-    Return the URDF of the arm that everything runs on without arguments.
+    Return the URDF of the default arm, which nodes and tools use without arguments.
 
     It is `PlanarTwoLink()` without friction, limited to 150 N·m and 60 N·m, and to 10 rad/s.
     """
@@ -151,7 +150,7 @@ def _per_joint(
 
 
 def _add_base(robot: ElementTree.Element, width: float) -> None:
-    # Without mass: several readers cannot use a root link that has inertia.
+    # Without mass, because several readers do not support a root link with inertia.
     base = ElementTree.SubElement(robot, 'link', name=BASE_LINK)
     visual = ElementTree.SubElement(base, 'visual')
     ElementTree.SubElement(visual, 'origin', xyz=f'0 0 {-width!r}', rpy='0 0 0')

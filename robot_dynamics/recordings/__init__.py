@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings of rosbag2, read and written without ROS, damaged ones too."""
+"""Recordings of rosbag2, including damaged ones, read and written without ROS."""
 
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.recordings.joint_series import JointSeries

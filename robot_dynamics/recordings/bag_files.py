@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-Which files make a recording: those of metadata.yaml, a folder without it, or a single file.
+The files of a recording: those in metadata.yaml, those of a folder without it, or a single file.
 
 rosbag2 splits long recordings into files NAME_0, NAME_1, … and may compress each as a whole
-(`.zstd`). A recorder that was killed leaves no metadata.yaml, or one that does not fit the files.
+(`.zstd`). A recorder that was killed leaves no metadata.yaml, or one that is inconsistent with the
+files.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,10 +36,10 @@ _NUMBERED = re.compile(r'^(?P<stem>.*?)_(?P<number>\d+)$')
 
 class RecordingFiles(NamedTuple):
     """
-    The files of a recording in the order of their times, and what metadata.yaml says of them.
+    The files of a recording in the order of their times, and the contents of metadata.yaml.
 
-    `stated` are the numbers of messages by topic, empty where nothing says them; `end_ns` is the
-    time of the last message. `notes` say what is odd but lost nothing.
+    `stated` are the numbers of messages per topic, empty if they are unknown; `end_ns` is the
+    time of the last message. `notes` describe anomalies without loss of data.
     """
 
     paths: tuple[Path, ...]
@@ -49,16 +50,16 @@ class RecordingFiles(NamedTuple):
 
 
 def is_storage(path: Path) -> bool:
-    """Tell whether a file is one of a recording, by its name."""
+    """Return whether a file belongs to a recording, judged by its name."""
     return bool(_STORAGE.search(path.name)) and path.is_file()
 
 
 def storage_groups(directory: Path) -> list[tuple[Path, ...]]:
     """
-    Return the files of recordings in a folder, those of one split recording together.
+    Return the files of recordings in a folder, with the files of one split recording together.
 
-    Numbered files are of one recording where they are named after the folder, as rosbag2 does, or
-    their numbers begin at 0.
+    Numbered files belong to one recording if they are named after the folder, as rosbag2 does, or
+    if their numbers begin at 0.
     """
     by_stem: dict[str, list[Path]] = {}
     for path in sorted(directory.iterdir()):
@@ -74,11 +75,11 @@ def storage_groups(directory: Path) -> list[tuple[Path, ...]]:
 
 def find_recordings(paths: Iterable[Path], outputs: Path | None = None) -> list[Path]:
     """
-    Return the recordings that paths stand for: themselves, or all below a folder, sorted.
+    Return the recordings of paths, sorted: the path itself, or all recordings below a folder.
 
-    Those in the directory `outputs`, which a tool wrote before, are passed over in folders.
-    Files that were split off one recording, without metadata.yaml in a folder with others, are
-    given one by one. Raises RecordingError where a path has none.
+    Recordings in the directory `outputs`, which a tool wrote before, are skipped in folders.
+    The files of a split recording without metadata.yaml, in a folder with other recordings, are
+    returned one by one. Raises RecordingError if a path has no recording.
     """
     found: dict[Path, None] = {}
     for path in paths:
@@ -107,7 +108,7 @@ def _recordings_below(path: Path) -> list[Path]:
 
 
 def recording_files(path: Path) -> RecordingFiles:
-    """Return the files of a recording; raise RecordingError where there is none."""
+    """Return the files of a recording; raise RecordingError if the path has no recording."""
     if not path.exists():
         raise RecordingError(f'recording {str(path)!r} does not exist')
     if path.is_file():
@@ -132,10 +133,10 @@ def _without_metadata(path: Path, how: str) -> RecordingFiles:
             groups) else 'no file .mcap or .db3'
         raise RecordingError(
             f'recording {str(path)!r} is a directory {how}, expected a directory of rosbag2, or '
-            f'a file .mcap or .db3; it has {has}')
+            f'a file .mcap or .db3; it contains {has}')
     return RecordingFiles(groups[0], {}, None, (), (
         f'{path.name} is a directory {how}: its files are read in the order of their numbers, '
-        'and nothing says how many messages there were',))
+        'and the number of recorded messages is unknown',))
 
 
 def _with_metadata(path: Path, stated: Any) -> RecordingFiles:
@@ -156,8 +157,8 @@ def _with_metadata(path: Path, stated: Any) -> RecordingFiles:
     others = [file for group in storage_groups(path) for file in group if file not in listed]
     if not present and not others:
         raise RecordingError(
-            f'recording {str(path)!r} cannot be read: none of the files of its {METADATA} is '
-            f'there, expected {[file.name for file in listed]}')
+            f'recording {str(path)!r} cannot be read: none of the files in its {METADATA} exists, '
+            f'expected {[file.name for file in listed]}')
     notes = () if not others else (
         f'{METADATA} does not list {[file.name for file in others]}, which are read after the '
         'listed files',)
@@ -167,7 +168,7 @@ def _with_metadata(path: Path, stated: Any) -> RecordingFiles:
 
 
 def _missing(name: str, about: Any) -> Loss:
-    """Return the loss of a file, `about` which the metadata may have more to say."""
+    """Return the loss of a file; `about` is its entry in the metadata, or None."""
     reason = f'listed in {METADATA} and missing'
     if about is None:
         return Loss(name, reason)
@@ -192,7 +193,7 @@ def _load_yaml(text: str) -> Any:
 
 
 def relative_names(paths: Sequence[Path]) -> list[str]:
-    """Return short names that tell paths apart: the last parts of each."""
+    """Return short names that distinguish paths: the last parts of each."""
     for depth in range(1, 1 + max((len(path.parts) for path in paths), default=1)):
         names = ['/'.join(path.parts[-depth:]) for path in paths]
         if len(set(names)) == len(names):

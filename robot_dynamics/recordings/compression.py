@@ -15,10 +15,9 @@
 """
 Compressed data of recordings, decompressed up to a limit.
 
-A compressed file may expand to thousands of times its size. What one pass over a file decompresses
-is limited to LARGEST_RATIO times the size of the file on disk, but at least LEAST_LIMIT. The
-library `mcap` decompresses complete chunks only; the first part of a chunk that was cut off is
-decompressed here.
+A compressed file may expand to thousands of times its size. One pass over a file may decompress at
+most LARGEST_RATIO times the size of the file on disk, but at least LEAST_LIMIT. The library `mcap`
+decompresses complete chunks only; this module decompresses the first part of a truncated chunk.
 """
 
 from collections.abc import Iterator
@@ -42,7 +41,7 @@ class DecompressionLimitError(RecordingError):
 
 
 class Budget:
-    """What one pass over a file may still decompress."""
+    """The amount of data that one pass over a file may still decompress."""
 
     def __init__(self, name: str, size: int) -> None:
         """`name` is that of the file in messages, `size` [bytes] its size on disk."""
@@ -51,7 +50,7 @@ class Budget:
         self._name, self._size, self._left = name, size, self.limit
 
     def most(self, size: int) -> int:
-        """Return how many bytes to decompress of data that should expand to `size` bytes."""
+        """Return the number of bytes to decompress of data that should expand to `size` bytes."""
         return max(min(size, self._left), 0) + 1
 
     def spend(self, count: int) -> None:
@@ -68,9 +67,9 @@ class Budget:
         self, data: bytes, compression: str = 'zstd', size: int = sys.maxsize - 1,
     ) -> bytes:
         """
-        Return data decompressed; `size` [bytes] is what they should expand to.
+        Return the decompressed data; `size` [bytes] is their expected size.
 
-        Raises DecompressionLimitError, and for damaged data whatever the library raises.
+        Raises DecompressionLimitError, and for damaged data the errors of the library.
         """
         if compression == '':
             self.spend(len(data))  # an index may list a chunk many times
@@ -92,7 +91,7 @@ _BUDGET: ContextVar[Budget] = ContextVar('budget of the file that rosbags reads'
 
 @contextmanager
 def limited(budget: Budget) -> Iterator[None]:
-    """Let rosbags decompress chunks of MCAP within a budget in the statement."""
+    """Limit the decompression of MCAP chunks by rosbags to a budget, for use in `with`."""
     token = _BUDGET.set(budget)
     try:
         yield
@@ -102,9 +101,9 @@ def limited(budget: Budget) -> Iterator[None]:
 
 def limit_rosbags() -> bool:
     """
-    Make rosbags keep to the budget of `limited`; return whether this version of it can.
+    Apply the budget of `limited` to rosbags; return whether this version of rosbags permits it.
 
-    rosbags has no limit of its own, so its table of decompressors is replaced.
+    rosbags has no limit, so that this function replaces its table of decompressors.
     """
     storage = optional('rosbags.rosbag2.storage_mcap', 'a recording')
     table = getattr(storage, 'DECOMPRESSORS', None)
@@ -118,7 +117,7 @@ def limit_rosbags() -> bool:
 
 
 def _limited(compression: str, usual: Any) -> Any:
-    """Return a decompressor for rosbags; it is the usual one outside `limited`."""
+    """Return a decompressor for rosbags; outside `limited` it calls the usual one."""
     def decompress(data: bytes, size: int) -> bytes:
         budget = _BUDGET.get(None)
         if budget is None:
@@ -133,7 +132,7 @@ def decompress_chunk(
     data: bytes, compression: str, size: int, budget: Budget,
 ) -> tuple[bytes, bool]:
     """
-    Return as much of a chunk as can be decompressed, and whether that is all of it.
+    Return the part of a chunk that can be decompressed, and whether it is the whole chunk.
 
     Raises DecompressionLimitError.
     """
@@ -145,7 +144,7 @@ def decompress_chunk(
 
 
 def _pieces(data: bytes, compression: str, most: int) -> Iterator[bytes]:
-    """Yield what can be decompressed, until it fails or has `most` bytes."""
+    """Yield decompressed data until the decompression fails or has returned `most` bytes."""
     if compression not in ('lz4', 'zstd'):
         return
     try:
@@ -168,7 +167,7 @@ def _decompressor(compression: str) -> Any:
 
 
 def zstd_module() -> Any:
-    """Return Python's module of Zstandard, or what stands for it before Python 3.14."""
+    """Return Python's module of Zstandard, or its replacement before Python 3.14."""
     try:
         from compression import zstd
     except ImportError:

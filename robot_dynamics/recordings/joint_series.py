@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A series of joint states: samples on increasing stamps, and what was wrong with the rest."""
+"""A series of joint states: samples with increasing stamps, and the faults of the others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -34,21 +34,21 @@ from robot_dynamics.recordings.sample_faults import (
 from robot_dynamics.validation import LARGEST_VALUE
 
 BRAKES_LAST = 0.06
-"""[s] without any effort between two samples with one that are taken for brakes."""
+"""[s] of zero effort between two samples with effort that are interpreted as brakes."""
 LONGEST_HOLE = 0.05
-"""[s] without samples that is bridged, if at least `LONGEST_HOLE_SAMPLES` intervals are longer."""
+"""Longest gap [s] that is bridged, unless `LONGEST_HOLE_SAMPLES` median periods are longer."""
 LONGEST_HOLE_SAMPLES = 2.5
 
 
 @dataclass(frozen=True, eq=False)
 class JointSeries:
     """
-    The joint states, or efforts, of one topic: m samples of n joints, in the order of stamp.
+    The joint states, or efforts, of one topic: m samples of n joints, in the order of stamps.
 
     `stamps_ns` (m,) are strictly increasing. `position`, `velocity` and `effort` are (m, n)
-    [rad or m, per second, N·m or N], or None where no message has the field. `passed_over` counts
-    messages left out: other joints, a stamp twice or out of order, or a field that is missing,
-    not finite or beyond LARGEST_VALUE while others have it; `faults` says which.
+    [rad or m, per second, N·m or N], or None if no message has the field. `passed_over` counts
+    the omitted messages: other joints, a repeated stamp or one out of order, or a field that is
+    missing, not finite or beyond LARGEST_VALUE while other messages have it; `faults` lists them.
     """
 
     joint_names: tuple[str, ...]
@@ -65,7 +65,7 @@ class JointSeries:
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS_PER_SECOND)
 
     def first(self, seconds: float) -> 'JointSeries':
-        """Return the samples of the first so many seconds."""
+        """Return the samples of the first `seconds` [s]."""
         rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
         return self._chosen(rows, np.arange(len(self.joint_names)))
 
@@ -93,8 +93,8 @@ class JointSeries:
         """
         Return the samples without those in which brakes hold the arm.
 
-        Brakes are told by an effort of exactly zero at every joint: at the beginning, at the end,
-        or for BRAKES_LAST seconds in between. Where no effort was measured, all are returned.
+        Brakes are recognised by an effort of exactly zero at every joint: at the beginning, at the
+        end, or for BRAKES_LAST seconds in between. If no effort was measured, all are returned.
         """
         if self.effort is None or not self.effort.any():
             return self
@@ -108,7 +108,7 @@ class JointSeries:
         return self.at(np.concatenate(kept))
 
     def at(self, rows: IntArray) -> 'JointSeries':
-        """Return the samples at these places."""
+        """Return the samples at these rows."""
         return self._chosen(rows, np.arange(len(self.joint_names)))
 
     def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
@@ -132,8 +132,8 @@ class RecordedJointStates:
     """
     All messages of a topic, before joints are chosen.
 
-    `times_ns` (m,) are those at which messages were recorded; `source` names topic and recording
-    in errors.
+    `times_ns` (m,) are the times at which the messages were recorded; `source` names topic and
+    recording in errors.
     """
 
     source: str
@@ -147,7 +147,7 @@ class RecordedJointStates:
         return tuple(dict.fromkeys(name for block in blocks for name in block.joint_names))
 
     def together(self, joint_names: Sequence[str]) -> tuple[str, ...]:
-        """Return most of these joints that one message has, in this order."""
+        """Return the largest set of these joints that one message contains, in this order."""
         sets = [tuple(name for name in joint_names if name in block.joint_names)
                 for block in self.decoded.blocks]
         return max(sets, key=len, default=())
@@ -163,8 +163,8 @@ class RecordedJointStates:
         """
         Return the samples of these joints, in this order; empty means those of the first message.
 
-        Times are the header stamps, or those of the recording where all stamps are zero. Raises
-        RecordingError where no message has these joints, or a whole sample of them.
+        Times are the header stamps, or the recording times if all stamps are zero. Raises
+        RecordingError if no message has these joints, or a complete sample of them.
         """
         blocks = sorted(self.decoded.blocks, key=lambda block: int(block.rows[0]))
         names = tuple(joint_names or (blocks[0].joint_names if blocks else ()))
@@ -187,8 +187,8 @@ class RecordedJointStates:
         self, names: tuple[str, ...], stamps: IntArray, columns: Mapping[str, FloatArray],
         arrival_times: bool,
     ) -> JointSeries:
-        """Return the series of what advances and is finite, and count the rest."""
-        finite = {f: (np.abs(values) <= LARGEST_VALUE).all(axis=1)  # nor is NaN
+        """Return the series of the finite samples with increasing stamps, and count the others."""
+        finite = {f: (np.abs(values) <= LARGEST_VALUE).all(axis=1)  # False for NaN
                   for f, values in columns.items()}
         fields = [f for f in FIELDS if finite[f].any()]
         whole = np.logical_and.reduce([finite[f] for f in fields]) if fields else (

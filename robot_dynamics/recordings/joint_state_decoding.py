@@ -31,10 +31,10 @@ FIELDS = ('position', 'velocity', 'effort')
 
 class JointStateBlock(NamedTuple):
     """
-    Messages with the same n joints and the same fields, k of them.
+    A block of k messages with the same n joints and the same fields.
 
-    `rows` (k,) are their places among all messages, `stamps_ns` (k,) their header stamps. Each of
-    the others is (k, n), or None if the messages do not have one value for each joint.
+    `rows` (k,) are their indices among all messages, `stamps_ns` (k,) their header stamps. Each
+    other field is (k, n), or None if the messages do not have one value for each joint.
     """
 
     rows: IntArray
@@ -46,7 +46,7 @@ class JointStateBlock(NamedTuple):
 
 
 class DecodedJointStates(NamedTuple):
-    """The messages in blocks, and the places (k,) of those that cannot be read."""
+    """The messages in blocks, and the indices (k,) of messages that cannot be read."""
 
     blocks: tuple[JointStateBlock, ...]
     unreadable: IntArray
@@ -56,7 +56,7 @@ def decode_joint_states(messages: Sequence[bytes]) -> DecodedJointStates:
     """
     Return the contents of serialized messages of sensor_msgs/msg/JointState.
 
-    Those that cannot be read are counted. Raises MissingDependencyError without `rosbags`.
+    Messages that cannot be read are counted. Raises MissingDependencyError without `rosbags`.
     """
     decode = common_types().deserialize_cdr
     serde_error = optional('rosbags.serde', 'a recording').SerdeError

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a damaged recording has lost, in figures and in words."""
+"""The data that a damaged recording has lost, as figures and as text."""
 
 from typing import NamedTuple
 
@@ -21,10 +21,10 @@ from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 
 class Loss(NamedTuple):
     """
-    What cannot be read of one file.
+    The part of one file that cannot be read.
 
-    `reason` says what is wrong with it; `lost_bytes` and `lost_messages` are None where nobody
-    can know; the times [ns] are those between which messages are missing, None likewise.
+    `reason` describes the damage. `lost_bytes` and `lost_messages` are None if they cannot be
+    known. Messages are missing between the times [ns], which are None if they cannot be known.
     """
 
     file: str
@@ -35,7 +35,7 @@ class Loss(NamedTuple):
     end_ns: int | None = None
 
     def words(self, origin_ns: int | None = None) -> str:
-        """Return this in a line, with times [s] from `origin_ns`, or of the epoch."""
+        """Return the loss as one line, with times [s] since `origin_ns`, or since the epoch."""
         figures = []
         if self.lost_messages is not None:
             figures.append(f'{self.lost_messages} messages')

@@ -15,9 +15,9 @@
 """
 A damaged MCAP file, read record by record as far as possible.
 
-A file that was cut off has no footer and no index. Its records are read in sequence from the
-beginning, and as much of the last chunk as can be decompressed. If a chunk fails its checksum or
-cannot be decompressed, reading continues with the next one.
+A truncated file has no footer and no index. Its records are read in sequence from the beginning,
+including the part of the last chunk that can be decompressed. If a chunk fails its checksum or
+cannot be decompressed, reading continues with the next chunk.
 
 The library `mcap` decodes the records and the summary. Two parts are own code, because
 `mcap.stream_reader.StreamReader` would lose messages that can be read: the loop over the records
@@ -46,15 +46,15 @@ _FRAME = struct.Struct('<BQ')
 """The opcode of a record and the length [bytes] of its content, which follows."""
 _IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 _MALFORMED = (McapError, struct.error, ValueError)
-"""What the library raises for content that is not of the expected kind."""
+"""Errors that the library raises for content that is not of the expected kind."""
 
 
 class SalvagedMcap:
     """
     The readable part of an MCAP file.
 
-    `channels` and `schemas` are by their numbers, `counts` (messages) by topic; all of them and
-    `losses` are complete after construction.
+    `channels` and `schemas` are indexed by their numbers, `counts` (of messages) by topic; these
+    fields and `losses` are complete after construction.
     """
 
     def __init__(self, path: Path, name: str, size: int) -> None:
@@ -172,7 +172,7 @@ class SalvagedMcap:
             self._lose(f'the chunk at byte {start} cannot be decompressed ({chunk.compression}) '
                        f'from byte {len(data)} of {size} on', lost_bytes=size - len(data), **times)
         elif whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-            self._lose(f'the chunk at byte {start} fails its checksum: all of it is left out',
+            self._lose(f'the chunk at byte {start} fails its checksum: the whole chunk is skipped',
                        lost_bytes=len(chunk.data), **times)
             return
         yield from self._records_of_chunk(data, whole and sound, start, (first, last))
@@ -211,7 +211,7 @@ class SalvagedMcap:
         return message.channel_id in self.channels and span[0] <= message.log_time <= span[1]
 
     def _next_message(self, data: bytes, at: int, span: tuple[int, int]) -> int:
-        """Return where the next message of this chunk begins, or the length of the data."""
+        """Return the offset of the next message of this chunk, or the length of the data."""
         while (at := data.find(bytes([Opcode.MESSAGE]), at)) >= 0:
             if self._is_message(data, at, span):
                 return at

@@ -37,7 +37,7 @@ float64[] effort
 float64 kinetic_energy
 float64 potential_energy
 """
-"""The definition of the type, for recordings that are written where it is not installed."""
+"""The definition of the type, for writing recordings where the type is not installed."""
 _TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 
 
@@ -99,5 +99,5 @@ def _headers(stamps_ns: IntArray) -> Iterator[Any]:
 def _checked(values: FloatArray, m: int) -> FloatArray:
     if values.ndim != 2 or len(values) != m:
         raise InvalidInputError(
-            f'values have the shape {values.shape}, expected ({m}, n), one row a stamp')
+            f'values have the shape {values.shape}, expected ({m}, n), one row per stamp')
     return values

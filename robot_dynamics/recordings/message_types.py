@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How the messages of a recording are decoded: by its own definitions, or the common ones."""
+"""Decoding of the messages of a recording, by its own definitions or by the common ones."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -29,13 +29,13 @@ from robot_dynamics.recordings.type_checks import (
 
 _DAMAGED = (AssertionError, NameError, RecursionError, SyntaxError, ValueError)
 """
-What rosbags raises for damaged definitions, besides its own errors.
+Errors that rosbags raises for damaged definitions, in addition to its own errors.
 
-It makes Python classes of definitions: a damaged name or number may be no Python.
+rosbags makes Python classes from definitions: a damaged name or number may be invalid Python.
 """
 _UNDECODABLE = (KeyError, OverflowError, RecursionError)
 """
-What rosbags raises when it decodes a message, besides its own errors.
+Errors that rosbags raises when it decodes a message, in addition to its own errors.
 
 KeyError: a type without a definition; OverflowError: an array longer than any memory;
 RecursionError: a type that contains itself.
@@ -43,7 +43,7 @@ RecursionError: a type that contains itself.
 
 
 class MessageTypes:
-    """Decodes messages by the definitions in the recording, else by those of ROS 2 Jazzy."""
+    """Decodes messages by the definitions in the recording, or else by those of ROS 2 Jazzy."""
 
     def __init__(self) -> None:
         typesys = optional('rosbags.typesys', 'a recording')
@@ -51,15 +51,16 @@ class MessageTypes:
         self._common = common_types()
         self._own = typesys.get_typestore(typesys.Stores.EMPTY)
         self.errors = (optional('rosbags.serde', 'a recording').SerdeError, *_UNDECODABLE)
-        """What `deserialize` raises for a message that cannot be decoded."""
+        """The errors that `deserialize` raises for a message that cannot be decoded."""
         self._refused: dict[str, RecordingError] = {}
         self._counted: set[str] = set()
 
     def learn(self, topics: Iterable[StoredTopic]) -> None:
         """
-        Take over definitions; those that cannot be read are passed over.
+        Store the definitions of topics; definitions that cannot be read are skipped.
 
-        One that is refused (see `type_checks`) is replaced with that of ROS 2 Jazzy, if any.
+        A definition that is rejected (see `type_checks`) is replaced with the definition of ROS 2
+        Jazzy, if there is one.
         """
         for topic in topics:
             if topic.message_type in self._own.fielddefs or not topic.definition:
@@ -94,7 +95,7 @@ class MessageTypes:
         """
         Return a message.
 
-        Raises RecordingError if its definition is refused, and one of `errors` if the message
+        Raises RecordingError if its definition was rejected, and one of `errors` if the message
         cannot be decoded.
         """
         own = message_type in self._own.fielddefs

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Recordings of rosbag2 on disk, read without ROS, by the library `rosbags`.
+Reader of recordings of rosbag2 on disk, without ROS, based on the library `rosbags`.
 
-Read are directories of rosbag2 and single files, sqlite3 and MCAP, compressed as a whole, by
-message or by chunk, split over several files, with or without metadata.yaml. Of what is damaged
-as much as can be read is given, and `losses` say what is missing: `mcap_salvage` and
-`sqlite_salvage`. Recordings are written by `recording_writer`.
+Supported are directories of rosbag2 and single files, sqlite3 and MCAP, compressed as a whole, per
+message or per chunk, split over several files, with or without metadata.yaml. The readable part of
+damaged files is returned, and `losses` lists what is missing: see `mcap_salvage` and
+`sqlite_salvage`. `writer` writes recordings.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -50,14 +50,14 @@ class Recording:
     """
     A recording that is open for reading; for use in `with`.
 
-    `losses` say what is missing of what was read so far, `notes` what else is odd about it.
+    `losses` lists the data that were missing so far; `notes` lists other anomalies.
     """
 
     def __init__(self, path: Path) -> None:
         """
         Open a directory of rosbag2, or one file of MCAP or sqlite3.
 
-        Raises RecordingError where there is none or nothing of it can be read,
+        Raises RecordingError if there is no recording or if no part of it can be read,
         MissingDependencyError without `rosbags`.
         """
         self.path = path
@@ -96,7 +96,7 @@ class Recording:
         return RecordingError(f'recording {str(self.path)!r} cannot be read: {reason}')
 
     def _gather(self) -> None:
-        """Take over what the files tell of losses."""
+        """Collect the losses and notes of the files."""
         for stored in self._files:
             for mine, theirs in ((self.losses, stored.losses), (self.notes, stored.notes)):
                 mine += [entry for entry in theirs if entry not in mine]  # type: ignore
@@ -115,7 +115,7 @@ class Recording:
         return tuple(found[name] for name in sorted(found))
 
     def topic(self, name: str) -> RecordedTopic:
-        """Return the topic of this name; raise RecordingError, which lists the others."""
+        """Return the topic of this name; raise RecordingError, which lists the existing topics."""
         for topic in self.topics:
             if topic.name == name:
                 return topic
@@ -124,7 +124,7 @@ class Recording:
             f'{[topic.name for topic in self.topics]}')
 
     def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Yield the time [ns] and the bytes (CDR) of all of a topic; raise RecordingError."""
+        """Yield time [ns] and bytes (CDR) of all messages of a topic; raise RecordingError."""
         self.topic(topic)
         count, newest = 0, None
         for stored in self._files:
@@ -135,14 +135,14 @@ class Recording:
         self._compare(topic, count, newest)
 
     def _compare(self, topic: str, count: int, newest: int | None) -> None:
-        """Hold the number of messages against what metadata.yaml says."""
+        """Compare the number of messages with metadata.yaml."""
         stated = self._stated.get(topic)
         if topic in self._compared or stated is None or stated == count:
             return
         self._compared.add(topic)
         if stated > count:
             self.losses.append(Loss(
-                METADATA, f'states {stated} messages of {topic}, of which {count} are there',
+                METADATA, f'states {stated} messages of {topic}, of which {count} were found',
                 lost_messages=stated - count,
                 start_ns=newest if newest is None or self._end_ns is None
                 or newest < self._end_ns else None,
@@ -150,10 +150,10 @@ class Recording:
                 or newest < self._end_ns else None))
         else:
             self.notes.append(
-                f'{METADATA} states {stated} messages of {topic}, and there are {count}')
+                f'{METADATA} states {stated} messages of {topic}, but {count} were found')
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Yield the time [ns] and the message of all of a topic; raise RecordingError."""
+        """Yield the time [ns] and all messages of a topic; raise RecordingError."""
         kind = self.topic(topic).message_type
         for time_ns, data in self.raw_messages(topic):
             try:
@@ -166,8 +166,8 @@ class Recording:
         """
         Return the topic of joint states: /joint_states, or the only one of that type.
 
-        `wanted` is a topic, or a type as 'sensor_msgs/msg/JointState', of which there is one.
-        Raises RecordingError where there is none, or more than one to choose from.
+        `wanted` is a topic, or a type such as 'sensor_msgs/msg/JointState' that only one topic
+        has. Raises RecordingError if no topic or more than one topic matches.
         """
         kind = JOINT_STATE
         if wanted is not None and wanted in [topic.name for topic in self.topics]:
@@ -191,7 +191,7 @@ class Recording:
         """
         Return all messages of a topic of sensor_msgs/msg/JointState.
 
-        Raises RecordingError for a topic that is not there, of another type, or without a message.
+        Raises RecordingError if the topic is missing, is of another type, or has no message.
         """
         found = self.topic(topic)
         if found.message_type != JOINT_STATE:
@@ -216,8 +216,8 @@ class Recording:
 
         `joint_names` choose joints and their order; empty means those of the first message.
         `renamed` are other names for recorded joints, {recorded: new}. Times are the header
-        stamps, or those of the recording where all stamps are zero. Raises RecordingError for
-        another type, unknown joints, or no samples.
+        stamps, or the recording times if all stamps are zero. Raises RecordingError for another
+        type, unknown joints, or no samples.
         """
         return self.joint_states(topic).renamed(renamed or {}).series(joint_names)
 

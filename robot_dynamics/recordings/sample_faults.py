@@ -15,8 +15,9 @@
 """
 Samples that are missing, repeated or out of order in a recording.
 
-None of that is mended: of repeated stamps the first message is kept, of those out of order as few
-are left out as make the rest increase, and all of it is counted, with the times.
+These faults are not corrected, but counted with their times. Of several messages with the same
+stamp, the first is kept. Of messages out of order, the smallest number is omitted such that the
+stamps of the others increase.
 """
 
 from bisect import bisect_left
@@ -28,13 +29,13 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, IntArray, NANOSECONDS_PER_SECOND
 
 GAP = 1.5
-"""Median periods between two samples beyond which some are missing."""
+"""Interval between two samples, in median periods, beyond which samples are missing."""
 SHOWN_TIMES = 3
-"""Times that a report names; of more it says how many."""
+"""Number of times that a report lists; further times are only counted."""
 
 
 class Gap(NamedTuple):
-    """A time without samples: from one stamp to the next [ns], and about how many are missing."""
+    """A time span without samples [ns], and the approximate number of missing samples."""
 
     start_ns: int
     end_ns: int
@@ -44,10 +45,10 @@ class Gap(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class SampleFaults:
     """
-    What was wrong with the messages of a series.
+    The faults of the messages of a series.
 
-    `gaps` are those beyond GAP median periods; `duplicated_ns` the stamps that came again,
-    `backward_ns` those out of order, behind or ahead of the others around them. `other_joints`,
+    `gaps` are the intervals beyond GAP median periods, `duplicated_ns` the repeated stamps, and
+    `backward_ns` the stamps out of order, behind or ahead of their neighbours. `other_joints`,
     `incomplete` and `unreadable` count messages without the wanted joints, without a finite
     number in a field that others have, and with bytes that are no joint state. With
     `arrival_times` no message had a stamp: the times are those at which they were recorded.
@@ -66,11 +67,11 @@ class SampleFaults:
 
     @property
     def dropped(self) -> int:
-        """About how many samples are missing, by the median period."""
+        """Approximate number of missing samples, computed with the median period."""
         return sum(gap.missing for gap in self.gaps)
 
     def words(self) -> list[str]:
-        """Return one line for each kind of fault that there is, with times from the start."""
+        """Return one line for each kind of fault that occurred, with times since the start."""
         lines = []
         if self.arrival_times:
             lines.append('no stamps: the times are those at which messages were recorded')
@@ -103,14 +104,14 @@ class SampleFaults:
 
 
 def counted(count: int, noun: str) -> str:
-    """Return a number of things in words."""
+    """Return a count with its noun, in the plural unless the count is 1."""
     return f'{count} {noun}{"" if count == 1 else "s"}'
 
 
 def advancing_and_repeated(
     stamps: IntArray,
 ) -> tuple[BoolArray, BoolArray]:
-    """Return which stamps make the longest increasing series, and which came before."""
+    """Return which stamps form the longest increasing series, and which are repeated."""
     repeated = np.zeros(len(stamps), dtype=np.bool_)
     if (np.diff(stamps) > 0).all():
         return ~repeated, repeated
@@ -124,7 +125,7 @@ def advancing_and_repeated(
 
 def _longest_increasing(values: Sequence[int]) -> list[int]:
     """
-    Return the places of a longest increasing subsequence of distinct values.
+    Return the indices of a longest increasing subsequence of distinct values.
 
     Source: M. L. Fredman, *Discrete Mathematics* 11(1), 1975: patience sorting, m log m steps.
     """
@@ -146,7 +147,7 @@ def _longest_increasing(values: Sequence[int]) -> list[int]:
 
 
 def gaps_between(stamps: IntArray, periods: IntArray, period: int) -> tuple[Gap, ...]:
-    """Return the gaps in increasing stamps, of their differences and the median of these."""
+    """Return the gaps in increasing stamps, given their differences and the median of these."""
     if period <= 0:
         return ()
     return tuple(

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A damaged sqlite3 file of rosbag2, read page by page as far as that goes.
+A damaged sqlite3 file of rosbag2, read page by page as far as possible.
 
-A database that was cut off refuses to open in the ordinary way, as its header counts more pages
-than there are. Its rows are found by their numbers: where one cannot be read, the next that can is
-searched for, in steps that double, and back by halves.
+A truncated database cannot be opened in the ordinary way, because its header counts more pages
+than the file has. Its rows are found by their ids: if a row cannot be read, the next readable row
+is found by doubling the step, and then by bisection.
 """
 
 from collections.abc import Iterator
@@ -30,11 +30,11 @@ from robot_dynamics.recordings.loss import Loss
 
 MAGIC = b'SQLite format 3\0'
 _SMALLEST_ROW = 32
-"""Bytes of a message and its numbers in the database: how many there can be."""
+"""Smallest size [bytes] of a message with its numbers in the database; bounds their count."""
 
 
 class SalvagedSqlite:
-    """What is left of a sqlite3 file; `losses` are known once it is made."""
+    """The readable part of a sqlite3 file; `losses` are complete after construction."""
 
     def __init__(self, path: Path) -> None:
         """Read through the file once; raise OSError."""
@@ -86,10 +86,10 @@ class SalvagedSqlite:
         return [(time_ns, data) for number, time_ns, data in self._rows() if number in numbers]
 
     def _connect(self) -> sqlite3.Connection:
-        # Read as it is: nothing is repaired, and no journal is looked for.
+        # Read the file as it is, without repair and without a journal.
         connection = sqlite3.connect(
             f'file:{quote(str(self.path.resolve()))}?immutable=1', uri=True)
-        connection.execute('PRAGMA writable_schema=ON')  # else a cut database does not open
+        connection.execute('PRAGMA writable_schema=ON')  # opens a truncated database
         return connection
 
     def _read_topics(self) -> None:
@@ -102,7 +102,7 @@ class SalvagedSqlite:
                     'SELECT topic_type, encoding, encoded_message_definition '
                     'FROM message_definitions').fetchall()
             except sqlite3.Error:
-                return  # older recordings have none
+                return  # older recordings have no definitions
             self.definitions = {str(kind): (str(how), str(text)) for kind, how, text in rows}
 
     def _rows(self) -> Iterator[tuple[int, int, bytes]]:
@@ -118,7 +118,7 @@ class SalvagedSqlite:
                             'SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? '
                             'ORDER BY id', (begin,)):
                         if not isinstance(number, int) or number <= after:
-                            raise sqlite3.DatabaseError('pages that lead back to earlier ones')
+                            raise sqlite3.DatabaseError('pages that refer to earlier pages')
                         after = number
                         if not (isinstance(data, bytes) and isinstance(time_ns, int)
                                 and isinstance(topic, int)):
@@ -146,7 +146,7 @@ class SalvagedSqlite:
             return self._most_rows
 
     def _next_readable(self, connection: sqlite3.Connection, after: int, top: int) -> int | None:
-        """Return the next id beyond `after` whose row can be read, None where there is none."""
+        """Return the next id beyond `after` whose row can be read, or None."""
         step, bad = 1, after
         while True:
             candidate = min(after + step, top)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-One file of a recording: read by the library `rosbags`, or what is left of it where it is damaged.
+One file of a recording, read by the library `rosbags`, or its intact part if it is damaged.
 
-A file that was compressed as a whole is decompressed into a temporary directory first, as far as
-that goes. A sqlite3 file that its recorder left with a journal is completed there, too.
+A file that was compressed as a whole is first decompressed into a temporary directory, as far as
+possible. If the recorder left a journal of a sqlite3 file, the file is completed there as well.
 """
 
 from abc import ABC, abstractmethod
@@ -56,7 +56,7 @@ class StoredTopic(NamedTuple):
 
 
 class StoredFile(Protocol):
-    """A file that is open for reading; `losses` may grow as it is read."""
+    """A file that is open for reading; `losses` may grow while it is read."""
 
     topics: list[StoredTopic]
     losses: list[Loss]
@@ -66,15 +66,15 @@ class StoredFile(Protocol):
         """Return times [ns] and bytes of the messages of a topic, in the order of time."""
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
 
 
 def open_stored_file(path: Path, scratch: Path) -> StoredFile:
     """
-    Open a file of a recording; `scratch` is a directory for what has to be unpacked.
+    Open a file of a recording; `scratch` is a directory for decompressed data.
 
-    Raises OSError where the file cannot be opened, MissingDependencyError without `rosbags`,
-    DecompressionLimitError if it expands to more than its limit.
+    Raises OSError if the file cannot be opened, MissingDependencyError without `rosbags`, and
+    DecompressionLimitError if the file expands to more than its limit.
     """
     optional('rosbags.rosbag2', 'a recording')
     losses: list[Loss] = []
@@ -91,7 +91,7 @@ def open_stored_file(path: Path, scratch: Path) -> StoredFile:
 
 
 class _File(ABC):
-    """What both kinds of storage share: rosbags first, and the salvager where that fails."""
+    """The common part of both kinds of storage: rosbags first, the salvager if rosbags fails."""
 
     def __init__(self, path: Path, stored: Path, losses: list[Loss], notes: list[str]) -> None:
         """Open `path`, the file `stored` of the recording or a decompressed copy of it."""
@@ -120,11 +120,11 @@ class _File(ABC):
                 connection.msgdef.format.name))
 
     def _budget(self) -> Budget:
-        """Return what one pass over the file may decompress."""
+        """Return the budget of one pass over the file."""
         return Budget(self._name, self._size)
 
     def _can_be_limited(self) -> bool:
-        """Tell whether the decompression by rosbags can be limited."""
+        """Return whether the decompression by rosbags can be limited."""
         return True
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
@@ -146,13 +146,13 @@ class _File(ABC):
                 (time_ns, data) for _, time_ns, data in read if _is_valid(time_ns, data)]
             if len(messages) >= sum(connection.msgcount for connection in wanted):
                 return self._plain(messages)
-            self._salvage()  # noise may look like the end to the library
+            self._salvage()  # the library may interpret noise as the end of the file
         found = [message for message in self._salvaged.messages(topic) if _is_valid(*message)]
         found.sort(key=lambda message: message[0])
         return self._plain(found)
 
     def _plain(self, messages: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
-        """Return messages that were compressed one by one as they were before."""
+        """Return the decompressed messages of a recording with compression per message."""
         if not any(data[:4] == ZSTD_MAGIC for _, data in messages):
             return messages
         zstd, plain, bad, budget = zstd_module(), [], 0, self._budget()
@@ -185,7 +185,7 @@ class _File(ABC):
         """Return the topics that the salvager finds."""
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         reader, self._reader = self._reader, None
         if reader is not None:
             with suppress(OSError, _error_of_sqlite()):
@@ -194,10 +194,10 @@ class _File(ABC):
 
 def _errors_of_damage() -> tuple[type[Exception], ...]:
     """
-    Return what rosbags, and the libraries below it, raise for a damaged file.
+    Return the errors that rosbags, and the libraries below it, raise for a damaged file.
 
-    rosbags checks little of what it reads: noise reaches Python's own functions. Only calls of
-    rosbags may be guarded with these errors: they would hide faults of this package's own code.
+    rosbags checks little of its input: noise reaches Python's own functions. Only calls of rosbags
+    may be guarded with these errors, which would hide faults of this package's own code.
     """
     return (
         optional('rosbags.rosbag2', 'a recording').ReaderError,
@@ -205,15 +205,15 @@ def _errors_of_damage() -> tuple[type[Exception], ...]:
         zstd_module().ZstdError,
         RuntimeError,  # of lz4
         struct.error,  # a record that is too short
-        MemoryError, OSError, OverflowError,  # a size or an offset beyond all files
-        ValueError,  # also UnicodeDecodeError: a text of noise
-        LookupError,  # a key of noise, or a number without digits (ruamel.yaml)
+        MemoryError, OSError, OverflowError,  # a size or an offset larger than any file
+        ValueError,  # also UnicodeDecodeError: noise instead of text
+        LookupError,  # noise instead of a key, or a number without digits (ruamel.yaml)
         AssertionError, AttributeError, TypeError,  # a value of another type
     )
 
 
 def _error_of_sqlite() -> type[Exception]:
-    """Return the error of the library by which rosbags reads sqlite3, which is not Python's."""
+    """Return the error of the sqlite3 library of rosbags, which is not that of Python."""
     try:
         error: type[Exception] = importlib.import_module('apsw').Error
     except ImportError:  # earlier versions of rosbags
@@ -222,7 +222,7 @@ def _error_of_sqlite() -> type[Exception]:
 
 
 def _is_valid(time_ns: Any, data: Any) -> bool:
-    """Tell whether a time is one of ROS (int64) and a message is bytes: noise may be anything."""
+    """Return whether a time is one of ROS (int64) and a message is bytes; noise may be neither."""
     return isinstance(time_ns, int) and abs(time_ns) < 1 << 63 and isinstance(data, bytes)
 
 
@@ -271,7 +271,7 @@ _LANGUAGES = {'ros2msg': 'MSG', 'ros2idl': 'IDL', 'omgidl': 'IDL'}
 
 def _decompress(path: Path, out: Path) -> list[Loss]:
     """
-    Write what a compressed file holds; return what was lost of it.
+    Write the contents of a compressed file; return the losses.
 
     Raises DecompressionLimitError.
     """
@@ -298,7 +298,7 @@ def _decompress(path: Path, out: Path) -> list[Loss]:
 
 
 def _with_journal(path: Path, scratch: Path, notes: list[str]) -> Path:
-    """Return the file, or a completed copy where its recorder left a journal beside it."""
+    """Return the file, or a completed copy if its recorder left a journal next to the file."""
     beside = [path.with_name(f'{path.name}{suffix}') for suffix in ('-wal', '-journal')]
     journals = [file for file in beside if file.is_file() and file.stat().st_size > 0]
     if not journals:
@@ -312,8 +312,8 @@ def _with_journal(path: Path, scratch: Path, notes: list[str]) -> Path:
         with closing(sqlite3.connect(copy)) as connection:
             connection.execute('PRAGMA journal_mode=DELETE')
     except sqlite3.Error:
-        notes.append(f'{path.name} has a journal that cannot be applied, and is read without it')
+        notes.append(f'{path.name} is read without its journal, which cannot be applied')
         return path
-    notes.append(f'{path.name} was not closed by its recorder; what its journal '
-                 f'{journals[0].name} holds is read too')
+    notes.append(f'{path.name} was not closed by its recorder; its journal '
+                 f'{journals[0].name} is read too')
     return copy

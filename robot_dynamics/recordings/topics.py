@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics of a recording, and what their publishers offered."""
+"""The topics of a recording, and the QoS that their publishers offered."""
 
 import functools
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ JOINT_STATE = 'sensor_msgs/msg/JointState'
 
 
 class TopicQos(NamedTuple):
-    """What a publisher offers, as far as a player has to offer it again."""
+    """The QoS that a publisher offers, as far as a player has to offer it again."""
 
     depth: int = 1
     reliable: bool = True
@@ -31,7 +31,7 @@ class TopicQos(NamedTuple):
 
 
 class RecordedTopic(NamedTuple):
-    """A topic of a recording; `message_type` is as 'sensor_msgs/msg/JointState'."""
+    """A topic of a recording; `message_type` is for example 'sensor_msgs/msg/JointState'."""
 
     name: str
     message_type: str
@@ -47,7 +47,7 @@ def common_types() -> Any:
 
 
 def qos_to_rosbags(qos: TopicQos) -> Any:
-    """Return what the library rosbags calls a Qos."""
+    """Return the QoS as the type Qos of the library rosbags."""
     interfaces = optional('rosbags.interfaces', 'a recording')
     forever = interfaces.QosTime(9223372036, 854775807)
     return interfaces.Qos(
@@ -63,7 +63,7 @@ def qos_to_rosbags(qos: TopicQos) -> Any:
 
 
 def qos_from_rosbags(connection: Any) -> TopicQos:
-    """Return what the publisher of a connection of rosbags offered, as far as it is known."""
+    """Return the QoS that the publisher of a rosbags connection offered, as far as it is known."""
     profiles = getattr(connection.ext, 'offered_qos_profiles', [])
     if not profiles:
         return TopicQos()

@@ -26,13 +26,13 @@ from typing import Any
 from robot_dynamics.exceptions import RecordingError
 
 LARGEST_DEFINITION = 1_000_000
-"""Characters of the definition of a type."""
+"""Largest number of characters of the definition of a type."""
 MOST_FIELDS = 2000
-"""Fields of a message, with those of its parts and of each element of fixed arrays."""
+"""Largest number of fields of a message, including its parts and elements of fixed arrays."""
 LARGEST_ARRAY = 1_000_000
-"""Elements of a fixed array of numbers."""
+"""Largest number of elements of a fixed array of numbers."""
 MOST_LEVELS = 50
-"""Messages inside each other."""
+"""Largest nesting depth of messages."""
 
 _TYPE = re.compile(r'[A-Za-z]\w*(/[A-Za-z]\w*)+', re.ASCII)
 _NAME = re.compile(r'[A-Za-z]\w*', re.ASCII)
@@ -90,7 +90,7 @@ def _check_kind(name: str, field: str, kind: Any) -> None:
 
 
 def _count(name: str, types: Mapping[str, Any], levels: int, known: dict[str, int]) -> int:
-    """Return how many fields are read one by one; types that are not given count once."""
+    """Return the number of fields that are read one by one; unknown types count once."""
     if name not in types:
         return 1
     if levels == 0:

@@ -15,8 +15,8 @@
 """
 Writing a recording of rosbag2 without ROS, by the library `rosbags`.
 
-Messages are written as the bytes that came over the wire, with the definitions of their types,
-so that nothing is re-encoded and any reader can decode them.
+Messages are written as the bytes that were received, with the definitions of their types. They are
+not re-encoded, and any reader can decode them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,8 +38,8 @@ class RecordingWriter:
     """
     Writes a recording, a directory of rosbag2 with MCAP storage; for use in `with`.
 
-    What was written is readable after `close`, which the `with` statement calls also where an
-    exception leaves it.
+    The written messages are readable after `close`, which the `with` statement also calls after
+    an exception.
     """
 
     def __init__(self, directory: Path, definitions: Mapping[str, str] | None = None) -> None:
@@ -47,7 +47,7 @@ class RecordingWriter:
         Create `directory`.
 
         `definitions` are the texts of message types beyond those of ROS 2 Jazzy's common
-        packages, by name, as in {'my_msgs/msg/Pair': 'float64 a'}. Raises RecordingError where
+        packages, by name, for example {'my_msgs/msg/Pair': 'float64 a'}. Raises RecordingError if
         the directory exists or cannot be made, MissingDependencyError without `rosbags`.
         """
         rosbag2 = optional('rosbags.rosbag2', 'a recording')
@@ -82,7 +82,7 @@ class RecordingWriter:
             self._writer.write(self._connections[topic], time_ns, data)
 
     def close(self) -> None:
-        """Finish the files; once is enough."""
+        """Complete and close the files; further calls have no effect."""
         with uninterrupted():
             if self._open:
                 self._open = False
@@ -101,9 +101,9 @@ class RecordingWriter:
 @contextmanager
 def uninterrupted() -> Iterator[None]:
     """
-    Let signals wait until the block is done, so that no half record is left in a file.
+    Delay signals until the end of the block, so that no incomplete record is left in a file.
 
-    Signals interrupt the main thread alone; in other threads this does nothing.
+    Signals interrupt only the main thread; in other threads this has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

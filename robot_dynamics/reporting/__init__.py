@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How results are shown: figures in one style, HTML pages, text tables, progress."""
+"""Presentation of results: figures in one style, HTML pages, text tables, progress."""
 
 from robot_dynamics.reporting.figures import joint_figure, save_figure
 

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Pictures of motions and efforts, in one style: a row for each joint, a unit on every axis.
+Figures of motions and efforts in one style: one row per joint, a unit on every axis.
 
-Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people with any kind of
-colour vision tell apart; the style of the lines tells them apart in black and white.
-Matplotlib is imported when the first picture is drawn, and draws to files alone.
+The colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people with any kind
+of colour vision can distinguish; the line styles distinguish the lines in black and white.
+Matplotlib is imported when the first figure is drawn, and draws to files only.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#7F7F7F'
 
 
 class LineStyle(NamedTuple):
-    """How a line looks, in colour and in print."""
+    """The style of a line, in colour and in print."""
 
     colour: str
     dash: str | tuple[int, tuple[int, ...]] = '-'
@@ -54,7 +54,7 @@ LINES: Mapping[str, LineStyle] = {
     'friction': LineStyle(ORANGE, (0, (4, 1, 1, 1)), 1.4),
     'external': LineStyle(SKY, '-', 1.2),
 }
-"""The style of every quantity that a picture may show."""
+"""The style of every quantity that a figure may show."""
 
 STYLE = {
     'font.size': 9.0, 'axes.titlesize': 9.0, 'axes.labelsize': 9.0, 'legend.fontsize': 8.0,
@@ -64,19 +64,19 @@ STYLE = {
 COLUMN_WIDTH, ROW_HEIGHT = 5.0, 2.1
 """[inch]"""
 MAX_POINTS = 2000
-"""Points of a line; a picture shows no more."""
+"""Largest number of points per line in a figure."""
 MAX_DOTS = 5000
-"""Dots of a field; likewise."""
+"""Largest number of dots per field in a figure."""
 SCATTER_COLUMNS = 3
-"""Fields beside one another."""
+"""Number of fields per row."""
 
 
 class Panel(NamedTuple):
     """
-    The picture of one quantity at each joint: lines by name, each (m, n), over `times` (m,) [s].
+    The plot of one quantity at each joint: lines by name, each (m, n), over `times` (m,) [s].
 
-    `units` are those of the vertical axis, for revolute and for prismatic joints; `scale` turns
-    the values into them.
+    `units` are those of the vertical axis, for revolute and for prismatic joints; `scale` converts
+    the values to these units.
     """
 
     title: str
@@ -88,7 +88,7 @@ class Panel(NamedTuple):
 
 
 def position_panel(times: FloatArray, reference: FloatArray, measured: FloatArray) -> Panel:
-    """Return the panel of a reference and what became of it, both (m, n) [rad] or [m]."""
+    """Return the panel of a reference and the measured position, both (m, n) [rad] or [m]."""
     return Panel(
         'Position', 'position', times, {'reference': reference, 'measured': measured},
         ('rad', 'm'))
@@ -106,7 +106,7 @@ def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray])
 
 
 def residual_panel(times: FloatArray, residual: FloatArray) -> Panel:
-    """Return the panel of measured less modelled efforts, (m, n) [N·m] or [N]."""
+    """Return the panel of the residual (measured − model), (m, n) [N·m] or [N]."""
     return Panel('Measured − model', 'residual', times, {'error': residual}, ('N·m', 'N'))
 
 
@@ -145,7 +145,7 @@ def scatter_figure(
     residual: FloatArray,
 ) -> Any:
     """
-    Return a matplotlib figure of residual efforts over velocity, both (m, n), a field a joint.
+    Return a matplotlib figure of residual efforts over velocity, both (m, n), one field per joint.
 
     Raises MissingDependencyError without matplotlib.
     """
@@ -175,7 +175,7 @@ def scatter_figure(
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure to a file, whose suffix tells the format; raise OSError."""
+    """Write a figure to a file, whose suffix determines the format; raise OSError."""
     figure.savefig(path)
 
 
@@ -185,9 +185,9 @@ def styled_figure(
     style: Mapping[str, object] | None = None,
 ) -> Iterator[Any]:
     """
-    Give out a matplotlib figure of this size [inch] and, within the block, the common style.
+    Yield a matplotlib figure of this size [inch]; the common style is active within the block.
 
-    `style` has settings of matplotlib beyond it. Raises MissingDependencyError without matplotlib.
+    `style` are additional settings. Raises MissingDependencyError without matplotlib.
     """
     matplotlib, figure_type = _matplotlib()
     with matplotlib.rc_context({**STYLE, **(style or {})}):
@@ -195,7 +195,7 @@ def styled_figure(
 
 
 def title_axes(axes: Any, title: str, note: str = '') -> None:
-    """Put a title above axes, to the left, and a note in small letters between both."""
+    """Add a title above axes, to the left, and a note in small letters between both."""
     axes.set_title(title, loc='left', fontweight='bold', pad=16.0 if note else None)
     axes.annotate(note, (0.0, 1.0), (0.0, 3.0), 'axes fraction', 'offset points', fontsize=8)
 
@@ -215,7 +215,7 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
         axes.set_ylim(low - 0.28 * (high - low), high)  # room for the legend
     largest = max(float(np.nanmax(np.abs(values[:, row]))) for values in panel.lines.values())
     if panel.scale * largest < 1e-9:
-        axes.set_ylim(-1.0, 1.0)  # nothing but zeros, and rounding
+        axes.set_ylim(-1.0, 1.0)  # only zeros and rounding errors
 
 
 def _matplotlib() -> tuple[Any, Any]:

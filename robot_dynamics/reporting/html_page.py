@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pages of HTML that need no other file: tables, lists and pictures within the text."""
+"""Self-contained HTML pages with tables, lists and embedded images."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
@@ -60,7 +60,7 @@ def items(lines: Iterable[str], kind: str = '') -> str:
 
 
 def image(png: bytes, what: str) -> str:
-    """Return a picture, within the page."""
+    """Return an image that is embedded in the page."""
     encoded = b64encode(png).decode('ascii')
     return (f'<div class="wide"><img alt="{escape(what)}" '
             f'src="data:image/png;base64,{encoded}"></div>')

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Progress of a job: one line that is redrawn on a terminal, a line every 10 % elsewhere.
+Progress of a job: one line that is redrawn on a terminal, otherwise one line every 10 %.
 
-The library tqdm is not used because it redraws its line with carriage returns in files and pipes
-too, where a log needs lines.
+The library tqdm is not used because it also redraws its line with carriage returns in files and
+pipes, where a log needs separate lines.
 """
 
 import sys
@@ -40,7 +40,7 @@ class Progress:
         self._drawn = 0.0
 
     def update(self, done: float) -> None:
-        """Show that so much is done; what is beyond the total counts as the total."""
+        """Show the completed amount; an amount beyond the total counts as the total."""
         self._done = done
         fraction = min(max(done / self._total, 0.0), 1.0) if self._total > 0.0 else 1.0
         if not self._live:
@@ -60,11 +60,11 @@ class Progress:
             self._stream.flush()
 
     def advance(self, _: object = None) -> None:
-        """Show one unit more, of jobs that report each step; what they report is ignored."""
+        """Show one more unit, as a callback of jobs that report each step; ignores the report."""
         self.update(self._done + 1)
 
     def close(self) -> None:
-        """Leave the line."""
+        """End the line."""
         if self._live and self._drawn:
             self._stream.write('\n')
             self._stream.flush()

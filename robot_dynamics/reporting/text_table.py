@@ -15,8 +15,8 @@
 """
 Tables for a terminal: text in columns, numbers below their headings.
 
-The library tabulate is not used because it aligns cells only: the notation of the numbers (four
-decimals, an exponent outside of [1e-3, 1e6)) would stay own code, and so most of this module.
+The library tabulate is not used because it only aligns cells: the notation of the numbers (four
+decimals, an exponent outside of [1e-3, 1e6)), which is most of this module, would still be needed.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from robot_dynamics.arrays import FloatArray
 
 Cell = str | float
 _ROUNDING = 1e-12
-"""What is smaller is 0 to a reader."""
+"""A number with a smaller magnitude is displayed as 0."""
 
 
 def text_table(
@@ -57,7 +57,7 @@ def quantity_table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def matrix_table(title: str, names: Sequence[str], matrix: FloatArray) -> str:
-    """Return a matrix (n, n) over joints, whose names stand at its rows and columns."""
+    """Return a matrix (n, n) over joints, with their names at its rows and columns."""
     return text_table([title, *names], [
         [name, *row] for name, row in zip(names, matrix.tolist())])
 
@@ -71,5 +71,5 @@ def _text(cell: Cell) -> str:
 
 
 def percent(fraction: float) -> str:
-    """Return a share in percent, a dash for NaN."""
+    """Return a fraction in percent, a dash for NaN."""
     return '-' if np.isnan(fraction) else f'{100.0 * fraction:.1f} %'

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What an arm does under given efforts: forward dynamics, integrated.
+Simulation of the motion of an arm under given efforts: integrated forward dynamics.
 
-Over each step of integration a motor's effort is constant, the mean that its electrical side
-delivers (`drive`); how the arm moves meanwhile is in `integrator`.
+Over each step of integration, the effort of a motor is constant: the mean of the effort that its
+electrical side delivers (`current_loop`). `integrator` computes the motion of the arm.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ class ArmState(NamedTuple):
 
 class ArmSimulation:
     """
-    An arm in motion. It stands with its brakes on until `release`, and from `brake` on.
+    An arm in motion. Its brakes hold it until `release` is called, and again after `brake`.
 
     All arrays are (n,) in the order of `arm.joint_names`.
     """
@@ -81,7 +81,7 @@ class ArmSimulation:
         return f'<ArmSimulation of {self.arm!r}, {brakes}, position {position}>'
 
     def check_inertia(self) -> None:
-        """Raise ModelError where a joint moves no mass: no effort accelerates it finitely."""
+        """Raise ModelError if a joint moves no mass: its acceleration would be infinite."""
         inertia = np.diag(self._dynamics.rigid_body.mass_matrix(self._initial.position))
         massless = [
             name for name, value in zip(self.arm.joint_names, inertia) if value == 0.0]
@@ -96,24 +96,24 @@ class ArmSimulation:
         return self._dynamics.arm
 
     def reset(self) -> None:
-        """Go back to the initial state, brakes on."""
+        """Return to the initial state with engaged brakes."""
         self.place(*self._initial)
         self._hold()
         self.work = 0.0
         """Work of the efforts, and energy that changes of payload added, since the start [J]."""
         self.heat = 0.0
-        """What friction, meeting teeth and brakes turned into heat since the start [J]."""
+        """Heat [J] from friction, impacts of teeth and brakes since the start."""
 
     def _hold(self) -> None:
-        """Let the brakes carry the arm, and its motors be without current."""
+        """Hold the arm with the brakes, with its motors off."""
         self.braked = True
         self.effort = np.zeros_like(self._now.q)
-        """What the actuators delivered last, (n,) [N·m] or [N]."""
+        """The last effort (n,) [N·m] or [N] of the actuators."""
         self._drive = None if self.arm.actuators is None else Drive(self.arm.actuators)
         self._motor_acceleration = np.zeros_like(self._now.q)
 
     def place(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Put the arm there, (n,) each; where gears have backlash, they bear its weight."""
+        """Set position and velocity, (n,) each; gears with backlash are in contact under load."""
         q, v = position.copy(), velocity.copy()
         backlash = Backlash.of(self.arm.actuators)
         theta = q if backlash is None else backlash.resting_side(
@@ -121,11 +121,11 @@ class ArmSimulation:
         self._now = MotionState(q, v, theta, v)
 
     def release(self) -> None:
-        """Open the brakes."""
+        """Release the brakes."""
         self.braked = False
 
     def brake(self) -> None:
-        """Close the brakes: joints and motors stand at once, and their motion becomes heat."""
+        """Engage the brakes: joints and motors stop at once; their kinetic energy becomes heat."""
         if self.braked:
             return
         self.heat += self._integrator.kinetic_energy(self._now)
@@ -164,7 +164,7 @@ class ArmSimulation:
 
     @property
     def motor_state(self) -> ArmState:
-        """The motors, divided by the gear ratio: the joints' state but for the backlash."""
+        """Motor-side state divided by the gear ratio; differs from the joints by the backlash."""
         return ArmState(self._now.theta.copy(), self._now.omega.copy())
 
     def energy(self) -> tuple[float, float]:
@@ -179,8 +179,8 @@ class ArmSimulation:
         """
         Return the state after `duration` [s] under the constant effort tau.
 
-        Raises InvalidInputError where the state is not finite or beyond LARGEST_VALUE, and keeps
-        the state before: a joint that moves no mass, or an effort that flings the arm away.
+        Raises InvalidInputError if the state is not finite or beyond LARGEST_VALUE, because a
+        joint moves no mass or an effort is too large; the previous state is then kept.
         """
         if self.braked:
             return self.state
@@ -207,10 +207,10 @@ class ArmSimulation:
             now, heat = result.state, heat + result.heat
             work += float(effort @ (now.theta - before.theta))
             if self._drive is None and now is before:
-                break  # it sticks, and nothing changes any more
+                break  # all joints stick, and the state remains constant
             acceleration = np.zeros_like(effort) if result.had_impact else (
                 (now.omega - before.omega) / h)
-        if not (np.abs(now) <= LARGEST_VALUE).all():  # nor where one is NaN
+        if not (np.abs(now) <= LARGEST_VALUE).all():  # also True for NaN
             raise self._not_finite('the state overflows')
         self.heat, self.work = self.heat + heat, self.work + work
         self._now, self._motor_acceleration, self.effort = now, acceleration, effort
@@ -220,11 +220,11 @@ class ArmSimulation:
         self, tau: FloatArray, effort: FloatArray, now: MotionState, acceleration: FloatArray,
         h: float,
     ) -> FloatArray:
-        """Return what the motors deliver over h [s], after `effort` and its `acceleration`."""
+        """Return the effort of the motors over h [s], after `effort` and its `acceleration`."""
         assert self._drive is not None
-        # The velocity in the middle of the step, as far as it can be foreseen.
+        # The predicted velocity in the middle of the step.
         step = self._drive.effort_over_step(tau, now.omega + 0.5 * h * acceleration, h)
-        # What sticks does not feel its own effort.
+        # The effort of a sticking joint has no effect on its velocity.
         moves = (now.omega != 0.0) | (self._dynamics.friction.static == 0.0)
         if not (step.damping * moves).any():
             return step.effort

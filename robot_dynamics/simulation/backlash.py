@@ -13,16 +13,17 @@
 # limitations under the License.
 
 """
-Backlash of gears: where motor and joint touch, and impacts of the teeth.
+Backlash of gears: contact between motor and joint, and impacts of the teeth.
 
-Seen from the joint, the motor stands at θ (its angle over N), with the inertia J = N² J_r. It may
-be up to half the gap away from the joint's q, |θ − q| ≤ b. In between the two move on their own;
-at θ − q = s b, s = ±1, the teeth touch on side s, and push, but never pull. Where they meet at
-the relative velocity w = θ̇ − q̇, an impulse p acts on the joint and −p on the motor:
+On the joint side, the position of the motor is θ (its angle divided by N), and its inertia is
+J = N² J_r. θ differs from the joint position q by at most half the gap, |θ − q| ≤ b. Inside the
+gap motor and joint move independently; at θ − q = s b, s = ±1, the teeth are in contact on side s,
+and transmit only compressive forces. At an impact with the relative velocity w = θ̇ − q̇, an
+impulse p acts on the joint and −p on the motor:
 
     p = (1 + e) m w,   1/m = 1/J + (M⁻¹)_jj,   heat = ½ (1 − e²) m w²
 
-with Newton's restitution e. Momentum is conserved, and nothing but the heat is lost. Source: F.
+with Newton's restitution e. Momentum is conserved, and only the heat is lost. Source: F.
 Pfeiffer and C. Glocker, *Multibody Dynamics with Unilateral Contacts*, Wiley 1996, chapters 6
 and 8; on gears: M. Nordin and P.-O. Gutman, Automatica 38, 2002, sections 2 and 3.
 """
@@ -35,17 +36,17 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.actuator import Actuators
 
 TOUCH = 1e-11
-"""[rad] or [m] within which teeth touch: rounding, and the accuracy of an event."""
+"""Distance [rad] or [m] up to which teeth are in contact, for rounding and event accuracy."""
 CONTACT_TIME = 2e-4
 """
-[s] that elastic teeth take to give back what they store: they do not leave each other for less.
+Time [s] in which elastic teeth release their stored energy: shorter separations are ignored.
 
-A steel gear with the load that it drives rings at 1 to 5 kHz. Shorter bounces are taken as over.
+The natural frequency of a steel gear with its load is 1 to 5 kHz. Shorter bounces count as ended.
 """
 
 
 class ImpactResult(NamedTuple):
-    """Velocities of joints and motors (n,) after teeth met, and the heat [J]."""
+    """Velocities of joints and motors (n,) after an impact of teeth, and the heat [J]."""
 
     v: FloatArray
     omega: FloatArray
@@ -79,7 +80,7 @@ class Backlash:
         object.__setattr__(self, 'exists', np.asarray(self.half_gap > 0.0))
 
     def resting_side(self, q: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return θ (n,) of motors that bear an effort (n,): on the side to which they push."""
+        """Return θ (n,) of motors with an effort (n,): in contact in the direction of effort."""
         return np.asarray(q + np.sign(effort) * self.half_gap)
 
     def touching(self, q: FloatArray, theta: FloatArray) -> FloatArray:
@@ -89,7 +90,7 @@ class Backlash:
         return np.where(touches, np.sign(offset), 0.0)
 
     def clearance(self, q: FloatArray, theta: FloatArray) -> FloatArray:
-        """Return how far (n,) the nearest tooth is; below 0 in contact, ∞ without backlash."""
+        """Return the distance (n,) to the nearest tooth: < 0 in contact, ∞ without backlash."""
         distance = self.half_gap + 0.2 * TOUCH - np.abs(theta - q)
         return np.where(self.exists, distance, np.inf)
 
@@ -98,11 +99,11 @@ class Backlash:
         push: FloatArray,
     ) -> ImpactResult:
         """
-        Return the velocities after the teeth of joint j met.
+        Return the velocities after an impact of the teeth of joint j.
 
-        M (n, n) is the mass matrix without motors with backlash. Other motors that touch their
-        joints at `side` (n,) and move with them go along, unless the impulse lifts them off:
-        against `push` (n,), the force that holds them there, over CONTACT_TIME.
+        M (n, n) is the mass matrix without motors with backlash. Other motors that are in contact
+        with their joints at `side` (n,) and move with them remain in contact, unless the impulse
+        separates them against `push` (n,), the contact force, over CONTACT_TIME.
         """
         J, e = self.inertia, float(self.restitution[j])
         held = (side != 0.0) & (omega == v)
@@ -127,7 +128,7 @@ class Backlash:
     def join(
         self, M: FloatArray, joined: BoolArray, v: FloatArray, omega: FloatArray,
     ) -> ImpactResult:
-        """Return the velocities after these motors (n,) took the velocity of their joints."""
+        """Return the velocities after these motors (n,) have assumed that of their joints."""
         J = self.inertia * joined
         after = np.asarray(
             np.linalg.solve(M + np.diag(J), M @ v + J * omega), dtype=np.float64)

@@ -13,40 +13,41 @@
 # limitations under the License.
 
 """
-Whether commands have failed to come for too long, as one who waits for them in a loop can tell.
+Timeout of commands that are received in a loop.
 
-Silence is counted in the steps of that loop: each with the time that it took by a steady clock,
-but at most the period that it should take. A loop that was itself held up (a busy computer, a
-process that was suspended) could not have heard anything: that time is nobody's silence.
+The time without a command is the sum over the steps of that loop. Each step counts with its
+duration by a steady clock, but at most with its nominal period. If the loop itself was delayed (by
+a busy computer, or because the process was suspended), it could not have received a command, and
+the delay does not count.
 """
 
 FEWEST_STEPS = 3
-"""Steps without a command that there must be in any case: a single one may have been late."""
+"""Smallest number of steps without a command, because a single command may have been late."""
 
 
 class CommandTimeout:
-    """Counts the silence after a command; before the first one there is nothing to miss."""
+    """Measures the time since the last command; there is no timeout before the first command."""
 
     def __init__(self, timeout: float = 0.0) -> None:
-        """`timeout` [s]; with 0 the silence is never too long."""
+        """Take the `timeout` [s]; 0 disables it."""
         self.timeout = timeout
         self.reset()
 
     def reset(self) -> None:
-        """Wait for a first command, however long it takes."""
+        """Wait for a first command, without a timeout."""
         self._waits_for_next = self._received = False
         self.silence, self.silent_steps = 0.0, 0
-        """[s], and in steps, since the last command."""
+        """Time [s] and number of steps since the last command."""
 
     def receive(self) -> None:
-        """Take note of a command, in the step that is under way."""
+        """Register a command in the current step."""
         self._waits_for_next = self._received = True
 
     def end_step(self, passed: float, period: float) -> bool:
         """
-        Return whether the silence is too long, once for each silence.
+        Return whether the timeout has occurred; True only once per timeout.
 
-        `passed` [s] is the time that the step took, `period` [s] the time that it should take.
+        `passed` [s] is the duration of the step, `period` [s] its nominal duration.
         """
         if self._received:
             self._received, self.silence, self.silent_steps = False, 0.0, 0

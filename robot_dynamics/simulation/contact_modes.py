@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-How an arm moves on from a state: which joints stick, which teeth touch, and which meet.
+The contact modes of an arm at a state: sticking joints, teeth in contact, and impacts.
 
-Motors whose teeth touch push their joints; those that would have to pull part from them. Which
-do is found by trying, one change at a time, the one that is furthest from what can be.
+Motors whose teeth are in contact push their joints; motors that would have to pull separate from
+them. The modes are found iteratively: each iteration changes the mode with the largest violation.
 """
 
 from typing import NamedTuple
@@ -27,9 +27,9 @@ from robot_dynamics.joints.stiction import choose_modes, Modes
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 
 _BOUNCES = 40
-"""Impacts at one time after which teeth stay together."""
+"""Number of impacts at one time after which teeth stay in contact."""
 _SLOW = 1e-3
-"""[rad/s] or [m/s] below which they do so too: bounces without end are over in no time."""
+"""Velocity [rad/s] or [m/s] below which teeth stay in contact, which ends infinite bounces."""
 _STRIBECK_RANGE = 4.0
 """Multiple of v_s beyond which friction no longer falls: exp(−4²) is 1e-7."""
 _SIGMOID_RANGE = 9.0
@@ -38,7 +38,7 @@ _TRIES_PER_JOINT = 4
 
 
 class ContactResult(NamedTuple):
-    """The state after teeth met, the heat [J], and whether any did."""
+    """The state after impacts of teeth, the heat [J], and whether there was an impact."""
 
     state: MotionState
     heat: float
@@ -65,7 +65,7 @@ class ContactModeSolver:
         """Without dry friction and backlash."""
 
     def choose(self, state: MotionState) -> tuple[GearModes, FloatArray]:
-        """Return how the joints move on from a state, and their acceleration (n,)."""
+        """Return the modes of the motion from a state, and the joint acceleration (n,)."""
         if self._forces.backlash is None:
             joints = self._joint_modes(state, self._none)
             is_steep = self.is_steep(joints, state.v, state.v)
@@ -83,7 +83,7 @@ class ContactModeSolver:
             a = self._forces.acceleration(modes)(state.q, state.v)
             push = touching * (tau - J * a)
             wrong = np.where(opened, push, -push)
-            wrong[state.omega != state.v] = 0.0  # teeth that part
+            wrong[state.omega != state.v] = 0.0  # teeth that separate
             worst = int(np.argmax(wrong))
             slack = 1e-12 * float(np.abs(tau).max() + np.abs(J * a).max())
             if wrong[worst] <= slack or tried > _TRIES_PER_JOINT * len(tau):
@@ -104,9 +104,9 @@ class ContactModeSolver:
 
     def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> ContactResult:
         """
-        Return the state after all teeth that touch and approach have met.
+        Return the state after the impacts of all approaching teeth in contact.
 
-        `a` (n,) is the acceleration of the joints so far, where it is known.
+        `a` (n,) is the acceleration of the joints before the impacts, if it is known.
         """
         assert self._forces.backlash is not None
         backlash, (q, v, theta, omega) = self._forces.backlash, state
@@ -119,7 +119,7 @@ class ContactModeSolver:
         heat, impacts = 0.0, 0
         while closing.max() > 0.0:
             if plastic or closing.max() < _SLOW or impacts > _BOUNCES:
-                # All at once: one after the other they would lift each other off without end.
+                # All at once: in sequence, they would separate each other indefinitely.
                 v, omega, lost = backlash.join(M, (side != 0.0) & (closing > -_SLOW), v, omega)
             else:
                 v, omega, lost = backlash.impact(int(np.argmax(closing)), M, side, v, omega, push)
@@ -129,7 +129,7 @@ class ContactModeSolver:
         return ContactResult(MotionState(q, v, theta, omega), heat, True)
 
     def is_steep(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
-        """Tell whether friction changes fast with speed on the way from velocity v to `after`."""
+        """Return whether friction changes fast with speed between the velocities v and `after`."""
         if not self.can_be_steep:
             return False
         nearest = np.where(v * after > 0.0, np.minimum(np.abs(v), np.abs(after)), 0.0)

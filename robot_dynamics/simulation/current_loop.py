@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-The electrical side of simulated actuators: a current loop within its current and voltage.
+The electrical side of simulated actuators: a current loop with current and voltage limits.
 
-The drive turns a joint effort into a current to reach, and its loop brings the current there with
-the time constant T_c, as long as the voltage for it is within the limit:
+The drive converts a joint effort to a current set-point i*, and its loop controls the current with
+the time constant T_c, as long as the required voltage is within the limit:
 
     di/dt = (i* − i) / T_c    while |R i + K_e ω + L (i* − i) / T_c| ≤ V_max,
     L di/dt = ±V_max − R i − K_e ω    otherwise.
 
-Both are linear, so that over a step, with ω at its middle, current and mean current follow in
-closed form however short L/R and T_c are against the step (an exponential integrator; M.
-Hochbruck and A. Ostermann, Acta Numerica 19, 2010, section 2). Where voltage is at its limit,
-back-EMF brakes the motor like viscous friction, and may be stiff against the step: for that
-`DriveStep.implicit`.
+Both equations are linear. With ω at the middle of a step, current and mean current over the step
+have a closed form, for any ratio of L/R and T_c to the step (an exponential integrator; M.
+Hochbruck and A. Ostermann, Acta Numerica 19, 2010, section 2). If the voltage is at its limit, the
+back-EMF brakes the motor like viscous friction, which may be stiff relative to the step:
+`DriveStep.implicit` handles this case.
 """
 
 from typing import Any, NamedTuple
@@ -36,17 +36,18 @@ from robot_dynamics.joints.actuator import Actuators
 
 
 class DriveStep(NamedTuple):
-    """The mean joint effort over a step, and how much of it each [rad/s] takes away, (n,)."""
+    """The mean joint effort over a step, and its decrease per [rad/s] of velocity, (n,)."""
 
     effort: FloatArray
     damping: FloatArray
 
     def implicit(self, before: FloatArray, M: FloatArray, h: float) -> FloatArray:
         """
-        Return the effort (n,) over the step of h [s] if its own effect on the speed counts.
+        Return the effort (n,) over the step of h [s] including its own effect on the velocity.
 
-        `before` (n,) is the effort of the step before, whose acceleration foresaw the velocity.
-        For a motor alone this is the implicit midpoint rule, stable at every step.
+        `before` (n,) is the effort of the previous step, whose acceleration predicted the
+        velocity. For a single motor this is the implicit midpoint rule, which is stable for every
+        step.
         """
         n = len(before)
         feedback = 0.5 * h * self.damping[:, None] * np.linalg.inv(M)
@@ -70,9 +71,9 @@ class Drive:
         """
         Return the mean joint effort (n,) over a step of h [s], and advance the current.
 
-        `effort` is what is asked for, v the motors' velocity in the middle of the step, divided
-        by the gear ratio. The drive does not know the acceleration: what the rotor takes is
-        scaled by the efficiency too.
+        `effort` is the commanded effort, v is the velocity of the motors in the middle of the
+        step, divided by the gear ratio. The drive does not know the acceleration: the effort of
+        the rotor is scaled by the efficiency as well.
         """
         motors, unknown = self.actuators, np.zeros_like(v)
         wanted = np.clip(
@@ -89,7 +90,7 @@ class Drive:
     def _settle(
         self, wanted: FloatArray, v: FloatArray, h: float,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the mean current (n,) over h [s], and to which share back-EMF reduces it."""
+        """Return the mean current (n,) over h [s], and the factor by which back-EMF reduces it."""
         motors = self.actuators
         i, charge, rest, fraction = self._saturated(wanted, v, h)
         i, more = _relax(i, wanted, motors.current_time_constant, rest)
@@ -99,7 +100,7 @@ class Drive:
             return np.asarray(mean), fraction
         low, high = motors.current_range(v)  # without inductance, at once
         direct = np.clip(wanted, low, high)
-        by_voltage = direct != wanted  # which is within the current limit already
+        by_voltage = direct != wanted  # `wanted` is already within the current limit
         self.current = np.where(self._inert, i, direct)
         return np.where(self._inert, mean, direct), np.where(self._inert, fraction, by_voltage)
 
@@ -107,9 +108,9 @@ class Drive:
         self, wanted: FloatArray, v: FloatArray, h: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """
-        Return current, its integral, and the time left [s], after motors lacked voltage.
+        Return current, its integral, and the remaining time [s], after the voltage saturation.
 
-        The last is d(mean current)/d(steady current at this voltage), both over h.
+        The last value is d(mean current)/d(steady current at this voltage), both over h.
         """
         motors, i = self.actuators, self.current
         back_emf = self._back_emf * v
@@ -123,7 +124,7 @@ class Drive:
             R, gain = motors.resistance[j], self._loop_gain[j]
             limit = np.copysign(motors.voltage_limit[j], demand[j])
             asymptote, electric = (limit - back_emf[j]) / R, motors.inductance[j] / R
-            # where the loop's own demand comes back to the limit
+            # the time at which the demand of the loop returns to the limit
             leave = (limit - back_emf[j] - gain * wanted[j]) / (R - gain) if gain != R else np.inf
             rest_of_way = (leave - asymptote) / (i[j] - asymptote)
             until = min(h, -electric * np.log(rest_of_way)) if 0.0 < rest_of_way < 1.0 else h
@@ -134,7 +135,7 @@ class Drive:
 
 
 def _relax(i: Any, target: Any, time_constant: Any, t: Any) -> tuple[Any, Any]:
-    """Return the current after t, and its integral, on an exponential way to a target."""
+    """Return the current after t, and its integral, for an exponential approach to a target."""
     decay = np.exp(-t / time_constant)
     return (target + (i - target) * decay,
             target * t + (i - target) * time_constant * (1.0 - decay))

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 """
-When the way in which an arm moves changes: joints stop or break away, teeth meet or part.
+Events that change the mode of motion: joints stop or break away, teeth collide or separate.
 
-Each kind of event has a margin, positive until it happens. A step after which one is negative is
-taken anew up to the first event, found by Newton's method from a guess by the motion at both ends.
+Each kind of event has a margin, which is positive before the event. If a margin is negative after
+a step, the step is repeated up to the first event. Newton's method finds its time, with an initial
+guess from the motion at both ends of the step.
 
 The guess is the root of a Hermite polynomial. Its coefficients c_k are those of Σ c_k s^k with
 s = t/h in [0, 1].
@@ -33,22 +34,22 @@ from robot_dynamics.simulation.joint_forces import GearModes, JointForces, Motio
 
 _ITERATIONS = 60
 _FINEST = 1e-12
-"""Share of a step to which the time of an event is known at least."""
+"""Accuracy of the time of an event, as a fraction of a step."""
 _NUDGE = 1e-3
-"""Share of a step over which accelerations are taken as constant to reach an event exactly."""
-# Kinds of events, and what counts as having reached one.
+"""Fraction of a step with constant acceleration, which is used to reach an event exactly."""
+# Kinds of events, and the tolerances within which an event is reached.
 _TURN, _SLIP, _IMPACT, _PART = range(4)
 _AT_REST = 1e-10
 """[rad/s] or [m/s]"""
 _IMPACT_TOLERANCE = 0.1 * TOUCH
 _SLACK = 1e-9
-"""Share of an effort."""
+"""Fraction of an effort."""
 _ROOT_ITERATIONS = 40
 _ROOT_ACCURACY = 1e-9
 
 
 class StepEnd(NamedTuple):
-    """Where a piece of motion ends, the heat on the way [J], and the accelerations `a` (n,)."""
+    """The end state of a piece of motion, its heat [J], and the accelerations `a` (n,)."""
 
     state: MotionState
     heat: float
@@ -60,7 +61,7 @@ Advance = Callable[[float], StepEnd]
 
 
 class Event(NamedTuple):
-    """The first event of a step: when [s], and the motion up to it."""
+    """The first event of a step: its time [s], and the motion up to the event."""
 
     time: float
     end: StepEnd
@@ -79,7 +80,7 @@ class EventFinder:
         """
         Return the first event in the h [s] from `state` to `end`, or None.
 
-        `a` (n,) is the acceleration at first.
+        `a` (n,) is the acceleration at the start.
         """
         margins = self._margins(end, modes)
         if margins.min() >= 0.0:
@@ -87,7 +88,7 @@ class EventFinder:
         early, late, time, before = 0.0, h, h, (0.0, 1.0)
         guess = self._first_guess(state, h, modes, a, end, margins)
         for i in range(1, _ITERATIONS):
-            # Newton's step, kept between the trials on either side.
+            # Newton's step, limited to the interval between the previous trials.
             time = guess if i % 4 and early < guess < late else 0.5 * (early + late)
             end = advance(time)
             margins = self._margins(end, modes)
@@ -115,7 +116,7 @@ class EventFinder:
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray, end: StepEnd,
         margins: FloatArray,
     ) -> float:
-        """Return when [s] the first event happens, by what is known at both ends."""
+        """Return the estimated time [s] of the first event, from the motion at both ends."""
         after, times = end.state, [h]
         for kind, j in np.argwhere(margins < 0.0):
             if kind == _TURN:
@@ -136,7 +137,7 @@ class EventFinder:
     def _distance(
         self, j: int, side: float, state: MotionState, a: FloatArray,
     ) -> tuple[float, float, float]:
-        """Return how far the teeth of joint j are on that side, and its two derivatives."""
+        """Return the distance of the teeth of joint j on that side, and its two derivatives."""
         assert self._forces.backlash is not None
         q, v, theta, omega = (float(x[j]) for x in state)
         spin_up = float(self._forces.tau[j] / self._forces.backlash.inertia[j])
@@ -146,7 +147,7 @@ class EventFinder:
     def _margin_rate(
         self, kind: int, j: int, state: MotionState, a: FloatArray, modes: GearModes,
     ) -> float | None:
-        """Return how fast a margin changes [1/s], or None where that is not at hand."""
+        """Return the rate [1/s] of a margin, or None if it is not available."""
         if kind == _TURN:
             return float(modes.joints.direction[j] * a[j] / _AT_REST)
         if kind == _IMPACT:
@@ -155,7 +156,7 @@ class EventFinder:
         return None
 
     def _nudged(self, end: StepEnd, dt: float, modes: GearModes) -> StepEnd:
-        """Return what follows so little later or earlier that accelerations stay the same."""
+        """Return the motion a short time later or earlier, with constant accelerations."""
         q, v, theta, omega = end.state
         spin_up = end.a
         if self._forces.backlash is not None:
@@ -167,9 +168,9 @@ class EventFinder:
 
     def _margins(self, end: StepEnd, modes: GearModes) -> FloatArray:
         """
-        Return how far (4, n) each kind of event is, ∞ where it cannot be, negative where it was.
+        Return the margin (4, n) of each kind of event: ∞ if impossible, negative if passed.
 
-        The unit is what counts as reached: an event is between -1 and 1.
+        The unit is the tolerance: an event is reached between -1 and 1.
         """
         forces, (q, v, theta, _), (direction, stuck) = self._forces, end.state, modes.joints
         margins = np.full((4, len(v)), np.inf)
@@ -206,7 +207,7 @@ def quintic(h: float, start: Sequence[float], end: Sequence[float]) -> tuple[flo
 
 
 def first_crossing(coefficients: Sequence[float], h: float) -> float:
-    """Return t in (0, h) where a polynomial is 0: positive at first, negative at last."""
+    """Return the root t in (0, h) of a polynomial that is positive at 0 and negative at h."""
     low, high, s = 0.0, 1.0, 1.0
     for _ in range(_ROOT_ITERATIONS):
         value = slope = 0.0

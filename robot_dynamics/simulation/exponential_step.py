@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A step of motion under viscous friction too stiff for an explicit method.
+A step of motion under viscous friction that is too stiff for an explicit method.
 
-Light links with strong damping relax within microseconds; an explicit method would need steps as
-short. With A = M⁻¹F_v frozen over the step, v̇ = −A v + g is solved exactly for a g that changes
-evenly with time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J. Comput. Phys.
+Light links with strong damping relax within microseconds; an explicit method would need equally
+short steps. With constant A = M⁻¹F_v over the step, v̇ = −A v + g is solved exactly for a g that
+is linear in time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J. Comput. Phys.
 176, 2002, section 2.2), of order 2, extended to the position.
 """
 
@@ -30,7 +30,7 @@ from robot_dynamics.simulation.runge_kutta import Acceleration
 
 def damping_rate(M: FloatArray, viscous: FloatArray, free: BoolArray) -> float:
     """
-    Return a bound [1/s] of the rates at which friction makes joints relax: the trace of M⁻¹F_v.
+    Return a bound [1/s] of the relaxation rates of the joints: the trace of M⁻¹F_v.
 
     Only the joints that move, `free` (n,), count: stuck joints have no relaxation.
     """
@@ -41,7 +41,7 @@ class DampedStep(NamedTuple):
     """
     Position and velocity (n,) after a step.
 
-    `correction` (n,) is by how much the velocity differs from that of the method of order 1.
+    `correction` (n,) is the difference of the velocity from that of the method of order 1.
     """
 
     position: FloatArray
@@ -56,8 +56,8 @@ def damped_step(
     """
     Return the motion after h [s].
 
-    `acceleration(q, v)` includes the viscous friction; `free` (n,) tells which joints move, all
-    others have and keep velocity 0.
+    `acceleration(q, v)` includes the viscous friction; `free` (n,) marks the moving joints. The
+    velocity of all other joints is and remains 0.
     """
     phi = _Phi(M, viscous, free, h)
 
@@ -100,7 +100,7 @@ class _Phi:
 
 
 def phi_functions(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return φ₁, φ₂, φ₃ of z >= 0, to rounding for small z too."""
+    """Return φ₁, φ₂, φ₃ of z >= 0, accurate to rounding also for small z."""
     series = z < 0.5
     safe = np.where(series, 1.0, z)
     one = -np.expm1(-safe) / safe

@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-The motion of an arm while the efforts of its motors stay the same.
+The motion of an arm under constant efforts of its motors.
 
-The rigid bodies are integrated with `runge_kutta`, viscous friction with them, or where it is too
-stiff for that with `exponential_step`. Between events the motion is smooth, so that the method
-keeps its order; a step ends where a joint comes to rest or breaks away (`stiction`), and where
-teeth meet or part (`backlash`). If friction changes fast with speed (Stribeck's effect, friction
-of gears around rest), steps are cut into pieces for which the method's own estimate of the error
-is small. The pieces are explicit steps even if friction is stiff; only if it is extremely stiff,
-the whole step is exponential. A joint that creeps in the friction of its gears takes exponential
-steps as well, while their estimated error is small.
+`runge_kutta` integrates the rigid bodies with viscous friction; if viscous friction is too stiff,
+`exponential_step` does. Between events the motion is smooth, so that the method keeps its order; a
+step ends when a joint comes to rest or breaks away (`stiction`), and when teeth collide or
+separate (`backlash`). If friction changes fast with speed (Stribeck effect, friction of gears
+around rest), steps are divided into pieces for which the error estimate of the method is small.
+The pieces are explicit steps even if friction is stiff; only if it is extremely stiff, the whole
+step is exponential. A joint that creeps in the friction of its gears is also integrated with
+exponential steps, while their estimated error is small.
 """
 
 from collections.abc import Sequence
@@ -47,18 +47,18 @@ from robot_dynamics.simulation.runge_kutta import (
 STIFF = 1.0
 """Relaxation rate × step from which viscous friction is integrated exponentially."""
 _STIFFEST_IN_PIECES = 100.0
-"""The same, from which a step is not cut into explicit pieces: there would be too many."""
+"""The same value from which a step is not divided into explicit pieces, which are too many."""
 _MAX_EVENTS = 60
 _MAX_BOUNCES = 40
-"""Events in a step after which teeth stay together where they meet."""
+"""Number of events in a step after which teeth stay in contact after an impact."""
 _STEEP_TOLERANCE = 1e-7
-"""Error of √M q̇ [J^½] that a piece of a step may have if friction changes fast with speed."""
+"""Largest error of √M q̇ [J^½] of a piece of a step if friction changes fast with speed."""
 _CREEP_TOLERANCE = 1e-5
-"""The same of an exponential step in the friction of gears, by what its second stage corrects."""
+"""The same for an exponential step in gear friction, estimated by its second-stage correction."""
 _FINEST = 2.0**-10
-"""Share of a step that such a piece is at least."""
+"""Smallest fraction of a step that such a piece has."""
 _MAX_PIECES = 10_000
-"""Pieces of a step, all trials counted, after which they are no longer cut."""
+"""Number of pieces of a step, including rejected ones, after which they are not divided."""
 
 
 class StepResult(NamedTuple):
@@ -70,7 +70,7 @@ class StepResult(NamedTuple):
 
 
 class MotionIntegrator:
-    """The motion of one arm, under the efforts and wrenches given last to `current_loop`."""
+    """The motion of one arm under the efforts and wrenches of the last call of `drive`."""
 
     def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self._forces = forces = JointForces(dynamics)
@@ -78,19 +78,19 @@ class MotionIntegrator:
         self._damping_bound = _bound_of_damping_rate(dynamics)
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
-        """Let these efforts of the motors (n,) and wrenches act from now on."""
+        """Set the efforts of the motors (n,) and the wrenches that act from now on."""
         self._forces.drive(tau, wrenches)
 
     def kinetic_energy(self, state: MotionState) -> float:
-        """Return that of links and rotors [J]."""
+        """Return the kinetic energy of links and rotors [J]."""
         return self._forces.kinetic_energy(state)
 
     def motor_inertia(self, state: MotionState) -> FloatArray:
-        """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
+        """Return the mass matrix (n, n) on the motor side; that of the rotors for open gears."""
         return self._forces.motor_inertia(state)
 
     def step(self, state: MotionState, h: float) -> StepResult:
-        """Return the state after h [s]; the very same one where the arm sticks."""
+        """Return the state after h [s]; the same object if all joints stick."""
         forces = self._forces
         if self._modes.can_be_steep:
             self._root_inertia = np.sqrt(np.diag(forces.body.mass_matrix(state.q)))
@@ -116,13 +116,13 @@ class MotionIntegrator:
             state, heat, a, h = end.state, heat + end.heat, end.a, h - passed
             if h <= 0.0:
                 return StepResult(state, heat, had_impact)
-        end = self._advance(state, h, modes, None)  # a quiver that friction damps anyway
+        end = self._advance(state, h, modes, None)  # a small oscillation, which friction damps
         return StepResult(end.state, heat + end.heat, had_impact)
 
     # ------------------------------------------------------------------ integration
 
     def _stiffness(self, q: FloatArray, h: float, modes: GearModes) -> float:
-        """Return a bound of (relaxation rate of the moving joints) × h; stuck joints have none."""
+        """Return a bound of (relaxation rate × h) of the moving joints."""
         forces = self._forces
         in_gears = modes.is_steep and forces.friction.has_gear_terms
         if not (forces.is_damped or in_gears):
@@ -138,11 +138,11 @@ class MotionIntegrator:
     def _advance(
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
     ) -> StepEnd:
-        """Return the state after h [s] in these modes; `a` (n,) is the acceleration at first."""
+        """Return the state after h [s] in these modes; `a` (n,) is the initial acceleration."""
         n, alone = len(state.q), np.flatnonzero(modes.open)
         acceleration = self._forces.acceleration(modes)
         q, v = state.q, state.v
-        if len(alone):  # motors on their own are coordinates of their own
+        if len(alone):  # separated motors are additional coordinates
             assert self._forces.backlash is not None
             spin_up = self._forces.tau[alone] / self._forces.backlash.inertia[alone]
             of_joints = acceleration
@@ -226,10 +226,10 @@ class MotionIntegrator:
     def _end(
         self, state: MotionState, step: RungeKuttaStep, h: float, modes: GearModes,
     ) -> StepEnd:
-        """Return where a step of h [s] leads, and the heat of friction on the way."""
+        """Return the end of a step of h [s], and the heat of friction during the step."""
         n = len(state.q)
         after = self._gather(state, step.position, step.velocity, modes)
-        # The last stage is at the end of the step, but for an error of order h⁵.
+        # The last stage is at the end of the step, except for an error of order h⁵.
         a_end = step.accelerations[-1, :n]
         if self._forces.is_frictionless:
             return StepEnd(after, 0.0, a_end)
@@ -238,10 +238,10 @@ class MotionIntegrator:
         return StepEnd(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
 
     def _lost(self, before: MotionState, after: MotionState) -> float:
-        """Return the work less the gain in energy: what friction took, by energy balance [J]."""
+        """Return the heat of friction [J] by energy balance: the work minus the energy gain."""
         forces, body = self._forces, self._forces.body
         work = float(forces.tau @ (after.theta - before.theta))
-        if forces.wrenches:  # at both ends: of the order of the step that this is the balance of
+        if forces.wrenches:  # values at both ends, with the order of accuracy of the step
             work -= 0.5 * float((after.q - before.q) @ sum(
                 body.external(state.q, forces.wrenches) for state in (before, after)))
         return work + forces.kinetic_energy(before) - forces.kinetic_energy(after) + (
@@ -249,7 +249,7 @@ class MotionIntegrator:
 
 
 def _bound_of_damping_rate(dynamics: UncheckedArmDynamics) -> float:
-    """Return what bounds the rate [1/s] at which joints slow down: M is at least the rotors'."""
+    """Return a bound of the relaxation rates [1/s]: M is at least the inertia of the rotors."""
     actuators, viscous = dynamics.arm.actuators, dynamics.friction.viscous
     if actuators is None:
         return np.inf

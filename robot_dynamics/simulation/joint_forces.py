@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What accelerates the joints of an arm while they slide, stick, or are parted from their motors.
+The forces on the joints of an arm that slide, stick, or are separated from their motors.
 
-Dry friction that slides has one direction between two events; motors in the gap of their gears
-do not act on their joints, and their rotors do not move with them.
+Sliding dry friction has one direction between two events. Motors in the gap of their gears do not
+act on their joints, and their rotors do not move with the joints.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +38,7 @@ class MotionState(NamedTuple):
     """
     Position q and velocity v of the joints, θ and ω of their motors, all (n,), on the joint side.
 
-    Without backlash the motor is where the joint is.
+    Without backlash, motor and joint have the same position.
     """
 
     q: FloatArray
@@ -49,10 +49,10 @@ class MotionState(NamedTuple):
 
 class GearModes(NamedTuple):
     """
-    How an arm moves between two events.
+    The modes of an arm between two events.
 
-    The modes of the joints; `side` (n,) where teeth touch; `open`, motors on their own;
-    `is_steep`, whether friction changes fast with speed.
+    `joints` are the modes of the joints; `side` (n,) is the side on which teeth are in contact;
+    `open` marks separated motors; `is_steep` states whether friction changes fast with speed.
     """
 
     joints: Modes
@@ -62,7 +62,7 @@ class GearModes(NamedTuple):
 
 
 class JointForces:
-    """The forces on the joints under the efforts and wrenches given last to `drive`."""
+    """The forces on the joints under the efforts and wrenches of the last call of `drive`."""
 
     def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
@@ -75,11 +75,11 @@ class JointForces:
         self._frictions: dict[bytes, JointFriction] = {}
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
-        """Let these efforts of the motors (n,) and wrenches act from now on."""
+        """Set the efforts of the motors (n,) and the wrenches that act from now on."""
         self.tau, self.wrenches = tau, wrenches
 
     def kinetic_energy(self, state: MotionState) -> float:
-        """Return that of links and rotors [J]."""
+        """Return the kinetic energy of links and rotors [J]."""
         energy = self.body.kinetic_energy(state.q, state.v)
         if self.backlash is not None:
             difference = self.backlash.inertia * (state.omega**2 - state.v**2)
@@ -87,7 +87,7 @@ class JointForces:
         return energy
 
     def motor_inertia(self, state: MotionState) -> FloatArray:
-        """Return the mass matrix (n, n) that the motors feel: their own where gears are open."""
+        """Return the mass matrix (n, n) on the motor side; that of the rotors for open gears."""
         if self.backlash is None:
             return self.body.mass_matrix(state.q)
         opened = self.backlash.exists & (self.backlash.touching(state.q, state.theta) == 0.0)
@@ -95,7 +95,7 @@ class JointForces:
         return np.asarray(M + np.diag(self.backlash.inertia * opened))
 
     def body_with(self, opened: BoolArray) -> UncheckedRigidBody:
-        """Return the rigid bodies without the rotors of motors on their own."""
+        """Return the rigid bodies without the rotors of separated motors."""
         if self.backlash is None or not opened.any():
             return self.body
         key = opened.tobytes()
@@ -104,7 +104,7 @@ class JointForces:
         return self._bodies[key]
 
     def friction_with(self, opened: BoolArray) -> JointFriction:
-        """Return the friction without the part of the load where teeth transmit none."""
+        """Return the friction, without its load-dependent part for separated motors."""
         if not (opened & (self.friction.load > 0.0)).any():
             return self.friction
         key = opened.tobytes()
@@ -126,7 +126,7 @@ class JointForces:
             tau, modes.joints.direction, modes.is_steep)
 
     def damping(self, v: FloatArray, modes: GearModes) -> FloatArray:
-        """Return the viscous friction (n,) that is as large as all smooth friction at v."""
+        """Return the viscous friction (n,) that equals all smooth friction at v."""
         if not self.friction.has_gear_terms:
             return self.friction.viscous
         return self.friction_with(modes.open).damping(v, self.after_friction(modes)(v))
@@ -136,7 +136,7 @@ class JointForces:
         return np.where(modes.open, 0.0, self.tau) - self.after_friction(modes)(v)
 
     def acceleration(self, modes: GearModes) -> Acceleration:
-        """Return the joints' acceleration (n,) in these modes, by q and v."""
+        """Return the joint acceleration (n,) in these modes as a function of q and v."""
         body, wrenches, stuck = self.body_with(modes.open), self.wrenches, modes.joints.stuck
         remaining = self.after_friction(modes)
         if not stuck.any():

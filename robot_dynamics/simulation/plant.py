@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulated robot as its controller meets it: brakes, efforts that act, and noisy sensors."""
+"""A simulated robot with the interface of its controller: brakes, efforts, and noisy sensors."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ from robot_dynamics.simulation.command_timeout import CommandTimeout
 
 class InnerController:
     """
-    The inner controller of a robot that knows its arm, but no load on it.
+    The inner controller of a robot, which knows the arm but not its load.
 
     All arrays are (n,) in the order of `arm.joint_names`.
     """
@@ -40,11 +40,11 @@ class InnerController:
     def with_own_compensation(
         self, effort: FloatArray, q: FloatArray, v: FloatArray,
     ) -> FloatArray:
-        """Return the effort at the joints of one that was commanded, at the state (q, v)."""
+        """Return the effort at the joints for a commanded effort at the state (q, v)."""
         if self.semantics.compensates_gravity:
             effort = effort + self._dynamics.rigid_body.gravity(q)
         if self.semantics.compensates_friction:
-            # smooth around rest, as the sign of a measured velocity would chatter there
+            # smooth around rest, where the sign of a measured velocity would chatter
             effort = effort + self._dynamics.friction_effort(v, effort, smooth=True)
         return effort
 
@@ -52,9 +52,10 @@ class InnerController:
         self, effort: FloatArray, q: FloatArray, v: FloatArray, braked: bool,
     ) -> FloatArray:
         """
-        Return what the robot reports while `effort` acts at its joints; empty for none.
+        Return the effort that the robot reports while `effort` acts at its joints.
 
-        While brakes carry the arm it reports zeros, whatever it measures.
+        The result is empty if the robot measures no effort, and zero while the brakes hold the
+        arm.
         """
         lacks_gravity = self.semantics.lacks_gravity and not braked
         gravity = self._dynamics.rigid_body.gravity(q) if lacks_gravity else np.zeros_like(q)
@@ -63,7 +64,7 @@ class InnerController:
 
 
 class Measured(NamedTuple):
-    """Position, velocity and effort (n,), the latter empty for none; the motors as they are."""
+    """Position, velocity and effort (n,), which may be empty; the motors without noise."""
 
     position: FloatArray
     velocity: FloatArray
@@ -73,7 +74,7 @@ class Measured(NamedTuple):
 
 class Plant:
     """
-    The simulated robot with what acts on it. Not for two threads at a time.
+    The simulated robot with the efforts and wrenches on it. Not for two threads at a time.
 
     All arrays are (n,) in the order of the joints of its arm.
     """
@@ -82,11 +83,11 @@ class Plant:
         self, simulation: ArmSimulation, robot: InnerController, brakes: bool,
         noise: np.random.Generator,
     ) -> None:
-        """Start on the brakes, or without any; with no timeout yet."""
+        """Start with engaged brakes, or without brakes; initially without a timeout."""
         self.simulation = simulation
         self.commands = CommandTimeout()
         self.timed_out = False
-        """Whether efforts have failed to come for too long, until the next one."""
+        """Whether the command timeout has occurred and no effort has arrived since."""
         self._robot = robot
         self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
         self.wrenches: dict[str, ExternalWrench] = {}
@@ -96,15 +97,15 @@ class Plant:
         self.encoders_at_motor = False
         self.has_brakes = brakes
         self.effort_limit: FloatArray | None = None
-        """Limits (n,) to which the drives clip efforts, infinite for none; None: no clipping."""
+        """Limits (n,) to which the drives clip efforts, may be infinite; None: no clipping."""
         self.clipped_count = 0
-        """Commanded efforts that were clipped at one joint or more, since the start."""
+        """Number of commanded efforts that were clipped at any joint, since the start."""
         self._noise = noise
         if not brakes:
             simulation.release()
 
     def reset(self) -> None:
-        """Back to the initial pose, without an effort or a wrench, as before the first effort."""
+        """Return to the initial pose without effort and wrench, as before the first effort."""
         self.simulation.reset()
         self.effort = np.zeros_like(self.effort)
         self.wrenches.clear()
@@ -138,10 +139,10 @@ class Plant:
 
     def watch_commands(self, passed: float, period: float) -> bool:
         """
-        Return whether just now efforts have failed to come for too long, and then hold the arm.
+        Return whether the command timeout occurs now; if so, hold the arm with the brakes.
 
-        Without brakes no effort acts on it any more. To be called once for each step that took
-        `passed` and should take `period` [s].
+        Without brakes, no effort acts on the arm any more. Call this method once per step;
+        `passed` [s] is the duration of the step, `period` [s] its nominal duration.
         """
         if not self.commands.end_step(passed, period):
             return False
@@ -152,12 +153,12 @@ class Plant:
         return True
 
     def step(self, period: float) -> None:
-        """Move on by `period` [s]."""
+        """Advance the simulation by `period` [s]."""
         effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
         self.simulation.step(effort, period, list(self.wrenches.values()))
 
     def measure(self) -> Measured:
-        """Return what the sensors say now."""
+        """Return the present values of the sensors."""
         simulation = self.simulation
         q, v = simulation.motor_state if self.encoders_at_motor else simulation.state
         n = len(q)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A step of the Runge–Kutta method of order 5 of Dormand and Prince, for q̈ = a(q, q̇).
+A step of the fifth-order Runge–Kutta method of Dormand and Prince, for q̈ = a(q, q̇).
 
 Source: E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, Springer
 1993, table II.5.2.
@@ -28,7 +28,7 @@ from robot_dynamics.arrays import FloatArray
 
 Acceleration = Callable[[FloatArray, FloatArray], FloatArray]
 
-# What of the stages before makes each stage, and in the last row what they sum up to.
+# Weights of the previous stages in each stage, and in the last row of all stages in the result.
 _TABLEAU = tuple(np.array(row) for row in (
     (1 / 5,),
     (3 / 40, 9 / 40),
@@ -38,7 +38,7 @@ _TABLEAU = tuple(np.array(row) for row in (
     (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
 ))
 WEIGHTS = _TABLEAU[-1]
-# What the embedded method of order 4 makes of the stages and the slope at the end, less WEIGHTS.
+# Weights of the embedded fourth-order method for the stages and the final slope, minus WEIGHTS.
 _ERROR_WEIGHTS = WEIGHTS - np.array((
     5179 / 57600, 0.0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100))
 _ERROR_WEIGHT_OF_END = -1 / 40
@@ -66,7 +66,7 @@ def runge_kutta_step(
     """
     Return position and velocity (n,) after h [s], with an error of order h⁶.
 
-    `a` (n,) is the acceleration at (q, v), where it is known already.
+    `a` (n,) is the acceleration at (q, v), if it is already known.
     """
     n = len(q)
     start = np.concatenate((q, v))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Joint trajectories: the type, interpolation, limits, files, efforts, exciting motions."""
+"""Joint trajectories: type, interpolation, limits, files, efforts and excitation trajectories."""
 
 from robot_dynamics.trajectories.demo_motion import make_reference_motion
 from robot_dynamics.trajectories.efforts import efforts_along, TrajectoryEfforts

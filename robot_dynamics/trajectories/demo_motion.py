@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A motion to show on any arm: smooth, within all limits, and never the same for two joints.
+A demonstration motion for any arm: smooth, within all limits, and different for every joint.
 
-The arm leaves a start pose, swings every joint about it, each with a pattern of its own, and comes
-back to rest at the start. How far it swings follows from the limits of position, velocity and
-effort, and from the time that it has. Collisions are not looked at.
+The arm leaves a start pose, swings every joint about this pose, each with its own pattern, and
+returns to rest at the start. The amplitudes follow from the limits of position, velocity and
+effort, and from the duration. Collisions are not checked.
 """
 
 from dataclasses import dataclass
@@ -34,32 +34,32 @@ from robot_dynamics.trajectories.quintics import quintic_via_points
 from robot_dynamics.validation import check_scalar, check_vector
 
 LIMIT_FRACTION = 0.6
-"""Of the limits of velocity, and of effort where gravity alone takes less than that."""
+"""Used fraction of the velocity limits, and of the effort limits if gravity takes less."""
 POSITION_MARGIN = 0.05
-"""Share of a joint's range that is kept free at either end."""
+"""Fraction of a joint's range that is kept free at each end."""
 LARGEST_SWING = 0.8
-"""[rad] about the start pose, for joints with much room."""
+"""Largest amplitude [rad] about the start pose, for joints with a large range."""
 LARGEST_PRISMATIC_SWING = 0.3
 """[m] likewise."""
 LARGEST_ACCELERATION = 6.0
-"""[rad/s²] or [m/s²]"""
+"""Largest acceleration [rad/s²] or [m/s²]."""
 SHORTEST_DURATION = 0.5
 """[s]"""
 
 _SECONDS_PER_SWING = 1.6
 _SAMPLES = 400
 _SMALLEST_SCALE = 1e-3
-# Where in its range a joint starts: alternately, from the middle, in halves of that range.
+# Start positions of the joints within their ranges: from the middle, in units of half the range.
 _START_PATTERN = (0.25, 1.0 / 6.0)
 _START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
-# Via-points of the swing; each joint begins at an entry of its own.
+# Via-points of the swing; each joint begins at a different entry.
 _SWINGS = np.array((1.0, -0.9, 0.3, -0.6, 0.8, -0.3))
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceMotion:
     """
-    A motion from rest at `start` (n,) back to it, and what it takes.
+    A motion that starts and ends at rest at `start` (n,), and its efforts.
 
     `effort_ratio` is the largest ratio of an effort to its limit, at `worst_joint`.
     """
@@ -74,12 +74,13 @@ def make_reference_motion(
     arm: ArmModel, duration: float, start: FloatArray | None = None,
 ) -> ReferenceMotion:
     """
-    Return a motion of `duration` [s] for this arm, from `start` (n,) or a pose that it chooses.
+    Return a motion of `duration` [s] for this arm, from `start` (n,), or from `start_pose`.
 
-    Positions keep POSITION_MARGIN off their limits; velocities stay below LIMIT_FRACTION of
-    theirs, and efforts too, unless gravity at the start pose takes more already: then they stay
-    below the middle between that and the limit. Raises InvalidInputError on a duration below
-    SHORTEST_DURATION, a start outside the limits, or an arm that cannot hold itself up.
+    Positions keep a distance of POSITION_MARGIN from their limits. Velocities and efforts stay
+    below LIMIT_FRACTION of their limits. If gravity at the start pose already takes a larger
+    fraction of an effort limit, the efforts stay below the mean of that fraction and 1. Raises
+    InvalidInputError for a duration below SHORTEST_DURATION, a start outside the limits, or an arm
+    that cannot compensate its own gravity.
     """
     T = check_scalar('duration', duration, SHORTEST_DURATION)
     dynamics = ArmDynamics(arm)
@@ -89,9 +90,9 @@ def make_reference_motion(
     if gravity >= 1.0:
         worst = int(np.argmax(np.abs(holding) / arm.limits.effort))
         raise InvalidInputError(
-            f'arm {arm.name!r} cannot hold itself up: joint {arm.joint_names[worst]!r} needs '
-            f'{gravity:.2f} times its effort limit of {arm.limits.effort[worst]:g} at the start '
-            'pose, expected less than once')
+            f'arm {arm.name!r} cannot compensate its own gravity: joint '
+            f'{arm.joint_names[worst]!r} needs {gravity:.2f} times its effort limit of '
+            f'{arm.limits.effort[worst]:g} at the start pose, expected less than 1')
     allowed = max(LIMIT_FRACTION, 0.5 * (gravity + 1.0) if gravity > LIMIT_FRACTION else 0.0)
     pattern = _pattern(arm.joint_count, T)
     swing, scale = _swing_within_limits(arm, q0, pattern, T), 1.0
@@ -110,13 +111,13 @@ def make_reference_motion(
 
 def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
     """
-    Return a trajectory of somebody else's with what it takes of this arm.
+    Return a given trajectory together with its efforts on this arm.
 
-    Raises InvalidInputError where it is one point alone, or starts outside the limits.
+    Raises InvalidInputError if it has only one point, or starts outside the limits.
     """
     if trajectory.is_set_point:
         raise InvalidInputError(
-            'the trajectory has 1 point, expected at least 2: a motion to follow')
+            'the trajectory has 1 point, expected at least 2')
     q0 = _checked_start(arm, trajectory.points[0].position)
     dynamics = ArmDynamics(arm)
     q, v, a = _sample(trajectory)
@@ -128,10 +129,10 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
 
 def start_pose(dynamics: ArmDynamics) -> FloatArray:
     """
-    Return a pose (n,) well within the limits, at which gravity matters and can be borne.
+    Return a pose (n,) well within the limits whose gravity torque is noticeable but feasible.
 
-    Of a few poses about the middle of all ranges: the first one that takes at most half of any
-    effort limit to hold, or, where none does, the one that takes the least.
+    Of a few poses about the middle of all ranges, the first one is chosen whose gravity takes at
+    most half of every effort limit; if there is no such pose, the pose with the smallest ratio.
     """
     arm = dynamics.arm
     middle, half_range = _ranges(arm)
@@ -154,7 +155,7 @@ def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Referen
 
 
 def _ranges(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
-    """Return the middle of each joint's range and half of it; half a turn where it has no end."""
+    """Return the middle of each joint's range and half of the range; π for an infinite range."""
     lower, upper = arm.limits.lower, arm.limits.upper
     reach = np.where([kind == 'prismatic' for kind in arm.joint_kinds], 1.0, np.pi)
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper, 0.0) - reach)
@@ -201,7 +202,7 @@ def _sample(trajectory: JointTrajectory) -> Reference:
 def _swing_within_limits(
     arm: ArmModel, q0: FloatArray, pattern: FloatArray, T: float,
 ) -> FloatArray:
-    """Return how far each joint may swing (n,): all of the motion is linear in it."""
+    """Return the largest amplitude of each joint (n,); the whole motion is linear in it."""
     n, limits = arm.joint_count, arm.limits
     x, v, a = _sample(_trajectory(arm, np.zeros(n), pattern, np.ones(n), T))
     prismatic = np.array([kind == 'prismatic' for kind in arm.joint_kinds])

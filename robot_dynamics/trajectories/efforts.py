@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The efforts that a trajectory takes, and whether the arm has them along the whole motion."""
+"""The efforts along a trajectory, and their comparison with the limits of the arm."""
 
 from typing import NamedTuple
 
@@ -24,27 +24,27 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.segments import TrajectorySegments
 
 INTERVALS = 32
-"""Into how many a segment is divided, unless the joints move far or there are many segments."""
+"""Intervals per segment, unless the joints move far or there are many segments."""
 LEAST_INTERVALS = 4
-"""Likewise in a trajectory of very many segments."""
+"""Intervals per segment in a trajectory of very many segments."""
 STEP = 0.1
-"""[rad] or [m] that all joints together move in one interval, on average over the segment."""
+"""Mean motion [rad] or [m] of all joints together in one interval of a segment."""
 MOST_INTERVALS = 8_000
-"""Of all segments together, unless LEAST_INTERVALS need more: this bounds the work."""
+"""Limit of the intervals of all segments together, unless LEAST_INTERVALS require more."""
 PEAKS = 64
-"""Local maxima of the samples around which the largest share is searched for."""
+"""Number of local maxima of the samples around which the largest ratio is refined."""
 _ROUNDS, _REFINED = 4, 9
 _CHUNK = 1024
 
 
 class TrajectoryEfforts(NamedTuple):
     """
-    Efforts (points, n) at the points, and where the motion comes closest to the arm's limits.
+    Efforts (points, n) at the points, and the point in time closest to a limit of the arm.
 
     `worst_ratio` is |value| / limit of `worst_joint` at `worst_time` [s] from the start, the
     largest at and between the points, and `worst_limit` names the limited value: 'effort', or with
-    motors 'current' or 'voltage', which are steady (`Actuators.load`). Without any limit the ratio
-    is 0.
+    motors 'current' or 'voltage', which are steady-state values (`Actuators.load`). Without any
+    limit the ratio is 0.
     """
 
     efforts: FloatArray
@@ -59,11 +59,11 @@ def efforts_along(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Traject
     """
     Return inverse dynamics along a trajectory, whose joints are in the arm's order.
 
-    At the points, a point's own velocity and acceleration are used; what it leaves out is what
-    the interpolation has at that time. The limits are compared with the efforts at the points, on
-    the interpolated motion from the first to the last point, and in the rest after the last of
-    several points. The largest share between the points is sampled and refined, to about 1e-5
-    where the efforts are continuous.
+    At a point, its own velocity and acceleration are used; fields that the point omits are those
+    of the interpolation at that time. The limits are compared with the efforts at the points, on
+    the interpolated motion from the first to the last point, and at rest after the last of several
+    points. The largest ratio between the points is sampled and refined, to about 1e-5 if the
+    efforts are continuous.
     """
     segments = TrajectorySegments(trajectory)
     efforts = dynamics.unchecked.inverse_dynamics_batch(*segments.points)
@@ -80,7 +80,7 @@ def efforts_along(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Traject
 
 
 class _Search:
-    """The largest share of a limit that was found so far."""
+    """The largest ratio of a value to its limit that was found so far."""
 
     def __init__(self, dynamics: ArmDynamics) -> None:
         self._dynamics = dynamics.unchecked
@@ -89,7 +89,7 @@ class _Search:
     def compare(
         self, times: FloatArray, motion: Reference, efforts: FloatArray | None = None,
     ) -> FloatArray:
-        """Take samples (m, n) at times (m,) into account; return their largest shares, (m,)."""
+        """Compare samples (m, n) at times (m,) with the limits; return their largest ratios."""
         if efforts is None:
             efforts = self._dynamics.inverse_dynamics_batch(*motion)
         by_limit = self._limit_ratios(efforts, motion)
@@ -101,7 +101,7 @@ class _Search:
         return np.asarray(ratios.max(axis=(0, 2)))
 
     def _limit_ratios(self, efforts: FloatArray, motion: Reference) -> dict[str, FloatArray]:
-        """Return |value| / limit, (m, n), of all that is limited."""
+        """Return |value| / limit, (m, n), of all limited values."""
         arm = self._dynamics.arm
         by_limit: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
         if arm.actuators is not None:
@@ -111,7 +111,7 @@ class _Search:
 
 
 def _search_segments(search: _Search, segments: TrajectorySegments) -> None:
-    """Sample all segments, then more and more closely around the largest of the local maxima."""
+    """Sample all segments, then refine around the largest of the local maxima."""
     intervals = _intervals(segments)
     segment = np.repeat(np.arange(segments.count), intervals + 1)
     first = np.cumsum(intervals + 1) - (intervals + 1)
@@ -136,7 +136,7 @@ def _search_segments(search: _Search, segments: TrajectorySegments) -> None:
 
 
 def _intervals(segments: TrajectorySegments) -> IntArray:
-    """Return into how many intervals each segment is divided, (k,)."""
+    """Return the number of intervals of each segment, (k,)."""
     k, quarters = segments.count, np.linspace(0.0, 1.0, 5)
     q = segments.sample(np.repeat(np.arange(k), 5), np.tile(quarters, k)).position
     moved = np.abs(np.diff(q.reshape(k, 5, -1), axis=1)).sum(axis=(1, 2))
@@ -146,7 +146,7 @@ def _intervals(segments: TrajectorySegments) -> IntArray:
 
 
 def _largest_peaks(ratios: FloatArray) -> IntArray:
-    """Return the rows of the largest local maxima; what is constant has none."""
+    """Return the rows of the largest local maxima; a constant series has none."""
     before = np.concatenate((ratios[:1], ratios[:-1]))
     after = np.concatenate((ratios[1:], ratios[-1:]))
     is_peak = (ratios >= before) & (ratios >= after) & (

@@ -20,10 +20,10 @@ size and the variance per coordinate towards the better half. Source: R. Ros and
 simple modification in CMA-ES achieving linear time and space complexity", PPSN X, 2008, with the
 constants of N. Hansen, "The CMA evolution strategy: a tutorial", arXiv:1604.00772, table 1.
 
-A cost only decides by its rank. Rounding differences between BLAS kernels or processors therefore
+Only the rank of a cost matters. Rounding differences between BLAS kernels or processors therefore
 do not change the path of the search, unless two costs agree to all digits. A search by numerical
-gradients amplifies them: the same seed led to different minima. All arithmetic on the candidates
-is per element, so that no BLAS kernel takes part in it. scipy has no CMA evolution strategy.
+gradients amplifies such differences: the same seed led to different minima. All arithmetic on the
+candidates is per element and uses no BLAS kernel. scipy has no CMA evolution strategy.
 """
 
 from collections.abc import Callable
@@ -53,11 +53,11 @@ def minimize_by_rank(
     random: np.random.Generator, when_done: Callable[[int], None] = lambda _: None,
 ) -> FloatArray:
     """
-    Return the best candidate (d,) found from `start` (d,), `step` away from it at first.
+    Return the best candidate (d,) of a search around `start` (d,).
 
     `step` is the standard deviation of the first generation.
 
-    `when_done` is called with the number of generations done.
+    `when_done` is called with the number of completed generations.
     """
     c = _constants(len(start))
     mean, sigma = start, step
@@ -99,7 +99,7 @@ def _constants(d: int) -> _Constants:
     weights /= weights.sum()
     mu_eff = float(1.0 / (weights**2).sum())
     c_sigma = (mu_eff + 2.0) / (d + mu_eff + 5.0)
-    faster = (d + 2.0) / 3.0  # of the variances: d of them are learnt instead of d (d + 1) / 2
+    faster = (d + 2.0) / 3.0  # faster learning: d variances instead of d (d + 1) / 2
     c_1 = faster * 2.0 / ((d + 1.3)**2 + mu_eff)
     c_mu = faster * 2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((d + 2.0)**2 + mu_eff)
     return _Constants(

@@ -13,16 +13,16 @@
 # limitations under the License.
 
 """
-An exciting motion: one that tells as much as it can about the parameters of an arm.
+An excitation motion, which excites all parameters of an arm as well as possible.
 
 The motion is a Fourier series (`fourier_series`) about a start pose, from rest to rest. Its
-coefficients minimise the condition number of the base regressor with columns of unit length, by
-which errors of the measurement at most grow on their way into the parameters (M. Gautier and
+coefficients minimise the condition number of the base regressor with columns of unit length, which
+bounds the amplification of measurement errors in the parameters (M. Gautier and
 W. Khalil, "Exciting trajectories for the identification of base inertial parameters of robots",
 Int. J. Robotics Research 11(4), 1992; J. Swevers et al., IEEE Trans. Robotics and Automation
-13(5), 1997). Whatever the coefficients, each joint swings as far as its limits of position,
-velocity and acceleration let it; where inverse dynamics asks for more effort than is allowed, all
-joints swing less. Collisions are not checked.
+13(5), 1997). For any coefficients, the amplitude of each joint is scaled to the limits of its
+position, velocity and acceleration. If inverse dynamics requires more effort than is allowed, the
+amplitudes of all joints are reduced. Collisions are not checked.
 
 The search compares condition numbers and uses no gradient (`evolution_strategy`), so that the
 same seed gives the same trajectory with every BLAS kernel and number of threads.
@@ -46,28 +46,29 @@ from robot_dynamics.trajectories.fourier_series import free_coefficients, series
 
 MOST_HARMONICS = 50
 RANDOM_MOTIONS = 20
-"""Random motions to compare with; the search starts from the best."""
+"""Number of random motions for comparison; the search starts from the best one."""
 GENERATIONS = 200
 """Generations of the evolution strategy."""
 FIRST_STEP = 0.5
-"""Standard deviation of its first generation, relative to that of the random motions."""
+"""Standard deviation of the first generation, relative to that of the random motions."""
 SEARCH_SAMPLES, CHECK_SAMPLES = 12, 200
-"""A period of the fastest harmonic: of the search, and of the check of limits."""
+"""Samples per period of the fastest harmonic, in the search and in the check of limits."""
 EFFORT_WEIGHT = 10.0
-"""Decades of condition number that twice the allowed effort costs in the search."""
+"""Penalty in the search for twice the allowed effort, in decades of the condition number."""
 WORST = 1e8
-"""A condition number beyond which squares tell nothing."""
+"""Condition number beyond which the normal equations are numerically singular."""
 SMOOTHING_VELOCITY = 0.05
-"""[rad/s] or [m/s] of the sigmoid that stands for Coulomb friction."""
+"""Width [rad/s] or [m/s] of the sigmoid that models Coulomb friction."""
 KEPT = 1.0 - 2e-4
 """
-Share of the limits that is used at the samples, so that nothing passes them in between.
+Fraction of the limits that is used at the samples, so that the motion between them is within.
 
-Between samples a series of degree N exceeds them by at most ½ (π / CHECK_SAMPLES)² of its peak, as
-its second derivative is at most (N ω)² times that (Bernstein's inequality).
+Between samples a series of degree N exceeds the values at the samples by at most
+½ (π / CHECK_SAMPLES)² of its peak, because its second derivative is at most (N ω)² times the peak
+(Bernstein's inequality).
 """
 KEPT_EFFORT = 1.0 - 2e-3
-"""Likewise for efforts, which are no such series."""
+"""Fraction of the effort limits that is used at the samples; efforts are no such series."""
 _SHRINK = 0.97
 _SMALLEST_SCALE = 1e-2
 
@@ -83,10 +84,10 @@ class Motion(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """
-    An exciting motion: the coefficients (2 N − 2, n) of its series about `limits.start`.
+    An excitation motion: the coefficients (2 N − 2, n) of its series about `limits.start`.
 
-    `condition` is its condition number, beside those of random series within the same limits;
-    `parameter_count` is the number of base parameters that it is of.
+    `condition` is its condition number; `random_conditions` are those of random series within the
+    same limits. `parameter_count` is the number of base parameters of the regressor.
     """
 
     coefficients: FloatArray
@@ -104,7 +105,7 @@ class Excitation:
 
 
 class ConditionNumber:
-    """The condition number of motions of one arm: of inertia, rotors, friction and offsets."""
+    """Condition number of motions of one arm, for inertia, rotors, friction and offsets."""
 
     def __init__(self, arm: ArmModel) -> None:
         self._regressor = TorqueRegressor(arm)
@@ -139,7 +140,7 @@ class ConditionNumber:
 
 
 class _Search:
-    """Motions of one arm within its limits, by numbers x of any size: 2 N − 2 for each joint."""
+    """Maps unbounded vectors x, 2 N − 2 numbers per joint, to motions within the limits."""
 
     def __init__(
         self, dynamics: ArmDynamics, limits: MotionLimits, harmonics: int, duration: float,
@@ -156,13 +157,13 @@ class _Search:
         self._few, self._many = basis(SEARCH_SAMPLES), basis(CHECK_SAMPLES)
 
     def cost(self, x: FloatArray) -> float:
-        """Return the decades of the condition number, and what too much effort costs."""
+        """Return the decades of the condition number plus the penalty of excessive effort."""
         motion = _motion(self._few, self._swung(x, self._few), self._limits.start)
         excess = max(self._effort_ratio(motion) - 1.0, 0.0)
         return float(np.log10(self.condition(motion)) + EFFORT_WEIGHT * min(excess, 1e3)**2)
 
     def within_limits(self, x: FloatArray) -> FloatArray:
-        """Return the coefficients (2 N − 2, n) of x, within all limits; raise as below."""
+        """Return the coefficients (2 N − 2, n) of x within all limits; raise InvalidInputError."""
         coefficients = KEPT * self._swung(x, self._many)
         scale = 1.0
         while scale > _SMALLEST_SCALE:
@@ -171,14 +172,14 @@ class _Search:
                 return scale * coefficients
             scale *= _SHRINK
         raise InvalidInputError(
-            'even the slightest motion takes more than the allowed effort, expected a larger '
+            'even the smallest motion takes more than the allowed effort, expected a larger '
             'effort_scale, or another start')
 
     def condition_of(self, coefficients: FloatArray) -> float:
         return self.condition(_motion(self._few, coefficients, self._limits.start))
 
     def _swung(self, x: FloatArray, basis: SeriesBasis) -> FloatArray:
-        """Return the coefficients of x with which each joint swings as far as it may."""
+        """Return the coefficients of x scaled to the largest amplitude of each joint."""
         coefficients = x.reshape(self._shape)
         return coefficients * self._limits.largest_scale(*basis.motion(coefficients))
 

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What an exciting motion may use of an arm's limits, and how far it may swing within them.
+The part of an arm's limits that an excitation motion may use, and the resulting amplitude.
 
-Position, velocity and acceleration of a joint are linear in how far it swings, so that the largest
-swing follows at once. Efforts are not: they are checked.
+Position, velocity and acceleration of a joint are linear in its amplitude, so that the largest
+amplitude follows directly. Efforts are not linear in the amplitude; they are checked.
 """
 
 from dataclasses import dataclass
@@ -29,19 +29,19 @@ from robot_dynamics.trajectories.demo_motion import start_pose
 from robot_dynamics.validation import check_scalar, check_vector
 
 LARGEST_SWING = np.pi
-"""[rad] from the start, for joints without limits of position; [m] likewise."""
+"""Largest distance [rad] or [m] from the start, for joints without position limits."""
 DEFAULT_ACCELERATION = 6.0
-"""[rad/s²] or [m/s²]"""
+"""Largest acceleration [rad/s²] or [m/s²]."""
 
 
 @dataclass(frozen=True)
 class LimitFractions:
     """
-    How much of the limits a motion may use.
+    The fractions of the limits that a motion may use.
 
-    `position_margin` is the share of a joint's range that is kept free at either end, `velocity`
-    and `effort` the shares of those limits; `acceleration` [rad/s²] or [m/s²] itself, as a URDF
-    has none.
+    `position_margin` is the fraction of a joint's range that is kept free at each end, `velocity`
+    and `effort` are the fractions of those limits. `acceleration` [rad/s²] or [m/s²] is the limit
+    itself, because a URDF has no acceleration limit.
     """
 
     position_margin: float = 0.05
@@ -53,9 +53,9 @@ class LimitFractions:
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
     """
-    The limits of a motion from `start`, each (n,), infinite for none.
+    The limits of a motion from `start`, each (n,), infinite for no limit.
 
-    `below` and `above` are how far positions may go from the start [rad or m], both > 0.
+    `below` and `above` are the largest distances of the positions from the start [rad or m], > 0.
     """
 
     start: FloatArray
@@ -66,7 +66,7 @@ class MotionLimits:
     effort: FloatArray
 
     def largest_scale(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Return by what (n,) a motion x = q − start may be multiplied, x, v, a (m, n)."""
+        """Return the largest factors (n,) of a motion x = q − start; x, v and a are (m, n)."""
         n = len(self.start)
         scale = np.full(n, np.inf)
         for used, limit in (
@@ -78,7 +78,7 @@ class MotionLimits:
         return np.where(np.isfinite(scale), scale, 0.0)
 
     def effort_ratio(self, efforts: FloatArray) -> float:
-        """Return the largest share of the allowed effort in efforts (m, n)."""
+        """Return the largest ratio of efforts (m, n) to the allowed effort."""
         return float(np.max(np.abs(efforts) / self.effort, initial=0.0))
 
 
@@ -86,10 +86,10 @@ def motion_limits(
     dynamics: ArmDynamics, fractions: LimitFractions, start: FloatArray | None = None,
 ) -> MotionLimits:
     """
-    Return what a motion from `start` (n,), or from a pose that is chosen, may use.
+    Return the limits of a motion from `start` (n,), or from a default pose without `start`.
 
-    Raises InvalidInputError on a share out of (0, 1], a start where a joint has no room within
-    its limits, and where holding the arm there takes more than the allowed effort.
+    Raises InvalidInputError for a fraction outside (0, 1], for a start at which a joint cannot
+    move within its limits, and if the gravity torque at the start exceeds the allowed effort.
     """
     arm = dynamics.arm
     margin = check_scalar('position_margin', fractions.position_margin, 0.0, 0.49)
@@ -107,7 +107,7 @@ def motion_limits(
         if not low < q < high:
             raise InvalidInputError(
                 f'start of {name!r} is {q:g}, expected a position between {low:g} and {high:g}, '
-                'where it can move, or a joint left out of joints')
+                'where it can move, or a list of joints without this joint')
     allowed = effort * limits.effort
     holding = np.abs(dynamics.gravity(q0))
     if (holding >= allowed).any():

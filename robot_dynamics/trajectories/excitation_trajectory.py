@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-An exciting motion as a joint trajectory, and what it really takes once it is interpolated.
+An excitation motion as a joint trajectory, and the peaks of the interpolated motion.
 
-Points lie so close that quintics between them, as `dynamics` and `joint_trajectory_controller`
-interpolate, are the Fourier series to about a millionth.
+The points are so close together that the quintics between them, with which `dynamics` and
+`joint_trajectory_controller` interpolate, agree with the Fourier series to about one millionth.
 """
 
 from dataclasses import dataclass
@@ -31,18 +31,19 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_t
 from robot_dynamics.validation import check_scalar
 
 POINTS_PER_PERIOD = 24
-"""Points in a period of the fastest harmonic."""
+"""Points per period of the fastest harmonic."""
 _CHECKS_PER_SEGMENT = 8
 
 
 @dataclass(frozen=True, eq=False)
 class ExcitingTrajectory:
     """
-    A trajectory, and the peaks (n,) of what is interpolated from it.
+    A trajectory, and the peaks (n,) of its interpolation.
 
-    `lowest` and `highest` position [rad or m], `velocity`, `acceleration` and `effort` in size;
-    `interpolation_error` is the largest distance from the series [rad or m]. `lead` [s] is the
-    time of its first point, at which it rests at the start of the motion.
+    The peaks are the `lowest` and `highest` position [rad or m], and the largest magnitudes of
+    `velocity`, `acceleration` and `effort`. `interpolation_error` is the largest distance from the
+    series [rad or m]. `lead` [s] is the time of the first point, which is at rest at the start of
+    the motion.
     """
 
     trajectory: JointTrajectory
@@ -61,15 +62,15 @@ def exciting_trajectory(
     """
     Return the motion as a trajectory that has `lead` [s] to reach its first point.
 
-    Raises InvalidInputError where the lead is negative, or what is interpolated from the points
-    is beyond a limit, which happens where those cannot follow the series.
+    Raises InvalidInputError if the lead is negative, or if the interpolated motion exceeds a
+    limit, which happens if the interpolation deviates from the series.
     """
     check_scalar('lead', lead, 0.0)
     count = POINTS_PER_PERIOD * excitation.harmonics
     times = np.linspace(0.0, excitation.duration, count + 1)
     names = dynamics.arm.joint_names
     motion = excitation.motion(times)
-    for values in motion:  # at the ends exactly, not but for rounding
+    for values in motion:  # exact values at the ends, without rounding errors
         values[-1] = values[0]
     motion.velocity[[0, -1]] = motion.acceleration[[0, -1]] = 0.0
 

@@ -15,7 +15,7 @@
 """
 Joint trajectories as files: a `trajectory_msgs/JointTrajectory` in YAML.
 
-They are written in YAML's flow style, which is JSON too, so that a shell may put one into a longer
+They are written in YAML's flow style, which is also JSON. A shell can therefore pass a file as a
 message: `ros2 topic pub --once … trajectory_msgs/msg/JointTrajectory "$(cat trajectory.yaml)"`.
 """
 
@@ -39,12 +39,12 @@ from robot_dynamics.trajectories.joint_trajectory import (
 from robot_dynamics.yaml_text import load_yaml
 
 DECIMALS = 9
-"""Digits behind the point of every number: nanometres, as it were."""
+"""Decimal places of every number: a resolution of nanometres."""
 FIELDS = ('positions', 'velocities', 'accelerations')
 
 
 def write_trajectory(path: Path, trajectory: JointTrajectory) -> None:
-    """Write a trajectory, a point a line; its stamp is 0: from now. Raises OSError."""
+    """Write a trajectory, one point per line, with the stamp 0 (from now); raise OSError."""
     points = ',\n  '.join(json.dumps(_as_data(point)) for point in trajectory.points)
     path.write_text(
         f'{{"joint_names": {json.dumps(list(trajectory.joint_names))}, "points": [\n'
@@ -53,9 +53,9 @@ def write_trajectory(path: Path, trajectory: JointTrajectory) -> None:
 
 def read_trajectory(path: Path, joint_names: Sequence[str]) -> JointTrajectory:
     """
-    Return the trajectory in a file, in the order of `joint_names`, checked as one of a message.
+    Return the trajectory in a file, in the order of `joint_names`, checked like a message.
 
-    Raises TrajectoryError, and InvalidInputError where there is no such file.
+    Raises TrajectoryError, and InvalidInputError if the file does not exist.
     """
     data = _load(path)
     try:

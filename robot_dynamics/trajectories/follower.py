@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The active trajectory: its reference at a time, and how a new trajectory replaces it.
+The active trajectory: its reference at a time, and its replacement by a new trajectory.
 
-Absolute times are whole nanoseconds: 1.7e9 s since the epoch, as a 64-bit float, is only good
-to 2e-7 s. Spans of time are seconds.
+Absolute times are whole nanoseconds, because 1.7e9 s since the epoch, as a 64-bit float, has a
+resolution of only 2e-7 s. Durations are in seconds.
 """
 
 from bisect import bisect_right
@@ -44,12 +44,13 @@ from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
 class ActiveTrajectory:
     """
-    A trajectory with its start time, and the state that it begins from.
+    A trajectory with its start time, and the state from which it begins.
 
-    From `arrival_ns` to the first point the reference leads from `state_before`, by the degree
-    that the first point's fields allow. After the last point of several it holds that point's
-    position, at rest; a single set-point is held with the velocity and acceleration that it
-    carries. A trajectory that arrives after its first point is entered where the clock is.
+    From `arrival_ns` to the first point the reference is interpolated from `state_before`, with
+    the degree that the fields of the first point permit. After the last of several points the
+    reference is the position of that point, at rest; a single set-point is held with its own
+    velocity and acceleration. A trajectory that arrives after its first point is entered at the
+    current time.
     """
 
     def __init__(
@@ -61,10 +62,10 @@ class ActiveTrajectory:
         lead_in: Sequence[TrajectoryPoint] = (),
     ) -> None:
         """
-        Take all times as nanoseconds of the clock that `sample` is asked with.
+        Take all times as nanoseconds of the same clock as the argument of `sample`.
 
-        The points of `lead_in`, with times [s] from the arrival, replace those of the trajectory
-        up to the last of them.
+        The points of `lead_in`, with times [s] since the arrival, replace the points of the
+        trajectory up to the time of the last point of `lead_in`.
         """
         self.trajectory = trajectory
         self.start_ns = start_ns
@@ -85,14 +86,14 @@ class ActiveTrajectory:
         self._segment: Segment | None = None
 
     def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
-        """Return the same with all its times lower by `shift_ns`."""
+        """Return the same trajectory with all times lower by `shift_ns`."""
         return ActiveTrajectory(
             self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
             self._state_before, self._lead_in)
 
     def sample(self, now_ns: int) -> Reference:
         """
-        Return the reference at `now_ns`; the arrays may be shared between calls, do not write.
+        Return the reference at `now_ns`; calls may share its arrays, which must not be modified.
 
         A time before the arrival gives the state before the trajectory.
         """
@@ -102,7 +103,7 @@ class ActiveTrajectory:
         return self._final if now_ns >= self.end_ns else self._state_before
 
     def segment(self, now_ns: int) -> Segment | None:
-        """Return the segment in force at `now_ns`, None before the arrival and after the end."""
+        """Return the active segment at `now_ns`, None before the arrival and after the end."""
         segment = self._segment
         if segment is None or not segment.since_ns <= now_ns < segment.end_ns:
             if not self._arrival_ns <= now_ns < self.end_ns:
@@ -121,7 +122,7 @@ class ActiveTrajectory:
 
 
 def _held(last: TrajectoryPoint, is_moving: bool) -> Reference:
-    """Return what is held after the last point, at rest unless `is_moving`."""
+    """Return the reference after the last point, at rest unless `is_moving`."""
     zero = np.zeros_like(last.position)
     zero.setflags(write=False)
     if not is_moving:
@@ -134,7 +135,7 @@ def _held(last: TrajectoryPoint, is_moving: bool) -> Reference:
 
 class TrajectoryFollower:
     """
-    The one trajectory in force, and the rules by which a new one takes over.
+    The active trajectory, and the rules by which a new trajectory replaces it.
 
     `active` is that trajectory, None before the first one and after `clear()`.
     """
@@ -148,9 +149,9 @@ class TrajectoryFollower:
         """
         Take the arm's joints, in the order of all arrays.
 
-        `continuous_joints` turn without end: they lead to the first point the short way round.
-        A single set-point counts as due now until `set_point_max_age` [s] after its stamped
-        time: a sender that stamps with its own clock is always late by the transport.
+        `continuous_joints` move to the first point along the shortest angular distance. A single
+        set-point counts as due now until `set_point_max_age` [s] after its stamped time, because a
+        sender that stamps with its own clock is always late by the transport delay.
         Raises InvalidInputError.
         """
         unknown = [name for name in continuous_joints if name not in joint_names]
@@ -172,15 +173,15 @@ class TrajectoryFollower:
         stamp_ns: int = 0,
     ) -> ActiveTrajectory:
         """
-        Follow `trajectory` from now on, in place of the one in force.
+        Follow `trajectory` from now on, instead of the active one.
 
-        `stamp_ns` is when its time 0 is, 0 for now. The reference goes on from the one in force
-        at `now_ns`; where there is none, from the measured `position` (n,) [rad or m] and
-        `velocity` (n,) [rad/s or m/s]. The old trajectory is forgotten at once, even where the
-        new one starts later.
+        `stamp_ns` is the time of its time 0; 0 means now. The reference continues from the active
+        reference at `now_ns`. Without a reference, it starts from the measured `position` (n,)
+        [rad or m] and `velocity` (n,) [rad/s or m/s]. The old trajectory is discarded at once,
+        even if the new one starts later.
 
         Raises TrajectoryError for other joints or an end in the past, and InvalidInputError for
-        a measured state that is no state; what was in force then stays so.
+        an invalid measured state; the active trajectory then remains active.
         """
         self.check_joints(trajectory)
         max_age_ns = self._max_age_ns if trajectory.is_set_point else 0
@@ -202,7 +203,7 @@ class TrajectoryFollower:
     def _entered(
         self, trajectory: JointTrajectory, start_ns: int, now_ns: int, state: Reference,
     ) -> ActiveTrajectory:
-        """Return the trajectory as it is followed from `state` on."""
+        """Return the active trajectory that begins from `state`."""
         return ActiveTrajectory(trajectory, start_ns, now_ns, state)
 
     def sample(self, now_ns: int) -> Reference | None:
@@ -211,11 +212,11 @@ class TrajectoryFollower:
         return None if active is None else active.sample(now_ns)
 
     def clear(self) -> None:
-        """Forget the trajectory; the next one starts from the measured state."""
+        """Discard the trajectory; the next one starts from the measured state."""
         self.active = None
 
     def shift_time(self, shift_ns: int) -> None:
-        """Let the times of the trajectory in force be lower by `shift_ns`, as those to come."""
+        """Lower the times of the active trajectory by `shift_ns`, as for a shifted clock."""
         if self.active is not None:
             self.active = self.active.earlier(shift_ns)
 
@@ -233,6 +234,6 @@ class TrajectoryFollower:
         q = position.copy()
         for j in self._continuous:
             turns = (target[j] - q[j]) / (2.0 * pi)
-            # Exactly half a turn away, go the way that the numbers say, despite rounding.
+            # At a distance of exactly half a turn, keep the sign of the difference.
             q[j] += 2.0 * pi * copysign(max(ceil(abs(turns) - 0.5 - 1e-9), 0), turns)
         return q

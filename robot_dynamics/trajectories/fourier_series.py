@@ -13,15 +13,16 @@
 # limitations under the License.
 
 """
-Periodic motions that begin and end at rest: Fourier series with a few coefficients tied.
+Periodic motions that begin and end at rest: Fourier series with constrained coefficients.
 
     q(t) = q₀ + Σ_l a_l / (ω l) sin(ω l t) − b_l / (ω l) (cos(ω l t) − 1),   l = 1 … N,  ω = 2π / T
 
-leaves q₀ at t = 0 and comes back at T; velocity and acceleration are zero there where Σ a_l = 0
-and Σ l b_l = 0. What is left are 2 N − 2 free coefficients a joint. Everything is band-limited,
-and known without differentiating. Source: J. Swevers, C. Ganseman, D. Tükel, J. De Schutter,
-H. Van Brussel, "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation
-13(5), 1997, section III; the ties at the ends are added here.
+leaves q₀ at t = 0 and returns at T. Velocity and acceleration are zero at both ends if Σ a_l = 0
+and Σ l b_l = 0, which leaves 2 N − 2 free coefficients per joint. Position, velocity and
+acceleration are band-limited and known without numerical differentiation. Source: J. Swevers,
+C. Ganseman, D. Tükel, J. De Schutter, H. Van Brussel, "Optimal robot excitation and
+identification", IEEE Trans. Robotics and Automation 13(5), 1997, section III; the constraints at
+the ends are added here.
 """
 
 import math
@@ -36,7 +37,7 @@ FEWEST_HARMONICS = 2
 
 
 class SeriesBasis(NamedTuple):
-    """What each free coefficient adds to q − q₀, q̇ and q̈ at m times: (m, 2 N − 2) each."""
+    """The contributions of the free coefficients to q − q₀, q̇ and q̈, each (m, 2 N − 2)."""
 
     position: FloatArray
     velocity: FloatArray
@@ -49,11 +50,11 @@ class SeriesBasis(NamedTuple):
 
 
 def free_coefficients(harmonics: int) -> int:
-    """Return how many coefficients a joint has; raise InvalidInputError for less than one."""
+    """Return the number of coefficients per joint; raise InvalidInputError if it is below 1."""
     if harmonics < FEWEST_HARMONICS:
         raise InvalidInputError(
-            f'harmonics is {harmonics}, expected at least {FEWEST_HARMONICS}: fewer cannot begin '
-            'and end at rest')
+            f'harmonics is {harmonics}, expected at least {FEWEST_HARMONICS}: with fewer, a '
+            'motion cannot begin and end at rest')
     return 2 * harmonics - 2
 
 
@@ -61,7 +62,7 @@ def series_basis(harmonics: int, duration: float, times: FloatArray) -> SeriesBa
     """
     Return the basis of motions of `duration` T [s] with N `harmonics`, at `times` (m,) [s].
 
-    The coefficients are orthonormal directions of (a, b) within the ties. Raises
+    The coefficients are orthonormal directions of (a, b) that satisfy the constraints. Raises
     InvalidInputError.
     """
     count = free_coefficients(harmonics)
@@ -80,10 +81,11 @@ def series_basis(harmonics: int, duration: float, times: FloatArray) -> SeriesBa
 
 def _orthogonal_to(w: FloatArray) -> FloatArray:
     """
-    Return an orthonormal basis (N, N − 1) of what is orthogonal to w (N,), w₁ > 0.
+    Return an orthonormal basis (N, N − 1) of the complement of w (N,), w₁ > 0.
 
-    They are the columns of a Householder reflection that maps the first axis to −w, but the first:
-    an explicit formula, where that of a singular value decomposition is one of many.
+    It consists of the columns, except the first, of a Householder reflection that maps the first
+    axis to −w. This explicit formula is unique; the basis of a singular value decomposition is
+    not.
     """
     u = w / np.sqrt((w**2).sum())
     u[0] += 1.0

@@ -15,8 +15,8 @@
 """
 Trajectories compared with the position and velocity limits of an arm.
 
-What is sent as a goal is checked at its points, which the sender has chosen. What a service is
-asked to judge is also checked between the points, where the interpolation may exceed a limit.
+A goal is checked at its points, which the sender has chosen. A trajectory in a service request is
+also checked between the points, where the interpolation may exceed a limit.
 """
 
 from collections.abc import Iterator
@@ -32,13 +32,13 @@ from robot_dynamics.trajectories.segments import TrajectorySegments
 
 START_TOLERANCE = 0.0087
 """
-[rad] or [m] by which the first of several points may be beyond a position limit.
+Distance [rad] or [m] by which the first of several points may be beyond a position limit.
 
-It is where the arm stands, and an arm may stand there: this is the default of
-`position_fault_margin`.
+The first point is usually the present position of the arm, which may be that far beyond a limit:
+this is the default of `position_fault_margin`.
 """
 _TOLERANCE = 1e-6
-"""[rad] or [m], and of a velocity limit: rounding of limits and points."""
+"""Tolerance [rad] or [m], and of velocity limits, for rounding of limits and points."""
 _SAMPLES = 9
 _REMEDY = {
     'positions': "'clip' clips positions", 'velocities': "'slow_down' lowers velocities"}
@@ -55,7 +55,7 @@ class _Field(NamedTuple):
 
     @property
     def excess(self) -> FloatArray:
-        """How far each value is outside, (m, n), at most 0 for those within."""
+        """Distance of each value beyond its limits, (m, n); at most 0 for values within."""
         outside = np.maximum(self.lower - self.values, self.values - self.upper)
         return np.asarray(outside - self.tolerance)
 
@@ -64,9 +64,9 @@ def check_points(
     arm: ArmModel, trajectory: JointTrajectory, has_velocities: bool = True,
 ) -> None:
     """
-    Raise TrajectoryError for a point beyond a position limit, or a velocity limit if they count.
+    Raise TrajectoryError for a point beyond a position limit, or a velocity limit if selected.
 
-    The message names point, joint, value and limit of the first one, and how many there are.
+    The message names point, joint, value and limit of the first such value, and their number.
     """
     fields = list(_point_fields(arm.limits, trajectory))[:2 if has_velocities else 1]
     outside = [field.excess > 0.0 for field in fields]
@@ -81,13 +81,13 @@ def check_points(
 
 
 def with_clipped_positions(arm: ArmModel, trajectory: JointTrajectory) -> JointTrajectory:
-    """Return the trajectory with its positions within the limits, at rest where they were not."""
+    """Return the trajectory with clipped positions, at rest where a position was clipped."""
     return replace(trajectory, points=tuple(
         _clipped_position(point, arm.limits) for point in trajectory.points))
 
 
 def with_clipped_velocity(arm: ArmModel, set_point: JointTrajectory) -> JointTrajectory:
-    """Return a set-point with its velocities within the limits."""
+    """Return a set-point with its velocities clipped to the limits."""
     point, limit = set_point.points[0], arm.limits.velocity
     if point.velocity is None:
         return set_point
@@ -97,10 +97,10 @@ def with_clipped_velocity(arm: ArmModel, set_point: JointTrajectory) -> JointTra
 
 def motion_excesses(arm: ArmModel, trajectory: JointTrajectory) -> list[str]:
     """
-    Return one line for each joint whose position or velocity exceeds its limits on the way.
+    Return one line for each joint whose position or velocity exceeds its limits in the motion.
 
-    Each names joint, largest excess, limit and time. The motion is that of the points and the
-    interpolated segments, without the way to the first point.
+    Each line names joint, largest excess, limit and time. The motion consists of the points and
+    the interpolated segments, without the motion to the first point.
     """
     segments = TrajectorySegments(trajectory)
     index = np.repeat(np.arange(segments.count), _SAMPLES)

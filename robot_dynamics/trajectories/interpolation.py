@@ -15,8 +15,8 @@
 """
 Interpolation between the points of a joint trajectory: q(t), v(t), a(t) on one segment.
 
-Points are interpolated as `joint_trajectory_controller` does (ros2_controllers, branch jazzy,
-class `Trajectory`): linear, cubic or quintic by the fields that both ends of a segment have.
+The interpolation is that of `joint_trajectory_controller` (ros2_controllers, branch jazzy,
+class `Trajectory`): linear, cubic or quintic, depending on the fields of both ends of a segment.
 docs/trajectories.md lists the differences and their reasons.
 """
 
@@ -57,7 +57,7 @@ _ORDERS = np.arange(6.0)[:, np.newaxis]
 
 class Reference(NamedTuple):
     """
-    What the arm should do at one instant: three arrays of shape (n,).
+    The desired state of the arm at one instant: three arrays of shape (n,).
 
     `position` [rad or m], `velocity` [rad/s or m/s], `acceleration` [rad/s² or m/s²].
     """
@@ -71,7 +71,7 @@ class Segment(NamedTuple):
     """
     The motion from one point to the next.
 
-    It is in force from `since_ns` until before `end_ns`, and began at `begin_ns`; `duration` [s].
+    It is active from `since_ns` until before `end_ns`, and begins at `begin_ns`; `duration` [s].
     `coefficients` has shape (6, 3 n): those of position, velocity and acceleration.
     """
 
@@ -82,7 +82,7 @@ class Segment(NamedTuple):
     coefficients: FloatArray
 
     def phase(self, now_ns: int) -> float:
-        """Return s, how much of the segment has passed, from 0 to 1."""
+        """Return s, the elapsed fraction of the segment, from 0 to 1."""
         return (now_ns - self.begin_ns) / NANOSECONDS_PER_SECOND / self.duration
 
 
@@ -90,11 +90,11 @@ def sample_segment(
     t: float, t0: float, p0: TrajectoryPoint, t1: float, p1: TrajectoryPoint,
 ) -> Reference:
     """
-    Return the reference at the time `t` on the way from `p0` at `t0` to `p1` at `t1`, in s.
+    Return the reference at the time `t` between `p0` at `t0` and `p1` at `t1`, all times in [s].
 
-    Quintic where both points have velocity and acceleration, cubic where both have velocity,
-    linear otherwise, with acceleration 0. A `t` outside [t0, t1] is read as the nearer end. The
-    points' own `time_from_start` is not read.
+    The interpolation is quintic if both points have velocity and acceleration, cubic if both have
+    velocity, and otherwise linear with acceleration 0. A `t` outside [t0, t1] is replaced with the
+    nearer end. The `time_from_start` of the points is not used.
     Raises TrajectoryError unless t0 < t1. Source: K. M. Lynch and F. C. Park, Modern Robotics,
     2017, section 9.3 (cubic) and, for quintics from conditions at both ends, J. J. Craig,
     Introduction to Robotics, 3rd edition, section 7.3.
@@ -117,7 +117,7 @@ def motion_coefficients(p0: TrajectoryPoint, p1: TrajectoryPoint, T: float) -> F
 def _common_fields(
     p0: TrajectoryPoint, p1: TrajectoryPoint,
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Return position, velocity and acceleration of two points, as far as both have them."""
+    """Return those fields (position, velocity, acceleration) of two points that both have."""
     start, end = [p0.position], [p1.position]
     for x0, x1 in ((p0.velocity, p1.velocity), (p0.acceleration, p1.acceleration)):
         if x0 is None or x1 is None:
@@ -133,9 +133,8 @@ def position_coefficients(
     """
     Return the coefficients (..., 6, n) of 1, s, …, s⁵ for s = t / T, of the position.
 
-    `start` and `end` have the fields of which the degree follows: position, velocity and
-    acceleration, or the first or the first two of these, each (..., n); T is a number, or
-    (..., 1) [s].
+    The fields of `start` and `end` determine the degree: position, velocity and acceleration, or
+    the first or the first two of these, each (..., n). T [s] is a number, or (..., 1).
     """
     scaled = [x * T**order for side in (start, end) for order, x in enumerate(side)]
     return np.asarray(_BY_FIELDS[len(start)] @ np.stack(scaled, axis=-2))

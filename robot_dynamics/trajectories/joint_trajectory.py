@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a joint trajectory is, and which ones are refused.
+The type of joint trajectories, and the checks that reject invalid ones.
 
-`make_trajectory` is the boundary: it takes the fields as they stand in a message and returns a
-`JointTrajectory` in the arm's own joint order, or says in one `TrajectoryError` what is wrong.
+`make_trajectory` takes the fields of a message and returns a `JointTrajectory` in the joint order
+of the arm, or raises a `TrajectoryError` that describes the fault.
 The rules are those of `joint_trajectory_controller` (ros2_controllers, branch jazzy, function
 `validate_trajectory_msg`) with the differences that docs/trajectories.md lists.
 """
@@ -42,7 +42,7 @@ from robot_dynamics.validation import (
 # The range of the seconds in builtin_interfaces/Duration.
 _LONGEST_TIME = 2.0 ** 31
 
-# What joint_trajectory_controller takes for zero: the epsilon of a 32-bit float.
+# Velocities up to this value count as zero in joint_trajectory_controller (float32 epsilon).
 _ZERO_VELOCITY = float(np.finfo(np.float32).eps)
 
 
@@ -52,7 +52,7 @@ class TrajectoryPoint:
     One point of a joint trajectory; its arrays are read-only.
 
     `time_from_start` [s]; `position` (n,) [rad or m]; `velocity` (n,) [rad/s or m/s] and
-    `acceleration` (n,) [rad/s² or m/s²], or None where the sender left them out.
+    `acceleration` (n,) [rad/s² or m/s²], or None if the sender omitted them.
     """
 
     time_from_start: float
@@ -85,7 +85,7 @@ class JointTrajectory:
 
     @property
     def is_set_point(self) -> bool:
-        """Whether this is one streamed set-point and no path."""
+        """Whether this is a single streamed set-point, not a path."""
         return len(self.points) == 1
 
 
@@ -101,12 +101,12 @@ def make_trajectory(
     Return the trajectory of a message, checked and put into the order of `expected_joints`.
 
     `times` are the `time_from_start` of the points [s], rounded to 1 ns. `positions`,
-    `velocities` and `accelerations` hold one row for each point, in the order of `joint_names`;
-    an empty row is an absent field, and `()` for all rows means absent everywhere.
-    One point may carry velocity and acceleration: a streamed set-point. The last one of several
-    has to be at rest.
+    `velocities` and `accelerations` have one row per point, in the order of `joint_names`; an
+    empty row means that the point omits the field, and `()` instead of all rows that all points
+    do. A single point may have velocity and acceleration: it is a streamed set-point. The last of
+    several points must be at rest.
 
-    Raises TrajectoryError, whose message names point, field, value and what was expected.
+    Raises TrajectoryError, whose message names point, field, value and expected values.
     """
     expected, names = tuple(expected_joints), list(joint_names)
     try:
@@ -135,9 +135,9 @@ def check_end_in_future(
     trajectory: JointTrajectory, stamp_ns: int, now_ns: int, max_age_ns: int = 0,
 ) -> None:
     """
-    Raise TrajectoryError where a stamped trajectory ended more than `max_age_ns` before now.
+    Raise TrajectoryError if a stamped trajectory ended more than `max_age_ns` before now.
 
-    All times are nanoseconds of one clock; the stamp 0 stands for "now" and always passes.
+    All times are nanoseconds of one clock; the stamp 0 means "now" and always passes.
     """
     end_ns = stamp_ns + nanoseconds(trajectory.duration)
     if stamp_ns != 0 and end_ns + max_age_ns < now_ns:
@@ -149,7 +149,7 @@ def check_end_in_future(
 
 
 def nanoseconds(seconds: float) -> int:
-    """Return a span of time in whole nanoseconds."""
+    """Return a duration in whole nanoseconds."""
     return round(seconds * NANOSECONDS_PER_SECOND)
 
 
@@ -192,7 +192,7 @@ def _check_times(times: Sequence[float]) -> list[float]:
 def _check_field(
     field: str, rows: Sequence[Any], count: int, names: list[str], expected: tuple[str, ...],
 ) -> list[FloatArray | None]:
-    """Return the rows in the order of `expected`, None where the field is absent."""
+    """Return the rows in the order of `expected`, with None for each omitted field."""
     if len(rows) == 0:
         return [None] * count
     if len(rows) != count:
@@ -215,8 +215,8 @@ def _stack(field: str, rows: list[Any], names: Sequence[str]) -> FloatArray:
     """
     Return `rows` as one array; without `names` each row is one number.
 
-    All are checked at once, as a path may have thousands of points; one by one only to say
-    which of them is wrong.
+    All rows are checked at once, because a path may have thousands of points; if the check fails,
+    they are checked one by one to find the wrong row.
     """
     row_shape = (len(names),) if names else ()
     try:
@@ -233,7 +233,7 @@ def _stack(field: str, rows: list[Any], names: Sequence[str]) -> FloatArray:
 
 
 def _as_matrix(rows: list[Any], columns: int) -> FloatArray:
-    """Return the rows as one array; those of a message, which lie in memory, are put together."""
+    """Return the rows as one array; the buffers of the rows of a message are joined."""
     if columns and all(type(row) is array and row.typecode == 'd' and len(row) == columns
                        for row in rows):
         return np.frombuffer(b''.join(rows), dtype=np.float64).reshape(-1, columns)
@@ -262,8 +262,8 @@ def _check_fields_together(
     for i, (velocity, acceleration) in enumerate(zip(v, a)):
         if velocity is None and acceleration is not None:
             raise TrajectoryError(
-                f'points[{i}].velocities is empty beside accelerations, expected {len(names)} '
-                f'values, one for each of {names}')
+                f'points[{i}].velocities is empty although accelerations are given, expected '
+                f'{len(names)} values, one for each of {names}')
 
 
 def _check_end_at_rest(
@@ -275,4 +275,4 @@ def _check_end_at_rest(
     for j in np.flatnonzero(np.abs(last) > _ZERO_VELOCITY):
         raise TrajectoryError(
             f'points[{len(v) - 1}].velocities[{names.index(expected[j])}] ({expected[j]}) is '
-            f'{last[j]:g}, expected 0 at the last point, where the arm is to hold')
+            f'{last[j]:g}, expected 0 at the last point, where the arm has to be at rest')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Words for states and efforts outside an arm's limits: answered all the same."""
+"""Messages about states and efforts outside an arm's limits, for answers that are still given."""
 
 from collections.abc import Sequence
 
@@ -37,7 +37,7 @@ def limit_warnings(
 
 
 def motor_warnings(arm: ArmModel, load: ActuatorLoad) -> list[str]:
-    """Return one line for each motor that would need more current or voltage than it may have."""
+    """Return one line for each motor whose current or voltage would exceed its limit."""
     return [
         f'{field} of the motor of {name!r} is {value:.6g} {unit}, {ratio:.3g} times its limit'
         for field, unit, values, ratios in (
@@ -48,13 +48,13 @@ def motor_warnings(arm: ArmModel, load: ActuatorLoad) -> list[str]:
 
 
 def worst_in_words(result: TrajectoryEfforts) -> str:
-    """Return which limit a trajectory comes closest to, or exceeds most; '' without limits."""
+    """Return the limit that a trajectory comes closest to, or exceeds most; '' without limits."""
     if result.worst_ratio == 0.0:
         return ''
     of_motor = '' if result.worst_limit == 'effort' else 'the motor of '
     return (
         f'{result.worst_limit} of {of_motor}{result.worst_joint!r} is {result.worst_ratio:.3g} '
-        f'times its limit at {result.worst_time:g} s, the most of all')
+        f'times its limit at {result.worst_time:g} s, the worst case')
 
 
 def _outside(

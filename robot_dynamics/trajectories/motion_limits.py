@@ -15,9 +15,10 @@
 """
 Limits of velocity, acceleration and jerk for references that an arm can follow.
 
-The equation of motion M(q) q̈ + C(q, q̇) q̇ + g(q) = τ limits the acceleration by what the effort
-limits leave after gravity, and the jerk by the rate limit of the effort: M(q) q⃛ ≈ τ̇. Both are
-evaluated at poses over the whole workspace, so that one set of limits holds everywhere:
+The equation of motion M(q) q̈ + C(q, q̇) q̇ + g(q) = τ limits the acceleration by the effort
+limits minus gravity, and the jerk by the rate limit of the effort: M(q) q⃛ ≈ τ̇. Both are
+evaluated at poses over the whole workspace, so that one set of limits is valid in the whole
+workspace:
 
     Σ_k |M_ik(q)| a_k <= β (τ_i − |g_i(q)|),    Σ_k |M_ik(q)| j_k <= β τ̇_i    for all i, q.
 
@@ -33,24 +34,24 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import random_states
 
 VELOCITY_FRACTION = 0.5
-"""Largest reference velocity as a share of the URDF's limit."""
+"""Largest reference velocity as a fraction of the limit in the URDF."""
 EFFORT_FRACTION = 0.5
-"""β: share of the remaining effort, and of its rate, that acceleration and jerk may take."""
+"""β: fraction of the remaining effort, and of its rate, that acceleration and jerk may take."""
 LEAST_FRACTION = 0.1
 """
-Share of the effort limit that gravity has to leave; poses in which it does not are left out.
+Fraction of the effort limit that gravity must leave; poses with less are excluded.
 
-The arm cannot be held there, and so does not get there. The limits are scaled by the share of the
-poses that remain, so that a load does not increase them.
+The drives cannot hold the arm in these poses, so that it does not reach them. The limits are
+scaled by the fraction of the remaining poses, so that a load does not increase them.
 """
 DEFAULT_VELOCITY = 1.0
-"""[rad/s] or [m/s] of a joint without a velocity limit."""
+"""Velocity limit [rad/s] or [m/s] of a joint without a limit in the URDF."""
 SPEED_UP_TIME = 0.2
-"""[s] in which a joint reaches its reference velocity at the earliest."""
+"""Shortest time [s] in which a joint reaches its reference velocity."""
 JERK_TIME = 0.05
-"""[s] in which a joint reaches its reference acceleration at the earliest."""
+"""Shortest time [s] in which a joint reaches its reference acceleration."""
 SLOWEST_FRACTION = 1e-3
-"""Smallest acceleration and jerk, as shares of what the two times above give."""
+"""Smallest acceleration and jerk, as fractions of the values from the two times above."""
 _POSES = 40
 
 
@@ -70,17 +71,17 @@ class MotionLimits:
     jerk: FloatArray
 
     scale: float = 1.0
-    """Share of the velocities at which the whole motion is possible."""
+    """Fraction of the velocities at which the whole motion is possible."""
 
     def slower(self, scale: float) -> 'MotionLimits':
-        """Return the limits of the same motions in 1/scale times their duration."""
+        """Return the limits for motions of 1/scale times the duration."""
         return MotionLimits(
             self.lower, self.upper, scale * self.velocity, scale**2 * self.acceleration,
             scale**3 * self.jerk, scale)
 
     @property
     def of_stop(self) -> 'MotionLimits':
-        """The limits of a stop, in 1/scale times its duration: its initial velocity is given."""
+        """The limits of a stop of 1/scale times the duration, whose initial velocity is given."""
         return replace(
             self, acceleration=self.acceleration / self.scale, jerk=self.jerk / self.scale**2)
 
@@ -99,7 +100,7 @@ class WorkspaceInertia:
         self.gravity = self.gravity.reshape(-1, n)
 
     def heavier(self, other: 'WorkspaceInertia') -> 'WorkspaceInertia':
-        """Return the larger values at each pose, for a load that is being changed."""
+        """Return the larger values at each pose, for the transition between two loads."""
         both = object.__new__(WorkspaceInertia)
         both.arm = self.arm
         both.mass = np.maximum(self.mass, other.mass)
@@ -119,7 +120,7 @@ class WorkspaceInertia:
         Return the limits of a reference that the effort can follow.
 
         `effort` (n,) [N·m] or [N] and `effort_rate` (n,) [N·m/s] or [N/s] are the limits of the
-        command, infinite for none.
+        command, infinite for no limit.
         """
         limits = self.arm.limits
         remaining = np.maximum(effort - self.gravity, LEAST_FRACTION * effort)
@@ -138,7 +139,7 @@ class WorkspaceInertia:
         """
         Return x (n,) with |M| x <= available (poses, n), and at most `most` (n,).
 
-        The proportions are those of what each joint could do without the others.
+        The elements have the same proportions as the values of each joint moving alone.
         """
         own = np.diagonal(self.mass, axis1=1, axis2=2)
         alone = np.min(available / np.maximum(own, 1e-9), axis=0, initial=math.inf)

@@ -15,10 +15,10 @@
 """
 Trajectories of several points made feasible, or rejected, before they are followed.
 
-A path without velocities gets them: slopes of a monotone interpolant (F. N. Fritsch, J. Butland,
-SIAM J. Sci. Stat. Comput. 5(2), 1984), so that it does not overshoot its points, and rest at both
-ends. It is then slowed down until it is within `MotionLimits`. A trajectory with velocities of its
-own is compared with the limits of the arm, and is followed exactly as it is, or not at all.
+Velocities are added to a path without velocities: slopes of a monotone interpolant (F. N. Fritsch,
+J. Butland, SIAM J. Sci. Stat. Comput. 5(2), 1984), so that the path does not overshoot its points,
+and rest at both ends. The path is then slowed down until it is within `MotionLimits`. A trajectory
+with velocities is compared with the limits of the arm, and is followed unchanged or rejected.
 """
 
 from typing import NamedTuple
@@ -45,7 +45,7 @@ _ROUNDS, _MARGIN, SLOWEST = 20, 1.02, 100.0
 
 
 class Excess(NamedTuple):
-    """What exceeds its limit most: ratio to the limit, quantity, joint, and time [s]."""
+    """The largest excess of a limit: ratio to the limit, quantity, joint, and time [s]."""
 
     ratio: float
     quantity: str
@@ -62,11 +62,11 @@ def feasible_trajectory(
     effort_scale: float = 1.0, slows_down: bool = False,
 ) -> tuple[JointTrajectory, float]:
     """
-    Return a trajectory of several points that the arm can follow, and how much slower it is.
+    Return a trajectory of several points that the arm can follow, and its slow-down factor.
 
     Raises TrajectoryError, naming quantity, joint, time and ratio, for a trajectory with
-    velocities that exceeds a limit, unless it `slows_down`; and for one that is too fast however
-    slow it is.
+    velocities that exceeds a limit, unless `slows_down`; and for a trajectory that exceeds a limit
+    at any speed.
     """
     if any(point.velocity is None for point in trajectory.points):
         return _with_velocities(trajectory, limits)
@@ -75,8 +75,8 @@ def feasible_trajectory(
     while excess.ratio > 1.0 + _TOLERANCE:
         if not slows_down:
             raise TrajectoryError(
-                f'the trajectory is not feasible: {excess}; expected at most 1 (send it slower, '
-                "or set infeasible_trajectory to 'slow_down')")
+                f'the trajectory is not feasible: {excess}; expected at most 1 (send a slower '
+                "trajectory, or set infeasible_trajectory to 'slow_down')")
         slowness *= max(
             _MARGIN, excess.ratio if excess.quantity == 'velocity' else excess.ratio**0.5)
         if slowness > SLOWEST:
@@ -125,7 +125,7 @@ class _Path(NamedTuple):
     a: FloatArray
 
     def slower(self, factor: float) -> '_Path':
-        """Return the same path in `factor` times the time."""
+        """Return the same path with `factor` times the duration."""
         t_0 = self.t[0]
         return _Path(t_0 + factor * (self.t - t_0), self.q, self.v / factor, self.a / factor**2)
 
@@ -133,7 +133,7 @@ class _Path(NamedTuple):
 def _with_velocities(
     trajectory: JointTrajectory, limits: MotionLimits,
 ) -> tuple[JointTrajectory, float]:
-    """Return a path with velocities and accelerations within the limits, and its slowness."""
+    """Return a path with velocities and accelerations within the limits, and its slow-down."""
     points = trajectory.points
     t = np.array([p.time_from_start for p in points])
     q: FloatArray = np.array([p.position for p in points])
@@ -153,10 +153,10 @@ def _with_velocities(
 
 def _ramped(t: FloatArray, q: FloatArray, limits: MotionLimits) -> list[_Path]:
     """
-    Return a dense path whose time σ starts and ends slowly, in place of its first and last step.
+    Return a dense path whose time σ starts and ends slowly, instead of with a velocity step.
 
     In a ramp of duration T, σ̇ = 3 u² − 2 u³ rises from 0 to 1 with u = time / T, over σ = T / 2.
-    Empty for a path that is too short for both ramps, or whose ramps have few points.
+    The list is empty if the path is too short for both ramps, or if its ramps have few points.
     """
     v = _monotone_slopes(t, q)
     v[0], v[-1] = (q[1] - q[0]) / (t[1] - t[0]), (q[-1] - q[-2]) / (t[-1] - t[-2])
@@ -170,7 +170,7 @@ def _ramped(t: FloatArray, q: FloatArray, limits: MotionLimits) -> list[_Path]:
     t_1, rate_1, slope_1 = _in_ramp(since, first)
     t_2, rate_2, slope_2 = _in_ramp(left, last)
     begins, ends = since < first / 2.0, left < last / 2.0
-    # Outside the ramps σ̇ is 1, and the time is half a ramp later.
+    # Outside the ramps σ̇ is 1, and the time is delayed by half a ramp.
     time = np.where(begins, t_1, since + first / 2.0)
     time = np.where(ends, since[-1] + first / 2.0 + last / 2.0 - t_2, time)
     rate = np.where(begins, rate_1, np.where(ends, rate_2, 1.0))[:, np.newaxis]
@@ -189,7 +189,7 @@ def _in_ramp(sigma: FloatArray, T: float) -> tuple[FloatArray, FloatArray, Float
         return sigma, np.ones_like(sigma), np.zeros_like(sigma)
     grid = np.linspace(0.0, 1.0, 2001)
     u = np.interp(sigma, T * (grid**3 - 0.5 * grid**4), grid)
-    for _ in range(3):  # of Newton's method, where σ̇ is not small
+    for _ in range(3):  # steps of Newton's method, where σ̇ is not small
         rate = np.maximum(3.0 * u**2 - 2.0 * u**3, 1e-9)
         u = np.clip(u - np.where(u > 0.05, (T * (u**3 - 0.5 * u**4) - sigma) / (T * rate), 0.0),
                     0.0, 1.0)
@@ -197,7 +197,7 @@ def _in_ramp(sigma: FloatArray, T: float) -> tuple[FloatArray, FloatArray, Float
 
 
 def _excess_of(path: _Path, limits: MotionLimits) -> float:
-    """Return the factor by which a path is too fast for velocity or acceleration."""
+    """Return the factor by which a path exceeds the limits of velocity or acceleration."""
     T = np.diff(path.t)[:, np.newaxis]
     c = position_coefficients([x[:-1] for x in path[1:]], [x[1:] for x in path[1:]], T)
     speed = np.abs(_V @ c) / T[:, np.newaxis] / limits.velocity
@@ -209,7 +209,7 @@ def _monotone_slopes(t: FloatArray, q: FloatArray) -> FloatArray:
     """
     Return the slopes (m, n) at the points: harmonic means, 0 at turns and at both ends.
 
-    They are at most 5/4 of those of the lines on both sides; see `_monotone_accelerations`.
+    They are at most 5/4 of the slopes of the lines on both sides; see `_monotone_accelerations`.
     """
     h = np.diff(t)[:, np.newaxis]
     d = np.diff(q, axis=0) / h
@@ -228,7 +228,7 @@ def _monotone_accelerations(t: FloatArray, q: FloatArray, v: FloatArray) -> Floa
     Return accelerations (m, n) at the points with which the quintics do not overshoot them.
 
     They are central differences, within bounds for which the Bernstein coefficients of each
-    quintic, q, q + v T/5, q + 2 v T/5 + a T²/20 and likewise from the end, are monotone.
+    quintic, q, q + v T/5, q + 2 v T/5 + a T²/20 and the same from the end, are monotone.
     """
     a, h = np.zeros_like(q), np.diff(t)[:, np.newaxis]
     d, speed, sign = np.abs(np.diff(q, axis=0) / h), np.abs(v[1:-1]), np.sign(v[1:-1])

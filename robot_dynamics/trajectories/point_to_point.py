@@ -19,9 +19,10 @@ From rest to rest over the distance d the shortest duration is known in closed f
 
     T = max(1.875 d / v, √(5.7735 d / a), ∛(60 d / j)).
 
-From a moving state the durations of a geometric series are compared, joint by joint, and the
-shortest whose motion stays within the limits is taken. A joint for which none does first brings
-its acceleration to zero (it coasts), and stops if need be, before it moves to the goal.
+From a moving state, the durations of a geometric series are compared joint by joint, and the
+shortest one is used whose motion stays within the limits. If no duration qualifies, the joint
+first reduces its acceleration to zero (it coasts), and stops if necessary, before it moves to the
+goal.
 Source: K. M. Lynch and F. C. Park, Modern Robotics, 2017, section 9.2.2 (fifth-order time
 scaling); the comparison is our own.
 """
@@ -39,9 +40,9 @@ _GROWTH, _DURATIONS = 1.15, 36
 _TOLERANCE = 1.01
 _AT_REST = 1e-9
 _RESOLUTION = 1e-6
-"""[s] to which durations are rounded up, so that points are apart."""
+"""[s] to which durations are rounded up, so that points are distinct in time."""
 SHORTEST = 1e-3
-"""[s] of the shortest motion."""
+"""Duration [s] of the shortest motion."""
 
 _s = np.linspace(0.0, 1.0, _SAMPLES)
 _k = np.arange(6)
@@ -77,9 +78,9 @@ def goal_points(
     """
     Return the points of a motion from `start` to rest at `goal` (n,).
 
-    All joints that start at rest arrive together, after `arrival` [s] or later. One that moves
-    arrives as early as its limits allow, after `shortest` [s] or later: a longer quintic would
-    leave the direct way.
+    All joints that start at rest arrive together, after `arrival` [s] or later. A moving joint
+    arrives as early as its limits permit, after `shortest` [s] or later: a longer quintic would
+    deviate from the direct path.
     """
     rest = Reference(goal, np.zeros_like(goal), np.zeros_like(goal))
     moves = (np.abs(start.velocity) > _AT_REST) | (np.abs(start.acceleration) > _AT_REST)
@@ -96,10 +97,10 @@ def meeting_points(
     start: Reference, goals: Reference, T: FloatArray, limits: MotionLimits,
 ) -> list[TrajectoryPoint]:
     """
-    Return the point at which a motion from `start` meets a target that moves; none if none can.
+    Return the point at which a motion from `start` meets a moving target; empty if impossible.
 
-    `goals` has the target's states (m, n) after the durations T (m,) [s], which increase. The
-    first that all joints can reach within their limits is taken.
+    `goals` has the states of the target (m, n) after the increasing durations T (m,) [s]. The
+    result is the first state that all joints can reach within their limits.
     """
     ratio, leaves = _compare(start, goals, T[:, np.newaxis], limits)
     possible = np.flatnonzero(((ratio <= _TOLERANCE) & ~leaves).all(axis=1))
@@ -109,7 +110,7 @@ def meeting_points(
 def stop_points(
     start: Reference, limits: MotionLimits, shortest: float = 0.0,
 ) -> list[TrajectoryPoint]:
-    """Return the points of a stop as early as the limits allow; all joints stop together."""
+    """Return the points of the earliest stop within the limits; all joints stop together."""
     limits = limits.of_stop
     coast, zero = _coast(start, limits), np.zeros_like(start.velocity)
     T = coast.T + _stop_durations(coast.end, limits)
@@ -118,7 +119,7 @@ def stop_points(
 
 
 def _coast(start: Reference, limits: MotionLimits) -> _Piece:
-    """Return the way to no acceleration by the largest jerk, of joints that have one."""
+    """Return the motion to zero acceleration with the largest jerk, for accelerating joints."""
     T = _rounded(np.abs(start.acceleration) / limits.jerk)
     return _Piece(start, _settled(
         start, start.velocity + start.acceleration * T / 2.0, T), np.zeros_like(T), T)
@@ -132,7 +133,7 @@ def _stop_durations(start: Reference, limits: MotionLimits) -> FloatArray:
 
 
 def _settled(start: Reference, velocity: FloatArray, T: FloatArray) -> Reference:
-    """Return the state with this velocity and no acceleration after the durations T (n,)."""
+    """Return the state with this velocity and zero acceleration after the durations T (n,)."""
     q = start.position + (start.velocity + velocity) * T / 2.0 + start.acceleration * T**2 / 12.0
     return Reference(q, velocity, np.zeros_like(velocity))
 
@@ -141,10 +142,10 @@ def _ways(
     start: Reference, goal: Reference, limits: MotionLimits, T: FloatArray, shortest: float,
 ) -> list[_Piece]:
     """
-    Return the way of each joint: coasting, a stop, and the motion to the goal, in this order.
+    Return the pieces of each joint: coasting, a stop, and the motion to the goal, in this order.
 
-    Of the first two, joints leave out (T = 0) what they can: without both if a quintic from
-    `start` is within the limits, without a stop if one is after coasting.
+    Joints omit (T = 0) unnecessary pieces: coasting and the stop if a quintic from `start` is
+    within the limits, only the stop if a quintic is within the limits after coasting.
     """
     zero = np.zeros_like(T)
     last, direct = _shortest_durations(start, goal, limits, T, shortest)
@@ -174,14 +175,14 @@ def _rest_durations(start: Reference, goal: Reference, limits: MotionLimits) -> 
 
 
 def _rounded(T: FloatArray) -> FloatArray:
-    """Return durations [s] rounded up, so that they are the same in all their uses."""
+    """Return durations [s] rounded up, so that all users obtain the same value."""
     return np.asarray(np.ceil(T / _RESOLUTION - 1e-6) * _RESOLUTION)
 
 
 def _shortest_durations(
     start: Reference, goal: Reference, limits: MotionLimits, T: FloatArray, shortest: float,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the shortest durations (n,) of a moving start, T at rest; and which are possible."""
+    """Return the shortest durations (n,) from a moving start, T from rest; which are possible."""
     v, a = np.abs(start.velocity), np.abs(start.acceleration)
     base = 0.4 * np.maximum.reduce((
         T, 1.5 * v / limits.acceleration, np.sqrt(6.0 * v / limits.jerk), 3.0 * a / limits.jerk))
@@ -196,10 +197,10 @@ def _compare(
     start: Reference, goal: Reference, T: FloatArray, limits: MotionLimits,
 ) -> tuple[FloatArray, BoolArray]:
     """
-    Return the largest share of a limit, (m, n), and whether a motion leaves the position limits.
+    Return the largest ratio to a limit, (m, n), and whether a motion leaves the position limits.
 
-    T is (m, n) or (m, 1) [s]; the goal (n,) or (m, n). What start and goal exceed themselves does
-    not count.
+    T is (m, n) or (m, 1) [s]; the goal is (n,) or (m, n). Limits that the start or the goal itself
+    exceeds are widened accordingly.
     """
     T = np.broadcast_to(T, (len(T), len(start.position)))
     start = Reference(*(np.broadcast_to(x, T.shape) for x in start))
@@ -220,7 +221,7 @@ def _compare(
 
 
 def _points(pieces: list[_Piece]) -> list[TrajectoryPoint]:
-    """Return points at the ends of all pieces, between which every joint is one quintic."""
+    """Return points at the ends of all pieces; between them, every joint follows one quintic."""
     pieces = [piece._replace(T=_rounded(piece.T)) for piece in pieces]
     ends = np.round(np.concatenate([piece.since + piece.T for piece in pieces]), 9)
     times = np.unique(ends[ends > 0.0])

@@ -45,10 +45,10 @@ def quintic_via_points(
     """
     Return the smoothest motion through `positions` at `times`, from rest to rest.
 
-    `times` (m,) [s], m >= 2, strictly increasing; `positions` (m, n) [rad or m]. Of all motions
-    through these points with zero velocity and acceleration at both ends, this one has the
-    least ∫ jerk² dt for each joint: quintics whose jerk and snap are continuous too. The cost
-    is one dense solve of 2 (m - 2) unknowns, fine for some hundred points.
+    `times` (m,) [s], m >= 2, are strictly increasing; `positions` are (m, n) [rad or m]. Of all
+    motions through these points with zero velocity and acceleration at both ends, this one has the
+    smallest ∫ jerk² dt for each joint: quintics whose jerk and snap are continuous as well. The
+    cost is one dense solve of 2 (m - 2) unknowns, suitable for a few hundred points.
     Raises TrajectoryError.
     """
     path = make_trajectory(joint_names, times, positions, (), (), joint_names)

@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-An online trajectory generator: references that the arm can follow, whatever is sent.
+An online trajectory generator: references that the arm can follow, for any input.
 
 A new trajectory is entered from the present reference (position, velocity and acceleration) by a
 quintic within `MotionLimits`:
 
-- a set-point without a velocity is a goal at rest, reached as early as the limits allow; the
-  same set-point again leaves the plan as it is;
-- a set-point with a velocity is a target that moves; it is met one period of the stream after its
-  arrival, or as early as the limits allow, and left by a planned stop when the stream ends;
+- a set-point without a velocity is a goal at rest, reached as early as the limits permit; if the
+  same set-point is repeated, the plan remains unchanged;
+- a set-point with a velocity is a moving target; it is met one period of the stream after its
+  arrival, or as early as the limits permit; when the stream ends, a planned stop follows;
 - a trajectory of several points that starts at rest is delayed until the arm is at its start;
-- any other, and one that has begun already, is met on its path, at its own times.
+- any other trajectory, and one that has already begun, is met on its path, at its own times.
 
-The plan is made once, when a trajectory arrives; a state then costs what any trajectory costs.
+The plan is computed once, when a trajectory arrives; the cost per state is that of any trajectory.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,33 +48,33 @@ from robot_dynamics.trajectories.motion_limits import (
 from robot_dynamics.trajectories.point_to_point import goal_points, meeting_points, stop_points
 
 LONGEST_PERIOD = 0.5
-"""[s] between two set-points of one stream."""
+"""Largest interval [s] between two set-points of one stream."""
 HORIZON = 0.1
-"""[s] in which the last position of a stream without velocities is reached, or later."""
+"""Shortest time [s] in which the last position of a stream without velocities is reached."""
 PERIODS = 4.0
-"""Likewise, in periods of the stream; the reference lags by 0.6 times the longer of the two."""
+"""The same time in periods of the stream; the reference lags by 0.6 times the longer one."""
 FIRST_PERIOD = 0.02
-"""[s] in which the first set-point of a stream with velocities is met, or later."""
+"""Shortest time [s] in which the first set-point of a stream with velocities is met."""
 ON_PATH = 1e-6
-"""[rad] or [m], and [rad/s] or [m/s], within which a reference is on the path of a trajectory."""
+"""Distance [rad] or [m], and [rad/s] or [m/s], up to which a reference is on a path."""
 _LONGEST = 20.0
 _MEETINGS: FloatArray = np.geomspace(0.004, _LONGEST, 48)
 _STOP_POINTS = 12
 _APART = 3e-6
-"""[s] by which a motion to the first point ends before it, so that durations may be rounded."""
+"""[s] by which a motion to the first point ends early, which permits rounding of durations."""
 
 
 class ReferenceGenerator(TrajectoryFollower):
-    """The trajectory in force, entered and left within limits."""
+    """The active trajectory, entered and left within limits."""
 
     def __init__(
         self, joint_names: Sequence[str], continuous_joints: Sequence[str],
         limits: MotionLimits | None, stream_timeout: float = 0.1,
     ) -> None:
         """
-        Without `limits` trajectories are followed as they are.
+        Without `limits`, trajectories are followed unchanged.
 
-        A set-point with a velocity is followed for `stream_timeout` [s] at most.
+        A set-point with a velocity is followed for at most `stream_timeout` [s].
         """
         super().__init__(joint_names, continuous_joints)
         self.limits = limits
@@ -82,20 +82,20 @@ class ReferenceGenerator(TrajectoryFollower):
         self._set_point: tuple[int, TrajectoryPoint] | None = None
 
     def clear(self) -> None:
-        """Forget trajectory and stream; the next one starts from the measured state."""
+        """Discard trajectory and stream; the next trajectory starts from the measured state."""
         super().clear()
         self._set_point = None
 
     def shift_time(self, shift_ns: int) -> None:
-        """Let the times of the trajectory in force be lower by `shift_ns`, as those to come."""
+        """Lower the times of the active trajectory by `shift_ns`, as for a shifted clock."""
         super().shift_time(shift_ns)
         self._set_point = None
 
     def stop(self, now_ns: int, position: FloatArray, velocity: FloatArray) -> None:
         """
-        Stop as early as the limits allow, along the path in force, then hold the position.
+        Stop as early as the limits permit along the active path, then hold the position.
 
-        Without a path the stop begins at the measured state, (n,) each.
+        Without a path, the stop begins at the measured state, (n,) each.
         """
         limits, active = self.limits, self.active
         state = self._state_at(now_ns, position, velocity)
@@ -152,7 +152,7 @@ class ReferenceGenerator(TrajectoryFollower):
         self, point: TrajectoryPoint, wait: float, state: Reference,
         before: tuple[int, TrajectoryPoint] | None, period: float,
     ) -> list[TrajectoryPoint]:
-        """Return the points that meet a moving set-point, follow it for a while, and stop."""
+        """Return the points that meet a moving set-point, follow it, and stop at the timeout."""
         assert self.limits is not None
         assert point.velocity is not None
         limits = whole(self.limits)
@@ -197,7 +197,7 @@ class ReferenceGenerator(TrajectoryFollower):
 
 
 def whole(limits: MotionLimits) -> MotionLimits:
-    """Return the limits of a motion that the sender has planned: the whole, not a share."""
+    """Return the unscaled limits, for a motion that the sender has planned."""
     return replace(
         limits, velocity=limits.velocity / VELOCITY_FRACTION,
         acceleration=limits.acceleration / EFFORT_FRACTION, jerk=limits.jerk / EFFORT_FRACTION)
@@ -210,8 +210,8 @@ def _meeting(
     """
     Return the points that meet a target after one of the durations T (m,) [s], if possible.
 
-    Otherwise the motion stops before; and if it cannot meet the target from there, it leads to
-    rest at `end` (n,), after `arrival` [s] or later.
+    Otherwise the motion stops first. If it cannot meet the target from there, it leads to rest at
+    `end` (n,), after `arrival` [s] or later.
     """
     points = meeting_points(state, target(T), T, whole(limits))
     if points:

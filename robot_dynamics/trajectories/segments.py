@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The interpolation of `trajectory` at many samples on all segments at once."""
+"""Interpolation of a trajectory at many samples on all segments at once."""
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
@@ -26,15 +26,15 @@ class TrajectorySegments:
     """
     The k segments between the k + 1 points of a trajectory of n joints.
 
-    The motion that leads to the first point is not one of them. `points` holds position, velocity
-    and acceleration at the points, (k + 1, n) each: a point's own, and what it leaves out as
-    `ActiveTrajectory` samples it there, on the segment that begins.
+    The motion to the first point is not included. `points` are position, velocity and acceleration
+    at the points, (k + 1, n) each. Fields that a point omits have the value that
+    `ActiveTrajectory` returns there, on the segment that begins at the point.
     """
 
     def __init__(self, trajectory: JointTrajectory) -> None:
         points = trajectory.points
         self.times: FloatArray = np.array([point.time_from_start for point in points])
-        """[s] of the points, (k + 1,)."""
+        """Times [s] of the points, (k + 1,)."""
         q: FloatArray = np.array([point.position for point in points])
         v, has_v = _field([point.velocity for point in points], q)
         a, has_a = _field([point.acceleration for point in points], q)
@@ -45,7 +45,7 @@ class TrajectorySegments:
         fields = 1 + both_v + (both_v & has_a[1:] & has_a[:-1])
         for count in (1, 2, 3):
             rows, given = np.flatnonzero(fields == count), (v, a)[:count - 1]
-            # From the start position on, so that a joint that rests has no velocity of rounding.
+            # Relative to the start position, so that a joint at rest has exactly zero velocity.
             way = np.zeros_like(q[rows]), q[rows + 1] - q[rows]
             self._coefficients[rows] = position_coefficients(
                 [way[0], *(x[rows] for x in given)], [way[1], *(x[rows + 1] for x in given)],
@@ -71,7 +71,7 @@ class TrajectorySegments:
         """
         Return position, velocity and acceleration, (m, n) each.
 
-        Each sample is on a `segment` (m,), of which the `phase` (m,) in [0, 1] has passed.
+        Each sample is on a `segment` (m,), at the `phase` (m,) in [0, 1].
         """
         T = self._duration[segment]
         powers = np.vander(phase, 6, increasing=True)
@@ -79,7 +79,7 @@ class TrajectorySegments:
         first[:, 1:] = _ORDERS[1:] * powers[:, :-1] / T
         second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2] / T**2
         values = np.stack((powers, first, second), axis=1) @ self._coefficients[segment]
-        # Exact at the end: rest is exactly 0 there, which dry friction distinguishes from motion.
+        # Exact at the end: the velocity at rest must be exactly 0, because of dry friction.
         velocity = np.where(
             phase[:, np.newaxis] == 1.0, self._end_velocity[segment], values[:, 1])
         return Reference(values[:, 0], velocity, values[:, 2])

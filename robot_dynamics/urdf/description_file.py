@@ -26,8 +26,8 @@ def read_description(path: Path, field: str) -> str:
     """
     Return the URDF in a file; `field` names it in errors.
 
-    Raises ModelError if that fails or the file is too large or has a DTD, MissingDependencyError
-    where xacro is needed and missing.
+    Raises ModelError if the file cannot be read, is too large or has a DTD, and
+    MissingDependencyError if xacro is needed and missing.
     """
     where = f'{field} {str(path)!r}'
     try:
@@ -45,5 +45,5 @@ def _expand_xacro(path: Path, field: str) -> str:
     xacro = optional('xacro', f'{field} is {str(path)!r}, which')
     try:
         return str(xacro.process_file(str(path)).toxml())
-    except Exception as error:  # xacro raises what the document makes it raise
+    except Exception as error:  # a document can make xacro raise any exception
         raise ModelError(f'{field}: xacro cannot expand {str(path)!r}: {error}') from None

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-What the XML of a description must be before it is parsed: of limited size, and without a DTD.
+Checks of the XML of a description before it is parsed: a limited size, and no DTD.
 
 A document type declaration (DTD) may define entities. A parser expands them while it reads: a
 document of 390 KB becomes gigabytes of elements. No URDF, xacro or Collada file needs one.
@@ -27,9 +27,9 @@ import re
 from robot_dynamics.exceptions import ModelError
 
 LARGEST_DESCRIPTION = 10_000_000
-"""Characters of a description in a file or a parameter, bytes of one on a topic."""
+"""Limit in characters for a description in a file or a parameter, in bytes for one on a topic."""
 
-# What XML allows before a DTD or the root element: both end at their first closing mark.
+# Elements that XML permits before a DTD or the root element; both end at their first closing mark.
 _PROLOG = re.compile(r'(?:[\s\ufeff]+|<\?.*?\?>|<!--.*?-->)*', re.DOTALL)
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -63,9 +63,9 @@ def check_document(xml: str | bytes, field: str = 'robot_description') -> None:
     if len(xml) > LARGEST_DESCRIPTION:
         unit = 'characters' if isinstance(xml, str) else 'bytes'
         raise ModelError(
-            f'{field} has more than {LARGEST_DESCRIPTION} {unit}, expected at most so many')
+            f'{field} has more than {LARGEST_DESCRIPTION} {unit}, expected at most this number')
     dtd = find_dtd(xml)
     if dtd:
         raise ModelError(
-            f'{field} has a document type declaration (DTD), {dtd!r}, which is refused because '
+            f'{field} has a document type declaration (DTD), {dtd!r}, which is rejected because '
             'its entities can expand without limit; expected a URDF without one')

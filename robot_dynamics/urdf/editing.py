@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Elements of a URDF replaced in its text, of which every other byte stays as it is.
+Replacement of elements in the text of a URDF, which leaves every other byte unchanged.
 
-So comments, order, spaces and what this package does not read are kept.
+Comments, order, spaces and elements that this package does not read are preserved.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from robot_dynamics.urdf.document import check_document
 
 
 class _Change(NamedTuple):
-    """Bytes from `first` to `last` give way to `text`."""
+    """`text` replaces the bytes from `first` to `last`."""
 
     first: int
     last: int
@@ -35,7 +35,7 @@ class _Change(NamedTuple):
 
 
 class _Finder:
-    """Looks for `<inertial>` of links and `<dynamics>` of joints, right below the robot."""
+    """Finds `<inertial>` of links and `<dynamics>` of joints, directly below the robot."""
 
     def __init__(
         self, data: bytes, links: Mapping[str, str | None], joints: Mapping[str, str],
@@ -55,7 +55,7 @@ class _Finder:
         try:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as error:
-            raise ModelError(f'robot_description is no XML: {error}') from None
+            raise ModelError(f'robot_description is not valid XML: {error}') from None
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         first = self._parser.CurrentByteIndex
@@ -67,7 +67,7 @@ class _Finder:
         self._path.append((tag, first))
 
     def _insert(self, first: int, tag: str) -> None:
-        """Put the new element right behind the tag that opens its owner."""
+        """Insert the new element directly after the opening tag of its owner."""
         text = self._wanted[self._owner] if self._owner is not None else None
         if text is None:
             return
@@ -83,17 +83,17 @@ class _Finder:
         if len(self._path) == 2 and self._owner is not None and (self._owner[0], tag) in (
                 ('link', 'inertial'), ('joint', 'dynamics')):
             end = self._parser.CurrentByteIndex
-            # of an element without content, it is behind it already
+            # for an element without content, the position is already behind it
             last = _end_of_tag(self._data, end) if self._data[end:end + 2] == b'</' and (
                 self._data[end + 2:].startswith(tag.encode())) else end
             before = self._data[:first].rstrip(b' \t')
-            if before.endswith(b'\n'):  # with the line that it leaves empty
+            if before.endswith(b'\n'):  # also remove the line that would remain empty
                 first = len(before.removesuffix(b'\n').removesuffix(b'\r'))
             self.changes.append(_Change(first, last, b''))
 
 
 def _end_of_tag(data: bytes, first: int) -> int:
-    """Return the place behind the > of the tag that begins at `first`."""
+    """Return the offset after the > of the tag that begins at `first`."""
     quote = 0
     for i in range(first, len(data)):
         byte = data[i]
@@ -110,15 +110,15 @@ def with_elements(
     urdf: str, inertials: Mapping[str, str | None], dynamics: Mapping[str, str],
 ) -> str:
     """
-    Return the URDF with other `<inertial>` elements of links and `<dynamics>` of joints, by name.
+    Return the URDF with new `<inertial>` elements of links and `<dynamics>` of joints, by name.
 
-    None takes the element away. Raises ModelError where the text is no XML, is too large or has a
+    None removes the element. Raises ModelError if the text is not valid XML, is too large or has a
     DTD.
     """
     check_document(urdf)
     data = urdf.strip().encode()
     declared = data.startswith(b'<?xml')
-    # the text is UTF-8 now, whatever its declaration says
+    # the text is UTF-8 now, regardless of its declaration
     head = data.index(b'?>') + 2 if declared else 0
     prefix, body = (b'<?xml version="1.0"?>' if declared else b''), data[head:]
     finder = _Finder(body, inertials, dynamics)

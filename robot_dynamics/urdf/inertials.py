@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The bodies of a URDF as they are written: mass, center of mass, inertia, corners of the geometry.
+The unchecked bodies of a URDF: mass, center of mass, inertia, corners of the geometry.
 
 Source: the URDF XML specification, `link` element.
 """
@@ -43,9 +43,9 @@ class LinkBody:
     One link, in its own frame.
 
     `mass` [kg], `com` (3,) [m] and `inertia` (3, 3) [kg·m²], about the center of mass, are None
-    without an `<inertial>`. `corners` (k, 3) [m] are those of boxes around its shapes; None where
-    there are shapes, none of which could be read. `inertials` counts the `<inertial>` elements, of
-    which the first is read.
+    without an `<inertial>`. `corners` (k, 3) [m] are the corners of boxes around its shapes; None
+    if there are shapes, none of which could be read. `inertials` is the number of `<inertial>`
+    elements, of which only the first is read.
     """
 
     name: str
@@ -61,14 +61,14 @@ def read_bodies(xml: str, meshes: MeshBounds | None = None) -> list[LinkBody]:
     """
     Return the links of a URDF; well-formed XML is expected.
 
-    Numbers that are none, or larger than any arm has, are NaN. Meshes are left unread without
-    `meshes`.
+    Non-numeric values, and values that are too large for any arm, are NaN. Without `meshes`, no
+    mesh is read.
     """
     return [_read_body(link, meshes) for link in robot_element(xml).findall('link')]
 
 
 def read_joint_origins(xml: str) -> dict[str, list[FloatArray]]:
-    """Return where the joints of each link to its children are, (3,) [m] in its frame."""
+    """Return the origins of the joints of each link to its children, (3,) [m] in its frame."""
     origins: dict[str, list[FloatArray]] = {}
     for joint in robot_element(xml).findall('joint'):
         parent = joint.find('parent')
@@ -99,7 +99,7 @@ def _read_body(link: ElementTree.Element, meshes: MeshBounds | None) -> LinkBody
 
 
 def _corners(shapes: list[ElementTree.Element], meshes: MeshBounds | None) -> FloatArray | None:
-    """Return the corners of boxes around all of these shapes; None where one is unknown."""
+    """Return the corners of boxes around all of these shapes, or None if one is unknown."""
     boxes = [_shape_box(shape.find('geometry'), meshes) for shape in shapes]
     known = [box for box in boxes if box is not None]
     if not known or len(known) < len(boxes):

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where the mesh files are that a URDF names, and which of them are opened.
+Search for the mesh files that a URDF names, and restrictions on which of them are opened.
 
-A URDF in a file that the user named may name any file. One that came over a topic may be of
-anybody: its meshes are opened only below the share directories of packages and declared ones.
+A URDF in a file that the user selected may name any file. A URDF from a topic may come from any
+publisher: its meshes are opened only below share directories of packages and declared directories.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,15 @@ from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.document import find_dtd
 
 LARGEST_MESH = 200_000_000
-"""Bytes of a mesh file."""
+"""Largest size [bytes] of a mesh file."""
 
 
 def find_mesh(name: str, directory: Path) -> Path | None:
     """
-    Return the file of a mesh, None where there is none; `directory` is that of the URDF.
+    Return the file of a mesh, or None if it does not exist; `directory` is that of the URDF.
 
-    `package://NAME/…` is looked for beside the URDF, in the directories above it, and in the
-    environment's AMENT_PREFIX_PATH; a relative name belongs to the URDF's own directory.
+    `package://NAME/…` is searched for in the directory of the URDF, in the directories above, and
+    in AMENT_PREFIX_PATH of the environment; a relative name is relative to the URDF's directory.
     """
     scheme, separator, rest = name.partition('://')
     if not separator or scheme == 'file':
@@ -53,9 +53,10 @@ def find_untrusted_mesh(name: str, declared: Sequence[Path] = ()) -> Path:
     """
     Return the file of a mesh of a URDF that came over a topic.
 
-    The file is below a directory `share` of the environment's AMENT_PREFIX_PATH, where links are
-    those of the installation, or with links resolved below one of the `declared` directories,
-    which relative names and packages belong to as well. Raises ModelError for any other file.
+    The file must be below a directory `share` of the environment's AMENT_PREFIX_PATH, whose links
+    are trusted as part of the installation, or, with links resolved, below one of the `declared`
+    directories, in which relative names and packages are searched as well. Raises ModelError for
+    any other file.
     """
     scheme, separator, rest = name.partition('://')
     shares = _share_directories()
@@ -99,12 +100,12 @@ def _share_directories() -> list[Path]:
 def _resolved(path: Path) -> Path:
     try:
         return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # links in a circle, or no name
+    except (OSError, RuntimeError, ValueError):  # circular links, or an invalid name
         return Path(os.devnull)
 
 
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except (OSError, ValueError):  # a name that is none, as it is too long
+    except (OSError, ValueError):  # an invalid name, for example one that is too long
         return False

@@ -15,8 +15,8 @@
 """
 Read a URDF: its joints, limits, friction and mimic relations, checked and with clear errors.
 
-Only what dynamics needs is read; geometry is left to others. Source: the URDF XML specification,
-`joint` and `link` elements.
+Only the elements that dynamics needs are read; other modules read the geometry. Source: the URDF
+XML specification, `joint` and `link` elements.
 """
 
 from collections.abc import Iterable
@@ -34,12 +34,12 @@ MOVING_KINDS = ('revolute', 'continuous', 'prismatic')
 SUPPORTED_KINDS = (*MOVING_KINDS, 'fixed')
 
 _SHORTEST_AXIS = 1e-9
-"""Of a direction, which a parser scales to 1; below, its square may underflow."""
+"""Shortest length of a direction, which a parser normalises; its square must not underflow."""
 _CHUNK = 2**16
 MOST_LINKS = 500
-"""Links; the parser behind Pinocchio, which calls itself for each in a row, dies of thousands."""
+"""Largest number of links; the recursive parser of Pinocchio crashes for thousands of them."""
 MOST_TAGS = 100_000
-"""Tags of XML, of geometry and the like too; no other thread runs while they are forgotten."""
+"""Largest number of XML tags, including geometry; their deallocation blocks other threads."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Mimic:
 @dataclass(frozen=True)
 class UrdfJoint:
     """
-    One joint of a URDF; [rad, N·m] where it turns, [m, N] where it slides.
+    One joint of a URDF; units are [rad, N·m] if it turns, [m, N] if it slides.
 
     An absent limit is infinite; so is an effort or velocity limit of 0, which exporters write for
     "not known", and any limit beyond LARGEST_VALUE.
@@ -89,7 +89,7 @@ class UrdfRobot:
     """The same tree for Pinocchio: continuous joints as unlimited revolute ones (one coordinate
     each instead of cosine and sine), no geometry, no mimic relations."""
     reductions: Reductions = field(default_factory=dict)
-    """What transmissions state, by joint; see `transmissions`."""
+    """The reductions that transmissions state, by joint; see `transmissions`."""
 
     def joint(self, name: str) -> UrdfJoint:
         return next(joint for joint in self.joints if joint.name == name)
@@ -99,8 +99,8 @@ def parse_urdf(xml: str) -> UrdfRobot:
     """
     Parse and check the text of a URDF.
 
-    Raises ModelError where it is not a URDF, not a tree (a loop), has joints of a kind with more
-    than one degree of freedom, or numbers that are none.
+    Raises ModelError if the text is not a URDF, if the links are not a tree (a loop), if a joint
+    has more than one degree of freedom, or for non-numeric values.
     """
     root = _robot_element(xml)
     name = root.get('name') or ''
@@ -150,7 +150,7 @@ def _robot_element(xml: str) -> ElementTree.Element:
         raise ModelError(
             f'robot_description is not well-formed XML ({error}), expected a URDF; '
             f'it begins with {xml.strip()[:40]!r}') from None
-    # A default namespace means nothing in URDF, and its other readers pass over it.
+    # A default namespace has no meaning in URDF, and other readers ignore it.
     namespace = root.tag[:root.tag.find('}') + 1]
     for element in root.iter():
         element.tag = element.tag.removeprefix(namespace)
@@ -162,7 +162,7 @@ def _robot_element(xml: str) -> ElementTree.Element:
 
 
 def _read_xml(text: str) -> ElementTree.Element:
-    """Return the root element, read in parts, as no other thread runs while one is read."""
+    """Return the root element; read in parts, because the parser blocks all other threads."""
     parser = ElementTree.XMLParser()
     for i in range(0, len(text), _CHUNK):
         parser.feed(text[i:i + _CHUNK])
@@ -343,7 +343,7 @@ def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
 
 
 def _check_tree(link_names: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> str:
-    """Return the root link; raise ModelError where the links are not a tree."""
+    """Return the root link; raise ModelError if the links are not a tree."""
     parent_joint: dict[str, UrdfJoint] = {}
     for joint in joints:
         if joint.child in parent_joint:
@@ -393,7 +393,7 @@ def _check_mimics(joints: tuple[UrdfJoint, ...]) -> None:
 
 
 def _check_relation(joint: UrdfJoint, joints: tuple[UrdfJoint, ...]) -> None:
-    """Raise ModelError where a chain of leaders multiplies up to a number that is none."""
+    """Raise ModelError if the relation of a chain of leaders is not finite or too large."""
     relation, where = resolve_mimic(joint, joints), f'joint {joint.name!r}: mimic chain'
     _check_size(relation.multiplier, 'multiplier', where)
     _check_size(relation.offset, 'offset', where)

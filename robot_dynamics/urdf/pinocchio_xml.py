@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The URDF that Pinocchio reads: that of a robot that was checked, and nothing else of it.
+The URDF that Pinocchio reads: only the checked parts of a robot description.
 
 Continuous joints become unlimited revolute ones, with one coordinate each instead of cosine and
-sine; geometry, limits and mimic relations are left out.
+sine; geometry, limits and mimic relations are omitted.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -24,7 +24,7 @@ import xml.etree.ElementTree as ElementTree
 INERTIA_ENTRIES = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 """The attributes of `<inertia>`."""
 
-# Stands for "no limit" where the parser behind Pinocchio wants a number.
+# Represents "no limit" if the parser of Pinocchio requires a number.
 _UNLIMITED = '1e30'
 _NUMBERS_OF = {
     'origin': ('xyz', 'rpy'), 'mass': ('value',), 'inertia': INERTIA_ENTRIES, 'axis': ('xyz',)}
@@ -57,9 +57,9 @@ def _copy_first(target: ElementTree.Element, source: ElementTree.Element, *tags:
     """
     Append the first child of each tag, which is the one that was checked.
 
-    Its numbers are written anew: where the parser behind Pinocchio cannot read one (after it a
-    space, between two a tab) it drops the whole inertia of a link, and goes on. What else the
-    child carries was not checked, and is left out.
+    Its numbers are formatted again: if the parser of Pinocchio cannot read a number (followed by a
+    space, or separated by a tab), it discards the whole inertia of a link and continues. Other
+    attributes and elements of the child were not checked, and are omitted.
     """
     for tag in tags:
         element = source.find(tag)

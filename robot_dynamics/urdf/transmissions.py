@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-Gear ratios out of the transmissions of a URDF.
+Gear ratios from the transmissions of a URDF.
 
-A transmission of one joint may state its reduction, motor turns a joint turn, under `<actuator>`,
-`<joint>` or itself: as `mechanicalReduction` (ROS 1; ros_control, `transmission_interface`), or,
-inside `<ros2_control>`, as `mechanical_reduction` (ros2_control). One of several joints, such as
-a differential, couples them, so that none has a ratio of its own: it is passed over.
+A transmission of one joint may state its reduction, motor revolutions per joint revolution, under
+`<actuator>`, `<joint>` or itself: as `mechanicalReduction` (ROS 1; ros_control,
+`transmission_interface`), or, inside `<ros2_control>`, as `mechanical_reduction` (ros2_control). A
+transmission of several joints, such as a differential, couples the joints, so that no joint has a
+separate ratio: it is skipped.
 """
 
 from collections.abc import Mapping
@@ -28,7 +29,7 @@ import xml.etree.ElementTree as ElementTree
 from robot_dynamics.exceptions import ModelError
 
 Reductions = Mapping[str, tuple[str, ...]]
-"""What the transmissions state for each joint, as it is written."""
+"""The unchecked texts of the reductions of each joint."""
 
 _TRANSMISSIONS = ('transmission', 'ros2_control/transmission')
 _TAGS = ('mechanicalReduction', 'mechanical_reduction')
@@ -39,7 +40,7 @@ def read_reductions(robot: ElementTree.Element) -> dict[str, tuple[str, ...]]:
     """
     Return the reductions that the transmissions of a `<robot>` state, by joint.
 
-    The texts are not judged here: a reduction that nobody asks for keeps no arm from its work.
+    The texts are not checked here: an invalid reduction that is not used must cause no error.
     """
     reductions: dict[str, tuple[str, ...]] = {}
     for path in _TRANSMISSIONS:
@@ -59,10 +60,10 @@ def _stated(transmission: ElementTree.Element) -> tuple[str, ...]:
 
 def gear_ratio(joint: str, reductions: Reductions) -> float | None:
     """
-    Return the gear ratio N of a joint, None where no transmission states one.
+    Return the gear ratio N of a joint, None if no transmission states one.
 
-    Raises ModelError, naming joint and text, where it is zero or no number, or where several
-    differ, as of two motors with gears of their own.
+    Raises ModelError, naming joint and text, if the ratio is zero or not a number, or if several
+    ratios differ, for example those of two motors with separate gears.
     """
     ratios = {_number(joint, text) for text in reductions.get(joint, ())}
     if len(ratios) > 1:

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Values of a URDF as they are written; those that are no numbers, or beyond any arm, are NaN.
+Unchecked values of a URDF; non-numeric values, and values too large for any arm, are NaN.
 
-`urdf.parse_urdf` refuses what cannot be used; here is what looks at a URDF beside that.
+`parser.parse_urdf` rejects invalid URDFs; this module is for other readers of a URDF.
 """
 
 import math
@@ -51,7 +51,7 @@ def robot_element(xml: str) -> ElementTree.Element:
 
 
 def pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:
-    """Return rotation (3, 3) and place (3,) [m] of the `<origin>` in an element."""
+    """Return rotation (3, 3) and translation (3,) [m] of the `<origin>` in an element."""
     origin = element.find('origin')
     return rotation(vector(origin, 'rpy', '0 0 0')), vector(origin, 'xyz', '0 0 0')
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How the links of a URDF look: shapes, their places and colours.
+The visuals of the links of a URDF: shapes, their poses and colours.
 
 Source: the URDF XML specification, elements `visual` and `material`.
 """
@@ -45,13 +45,13 @@ class Cylinder(NamedTuple):
 
 
 class Sphere(NamedTuple):
-    """A ball about its frame's origin [m]."""
+    """A sphere about its frame's origin [m]."""
 
     radius: float
 
 
 class Mesh(NamedTuple):
-    """A file as the URDF names it, and its scale (3,)."""
+    """The name of a mesh file in the URDF, and its scale (3,)."""
 
     name: str
     scale: FloatArray
@@ -72,7 +72,7 @@ class Visual:
 
 
 def read_visuals(xml: str) -> list[Visual]:
-    """Return what can be drawn of the links of a URDF; well-formed XML is expected."""
+    """Return the visuals of the links of a URDF that can be drawn; expects well-formed XML."""
     robot = robot_element(xml)
     palette = {
         material.get('name') or '': colour for material in robot.findall('material')
@@ -90,7 +90,7 @@ def read_visuals(xml: str) -> list[Visual]:
 
 
 def _shape(geometry: ElementTree.Element | None) -> Shape | None:
-    """Return a shape, None where it is of no known kind or its sizes are no sizes."""
+    """Return a shape, or None if its kind is unknown or its sizes are invalid."""
     element = None if geometry is None else next(iter(geometry), None)
     if element is None:
         return None

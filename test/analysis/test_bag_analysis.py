@@ -91,7 +91,7 @@ def test_use_of_limits(known):
 def test_missing_velocity_is_differentiated_and_reported(tmp_path):
     bag = recorded(tmp_path, MOTION.messages(velocity=False))
     analysis = analyze_recording(bag, SETTINGS)
-    assert any('no velocity was recorded' in remark for remark in analysis.recording.remarks)
+    assert any('velocity not recorded' in remark for remark in analysis.recording.remarks)
     assert (analysis.statistics.relative < 1e-2).all()
     counts = analysis.motion.usable
     np.testing.assert_allclose(analysis.motion.velocity[counts], MOTION.v[counts], atol=0.01)
@@ -100,7 +100,7 @@ def test_missing_velocity_is_differentiated_and_reported(tmp_path):
 def test_missing_effort_is_reported_and_the_model_is_computed(tmp_path):
     bag = recorded(tmp_path, MOTION.messages(effort=False))
     analysis = analyze_recording(bag, SETTINGS)
-    assert any('no effort was recorded' in remark for remark in analysis.recording.remarks)
+    assert any('effort not recorded' in remark for remark in analysis.recording.remarks)
     assert analysis.statistics is analysis.residual is analysis.measured is None
     counts = analysis.motion.usable
     np.testing.assert_allclose(analysis.terms.effort[counts], MOTION.tau[counts], atol=0.2)
@@ -124,7 +124,7 @@ def test_joints_that_were_not_recorded_are_locked_and_reported(tmp_path):
         MOTION.stamps_ns, ('joint1', 'gripper'), MOTION.q, MOTION.v, MOTION.tau)))
     analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
     assert analysis.arm.joint_names == ('joint1',)
-    assert 'not recorded, and so locked: joint2' in analysis.recording.remarks
+    assert 'not recorded, therefore locked: joint2' in analysis.recording.remarks
 
 
 def test_another_robot_is_refused_by_name(known):
@@ -161,7 +161,7 @@ def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
     messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
         MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, tau)))
     analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
-    assert any('left out: 100 samples without any effort' in remark
+    assert any('left out: 100 samples with zero effort' in remark
                for remark in analysis.recording.remarks)
     assert not np.isin(MOTION.stamps_ns[braked], analysis.motion.stamps_ns).any()
     assert (analysis.statistics.relative < 2e-3).all()
@@ -231,7 +231,7 @@ def test_parameters_go_with_their_joints():
 
 
 @pytest.mark.parametrize(('text', 'words'), [
-    ('- 1', 'nothing for the node'), ('dynamics: {a: 1}', r"it has \['dynamics'\]"),
+    ('- 1', 'no parameters for the node'), ('dynamics: {a: 1}', r"it has \['dynamics'\]"),
     ('a: [', 'cannot be read'), ('/arm: {ros__parameters: {joints: [a]}}', r"'/arm'")])
 def test_parameter_files_that_do_not_fit(tmp_path, text, words):
     (tmp_path / 'a.yaml').write_text(text)

@@ -107,7 +107,7 @@ def is_torque(message: Any) -> bool:
          trajectory(point(), point([], 1.0), point(Q, 2.0)), 'points[1].positions is empty'),
         ('accelerations without velocities', trajectory(
             point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
-         'points[0].velocities is empty beside accelerations'),
+         'points[0].velocities is empty although accelerations are given'),
         ('a goal 50 rad beyond the position limits', trajectory(point([50.0, 0.0])),
          'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
         ('a path that exceeds a position limit',

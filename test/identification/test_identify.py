@@ -98,8 +98,8 @@ def test_the_files_fit_each_other(output):
 
 def test_the_report_needs_no_other_file(output):
     page = (output / 'report.html').read_text()
-    for words in ('identified model', 'Residual on samples that were not trained with', 'joint2',
-                  'Base parameters', 'condition number', 'data:image/png;base64'):
+    for words in ('identified model', 'Residual on samples that were not used for training',
+                  'joint2', 'Base parameters', 'condition number', 'data:image/png;base64'):
         assert words in page
     assert 'src="http' not in page
     assert 'href=' not in page
@@ -187,7 +187,7 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
             '--jobs', '1']
     assert main(call) == FAILED
     said = capsys.readouterr()
-    assert '2880 to train with' in said.out
+    assert '2880 for training' in said.out
     assert '1 recordings could not be used' in said.err
     assert 'bag9' in said.err
     figures = (tmp_path / 'out' / 'report.json').read_text()
@@ -220,7 +220,7 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     record(tmp_path / 'bag', gain=8.0, duration=20.0, off=0.0)
     call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
     assert main(call) == DONE
-    assert 'Then give --effort current' in ' '.join(capsys.readouterr().out.split())
+    assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
     assert main([*call, '--effort', 'current']) == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
@@ -233,10 +233,10 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['nowhere'], "'nowhere' does not exist"),
     (['BAG', '--cutoff', '90'], 'cutoff is 90 Hz, expected at most 20 Hz'),
-    (['BAG', '--map', 'a=b'], '--map a=b fits no joint'),
+    (['BAG', '--map', 'a=b'], '--map a=b matches no joint'),
     (['BAG', '--payload', 'nothing=1'], "is 'nothing', expected one of the links"),
     (['BAG', '--payload', 'tool0=1e3'], "is 1000 kg on 'tool0', expected at most"),
-    (['BAG', '--train-fraction', '0.05'], 'samples to train with, expected at least'),
+    (['BAG', '--train-fraction', '0.05'], 'samples for training, expected at least'),
     (['BAG', '--topic', '/else'], "has no topic '/else'"),
 ])
 def test_mistakes_are_reported_in_one_line(tmp_path, urdf, capsys, arguments, words):

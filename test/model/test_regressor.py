@@ -147,9 +147,9 @@ def test_a_block_left_out_shares_no_sample_and_no_neighbour_with_the_others():
 
 
 def test_mismatched_inputs_are_rejected():
-    with pytest.raises(InvalidInputError, match='there is no recording to merge'):
+    with pytest.raises(InvalidInputError, match='there is no recording to combine'):
         merge([])
-    with pytest.raises(InvalidInputError, match='cannot be merged, expected the same joints'):
+    with pytest.raises(InvalidInputError, match='cannot be combined, expected the same joints'):
         merge([reduced(*some_rows(0)), reduced(*some_rows(0, n=2))])
-    with pytest.raises(InvalidInputError, match='has 50 samples to train with, expected at least'):
+    with pytest.raises(InvalidInputError, match='has 50 samples for training, expected at least'):
         reduced(*some_rows(0, m=50))

@@ -106,7 +106,7 @@ def test_unread_geometry_is_counted(bad: Path):
     bad.write_text(POINT_MASS.replace(
         '<link name="arm">', '<link name="arm"><visual><geometry><mesh filename="no.stl"/>'
         '</geometry></visual>'), encoding='utf-8')
-    assert 'could not be read, and so was not compared: 1' in run(bad).stdout
+    assert 'not compared with their geometry, which could not be read: 1' in run(bad).stdout
 
 
 def test_without_arguments_it_explains_itself():

@@ -274,7 +274,7 @@ def test_joints_without_a_measurement_are_left_out() -> None:
     (EffortConvention(LACKS), G, [
         '0.00 times', 'expected -1', 'set measured_effort: joint_torque;']),
     (EffortConvention(robot_compensates=GRAVITY), G, [
-        'expected 1', "robot_compensates ['gravity']", 'take it out of robot_compensates']),
+        'expected 1', "robot_compensates ['gravity']", 'remove it from robot_compensates']),
 ])
 def test_a_warning_has_the_numbers_and_the_parameter(
     semantics: EffortConvention, effort: Any, words: list[str],

@@ -194,7 +194,7 @@ def test_a_robot_that_does_not_compensate_is_found() -> None:
     with both('/neither', {'robot_compensates': ['gravity']}, STICKY) as node:
         line = node.wait_for_log(WARNED, LONG)
     check_numbers(line, 0.0, [0.0, 0.0], [0.0, 0.0])
-    assert 'take it out of robot_compensates' in line
+    assert 'remove it from robot_compensates' in line
 
 
 @pytest.mark.parametrize(('dynamics', 'arm', 'k', 'measured', 'words'), [

@@ -157,7 +157,7 @@ def test_metadata_that_disagrees(copied):
         text.replace(f'message_count: {WHOLE}', 'message_count: 7'))
     _, losses, notes = read(path)
     assert losses == []
-    assert notes == [f'metadata.yaml states 7 messages of /joint_states, and there are {WHOLE}']
+    assert notes == [f'metadata.yaml states 7 messages of /joint_states, but {WHOLE} were found']
     (path / 'metadata.yaml').write_text('rosbag2_bagfile_information: [1, 2')
     series, _, (note,) = read(path)
     assert len(series.stamps_ns) == WHOLE

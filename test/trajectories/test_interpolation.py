@@ -521,8 +521,10 @@ REFUSALS = [
     ({'v': ((-math.inf, 0.0), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -inf'),
     ({'v': ((0.1, 0.2),) * 3}, 'velocities has 3 rows, expected 2, one for each point'),
     ({'v': ((0.1, 0.2), (0.0, 0.3))},
-     'points[1].velocities[1] (elbow) is 0.3, expected 0 at the last point, where the arm is'),
-    ({'v': ()}, 'points[0].velocities is empty beside accelerations, expected 2 values, one for'),
+     'points[1].velocities[1] (elbow) is 0.3, expected 0 at the last point, where the arm '
+     'has to be at rest'),
+    ({'v': ()}, 'points[0].velocities is empty although accelerations are given, expected 2 '
+     'values, one for'),
     ({'a': ((0.1, 0.2), (0.0,))}, 'points[1].accelerations has 1 values, expected 2'),
     ({'a': ((0.1, 0.2), (0.0, math.nan))}, 'points[1].accelerations[1] (elbow) is nan'),
 ]

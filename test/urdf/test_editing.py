@@ -61,7 +61,7 @@ def test_an_element_is_taken_away_with_its_line():
 
 
 def test_invalid_xml_is_rejected():
-    with pytest.raises(ModelError, match='is no XML'):
+    with pytest.raises(ModelError, match='is not valid XML'):
         with_elements('<robot>', {}, {})
 
 
@@ -102,5 +102,5 @@ def test_impossible_bodies_are_not_written():
     arm = load_arm(default_arm_urdf())
     phi = inertial_parameters(arm)
     phi[0] = -1.0
-    with pytest.raises(ModelError, match="of the body 'link1' belong to no mass distribution"):
+    with pytest.raises(ModelError, match="of the body 'link1' correspond to no mass distribution"):
         identified_urdf(default_arm_urdf(), arm, phi, np.zeros(2), np.zeros(2))
