@@ -62,7 +62,9 @@ class RunningNodes:
 
     def __enter__(self) -> 'RunningNodes':
         rclpy.init(args=['--ros-args', *ARGUMENTS])
-        self.dynamics, self.simulated_arm = DynamicsNode(), SimulatedArmNode()
+        self.dynamics = DynamicsNode(  # whose callback for joint states the tests call
+            parameter_overrides=[Parameter('state_thread', value=False)])
+        self.simulated_arm = SimulatedArmNode()
         callback_of(self.dynamics, 'robot_description')(
             serialize_message(String(data=default_arm_urdf())))
         assert self.simulated_arm.get_parameter('lock_step').value
