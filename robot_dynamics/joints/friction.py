@@ -56,42 +56,47 @@ LARGEST_LOAD_FRACTION = 0.95
 FRICTION_FIELDS = (
     ParameterField(
         'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6,
-        'Viscous friction F_v {unit}, one value per joint or one for all. Empty: the '
-        'damping of the URDF.', 'viscous'),
+        'Viscous friction F_v {unit}; one value for all joints or one per joint. If empty, the '
+        'damping in the URDF.', 'viscous'),
     ParameterField(
         'coulomb', '[N m] or [N]', None, 0.0, 1e6,
-        'Coulomb friction F_c {unit}, likewise. Empty: the friction of the URDF.',
-        'Coulomb'),
+        'Coulomb friction F_c {unit}; one value for all joints or one per joint. If empty, the '
+        'friction in the URDF.', 'Coulomb'),
     ParameterField(
         'static', '[N m] or [N]', None, 0.0, 1e6,
-        'Static friction F_s {unit}, up to which a joint sticks; at least F_c. Empty: F_c.'),
+        'Static friction F_s {unit}, up to which a joint sticks; at least F_c. One value for all '
+        'joints or one per joint. If empty, F_c.'),
     ParameterField(
         'stribeck_velocity', '[rad/s] or [m/s]', DEFAULT_STRIBECK_VELOCITY, 1e-6, 1e3,
-        'Velocity v_s {unit} over which friction falls from F_s to F_c. Empty: {default:g}.'),
+        'Stribeck velocity v_s {unit}, over which friction decreases from F_s to F_c; one value for '
+        'all joints or one per joint. If empty, {default:g}.'),
     ParameterField(
         'offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Offset F_o {unit} by which friction differs between the directions; at most F_c '
-        'in size. Empty: {default:g}.'),
+        'Direction-dependent part F_o {unit} of the Coulomb friction; its absolute value is at most '
+        'F_c. One value for all joints or one per joint. If empty, {default:g}.'),
     ParameterField(
         'sigmoid', '[N m] or [N]', 0.0, 0.0, 1e6,
-        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a), likewise. Empty: {default:g}.',
+        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a); one value for all joints or one '
+        'per joint. If empty, {default:g}.',
         'sigmoid'),
     ParameterField(
         'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
-        'Velocity v_a {unit} over which that changes its sign. Empty: {default:g}.',
+        'Velocity v_a {unit} over which the friction F_a changes its sign; one value for all joints '
+        'or one per joint. If empty, {default:g}.',
         'its velocity', ('sigmoid', 'load')),
     ParameterField(
         'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
-        'Fraction of the load that friction takes, with the same smooth sign. Empty: '
-        '{default:g}.', 'load'),
+        'Load-dependent friction coefficient: friction effort per unit of load effort, with the same '
+        'smooth sign. One value for all joints or one per joint. If empty, {default:g}.', 'load'),
     ParameterField(
         'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Constant part of the measured effort at any velocity {unit}, of any size: an offset of '
-        'sensor or drive. Empty: {default:g}.', 'offset'),
+        'Constant offset {unit} of the measured effort (sensor or drive bias); one value for all '
+        'joints or one per joint. If empty, {default:g}.', 'offset'),
     ParameterField(
         'presliding_distance', '[rad] or [m]', 0.0, 0.0, 10.0,
-        'Distance {unit} over which Coulomb friction changes its sign after the motion reverses; '
-        'used where a whole motion is known, not in simulated_arm. Empty: {default:g}.',
+        'Distance {unit} over which Coulomb friction changes its sign after a velocity reversal; '
+        'used if the whole motion is known, not in simulated_arm. One value for all joints or one '
+        'per joint. If empty, {default:g}.',
         'presliding', ('coulomb',)),
 )
 """The parameters of `JointFriction`, in its order."""
