@@ -68,26 +68,26 @@ FRICTION_FIELDS = (
         'joints or one per joint. If empty, F_c.'),
     ParameterField(
         'stribeck_velocity', '[rad/s] or [m/s]', DEFAULT_STRIBECK_VELOCITY, 1e-6, 1e3,
-        'Stribeck velocity v_s {unit}, over which friction decreases from F_s to F_c; one value for '
-        'all joints or one per joint. If empty, {default:g}.'),
+        'Stribeck velocity v_s {unit}, over which friction decreases from F_s to F_c; one value '
+        'for all joints or one per joint. If empty, {default:g}.'),
     ParameterField(
         'offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Direction-dependent part F_o {unit} of the Coulomb friction; its absolute value is at most '
-        'F_c. One value for all joints or one per joint. If empty, {default:g}.'),
+        'Direction-dependent part F_o {unit} of the Coulomb friction; its absolute value is at '
+        'most F_c. One value for all joints or one per joint. If empty, {default:g}.'),
     ParameterField(
         'sigmoid', '[N m] or [N]', 0.0, 0.0, 1e6,
-        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a); one value for all joints or one '
-        'per joint. If empty, {default:g}.',
+        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a); one value for all joints or '
+        'one per joint. If empty, {default:g}.',
         'sigmoid'),
     ParameterField(
         'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
-        'Velocity v_a {unit} over which the friction F_a changes its sign; one value for all joints '
-        'or one per joint. If empty, {default:g}.',
+        'Velocity v_a {unit} over which the friction F_a changes its sign; one value for all '
+        'joints or one per joint. If empty, {default:g}.',
         'its velocity', ('sigmoid', 'load')),
     ParameterField(
         'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
-        'Load-dependent friction coefficient: friction effort per unit of load effort, with the same '
-        'smooth sign. One value for all joints or one per joint. If empty, {default:g}.', 'load'),
+        'Load-dependent friction coefficient: friction effort per unit of load effort, with the '
+        'same smooth sign. One value for all joints or one per joint. If empty, {default:g}.', 'load'),
     ParameterField(
         'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
         'Constant offset {unit} of the measured effort (sensor or drive bias); one value for all '

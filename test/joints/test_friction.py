@@ -127,7 +127,7 @@ def test_an_empty_parameter_has_the_default_of_its_field() -> None:
     for field in FRICTION_FIELDS:
         assert getattr(friction, field.name).tolist() == [field.default or 0.0] * len(NAMES)
         if field.default is not None:
-            assert f'Empty: {field.default:g}.' in field.description
+            assert f'If empty, {field.default:g}.' in field.description
 
 
 def test_an_unknown_parameter_is_refused_by_name() -> None:
