@@ -87,7 +87,8 @@ FRICTION_FIELDS = (
     ParameterField(
         'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
         'Load-dependent friction coefficient: friction effort per unit of load effort, with the '
-        'same smooth sign. One value for all joints or one per joint. If empty, {default:g}.', 'load'),
+        'same smooth sign. One value for all joints or one per joint. If empty, {default:g}.',
+        'load'),
     ParameterField(
         'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
         'Constant offset {unit} of the measured effort (sensor or drive bias); one value for all '
