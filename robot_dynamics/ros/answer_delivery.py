@@ -39,8 +39,13 @@ from robot_dynamics.ros.rclpy_internals import (
 
 LONGEST_WAIT = 10.0
 """[s] in which a response reader must be discovered; lost discovery data are repeated each 1 s."""
-PAUSE = 0.5
-"""[s] before the second attempt; a reader can be discovered, but not yet connected."""
+PAUSES = (0.5, 4.0)
+"""
+[s] before the second and the third attempt.
+
+A reader can be discovered but not yet connected, or the discovered reader is that of an earlier
+client. Each attempt may delay the control thread by 100 ms, so there are few.
+"""
 _TURN = 0.02
 """[s] between two queries of the graph while a response waits."""
 _DISCARDED = 'failed to send response'
@@ -53,7 +58,7 @@ class _Response:
     message: Any
     header: Any
     until: float
-    is_tried: bool = False
+    attempts: int = 0
 
 
 class AnswerDelivery:
@@ -102,19 +107,20 @@ class AnswerDelivery:
             send_response(response.service, response.message, response.header)
         if not any(_DISCARDED in str(warning.message) for warning in caught):
             return
-        if response.is_tried:
+        if response.attempts == len(PAUSES):
             self._node.get_logger().warning(
                 f'Discarded a response of {response.service.service_name}: its client cannot '
                 'receive it (not discovered, ended, or of another QoS)')
         else:
+            until = time.monotonic() + PAUSES[response.attempts]
             self._waiting.append(
-                replace(response, until=time.monotonic() + PAUSE, is_tried=True))
+                replace(response, until=until, attempts=response.attempts + 1))
 
     def _send_waiting(self) -> None:
         waiting, self._waiting = self._waiting, []
         for response in waiting:
             if time.monotonic() >= response.until or (
-                    not response.is_tried and is_discovered(self._node, response.service)):
+                    response.attempts == 0 and is_discovered(self._node, response.service)):
                 self._attempt(response)
             else:
                 self._waiting.append(response)
