@@ -47,7 +47,11 @@ def test_is_skipped():
 
 @pytest.fixture(scope='module')
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
-    """Return a workspace in which both packages are built with the documented command."""
+    """
+    Return a workspace in which both packages are built with the documented command.
+
+    The build takes a minute; the tests of it are long runs (mark `soak`).
+    """
     made = Workspace(tmp_path_factory.mktemp('workspace'))
     built = made.run(documented('colcon build'))
     assert built.returncode == 0, built.stdout
@@ -60,11 +64,13 @@ def run_tests(workspace: Workspace, selection: str) -> 'subprocess.CompletedProc
         documented('colcon test'), '--return-code-on-test-failure', '--pytest-args', selection)
 
 
+@pytest.mark.soak
 def test_the_build_has_both_packages(workspace: Workspace) -> None:
     for name in PACKAGES:
         assert (workspace.directory / 'install' / name / 'share' / name / 'package.xml').exists()
 
 
+@pytest.mark.soak
 def test_the_installed_package_has_the_version_of_the_manifest(workspace: Workspace) -> None:
     program = 'import robot_dynamics as r; print(r.__file__, r.__version__)'
     installed, = (workspace.directory / 'install' / 'robot_dynamics').glob('lib/*/site-packages')
@@ -74,6 +80,7 @@ def test_the_installed_package_has_the_version_of_the_manifest(workspace: Worksp
     assert shown[1:] == re.findall('<version>(.+)</', manifest)
 
 
+@pytest.mark.soak
 def test_colcon_test_runs_the_tests_that_pytest_runs(workspace: Workspace) -> None:
     tested = run_tests(workspace, SELECTION)
     assert tested.returncode == 0, tested.stdout
@@ -87,6 +94,7 @@ def test_colcon_test_runs_the_tests_that_pytest_runs(workspace: Workspace) -> No
     assert f'Summary: {count} tests, 0 errors, 0 failures, 0 skipped' in result.stdout
 
 
+@pytest.mark.soak
 def test_a_failing_test_fails_colcon_test(workspace: Workspace) -> None:
     (workspace.source / 'test' / 'test_that_fails.py').write_text(FAILING, encoding='utf-8')
     tested = run_tests(workspace, 'test/test_that_fails.py')
