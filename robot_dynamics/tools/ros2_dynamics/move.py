@@ -55,7 +55,7 @@ class MotionWatch:
     def __init__(
         self, client: DynamicsClient, names: Sequence[str], turns: Sequence[bool],
     ) -> None:
-        """Watch the joints `names` of the node; `turns` tells which ones are continuous."""
+        """Watch the joints `names` of the node; `turns` is true for continuous joints."""
         self._client, self._names, self._turns = client, list(names), np.array(turns, dtype=bool)
         self.position: dict[str, float] = {}
         """Measured positions by name, and the stamp [ns] of the newest."""
@@ -209,16 +209,16 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
         duration = _duration(
             arguments, names, limits, watch.error(goal, watch.measured()))
-        try:
-            with _publication(client, names, goal, duration) as publish:
+        with _publication(client, names, goal, duration) as publish:
+            try:
                 watch.wait_taken(publish)
                 if not arguments.no_wait:
                     watch.wait_end(goal, duration)
-        except KeyboardInterrupt:
-            report = client.call(Trigger, 'stop', Trigger.Request()).message
-            return Answer(
-                {'node': client.name, 'interrupted': True, 'stop': report},
-                f'{client.name}: interrupted, called ~/stop: {report}', INTERRUPTED)
+            except KeyboardInterrupt:
+                report = client.call(Trigger, 'stop', Trigger.Request()).message
+                return Answer(
+                    {'node': client.name, 'interrupted': True, 'stop': report},
+                    f'{client.name}: interrupted, called ~/stop: {report}', INTERRUPTED)
         data = {'node': client.name, 'joint_names': names, 'goal': goal, 'duration': duration}
         if arguments.no_wait:
             return Answer(data, f'{client.name} follows a motion of {duration:.2f} s')

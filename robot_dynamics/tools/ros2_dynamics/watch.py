@@ -33,7 +33,7 @@ from sensor_msgs.msg import JointState
 COMMAND_TIME = 0.5
 """[s] that the first table waits for a command and for external efforts."""
 STALE_TIME = 1.0
-"""[s] without joint states after which the table says so."""
+"""[s] without joint states after which the table reports their age."""
 
 
 class JointTable:
