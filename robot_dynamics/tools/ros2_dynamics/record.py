@@ -71,7 +71,7 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
                 writer, client.resolve('robot_description'), urdf, time.time_ns())
         recorder = Recorder(client.node, writer, specs)
         began = f'Recording {len(specs)} topics to {directory}; ' + (
-            'Ctrl-C ends.' if seconds is None else f'ends after {seconds:g} s.')
+            f'ends after {seconds:g} s.' if seconds else 'Ctrl-C ends.')
         several = _record(client, recorder, seconds, began)
     rows = [
         {'topic': name, 'recorded': count.recorded,
