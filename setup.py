@@ -115,6 +115,9 @@ setup(
             'check = robot_dynamics.tools.ros2_dynamics.ros2cli:CheckVerb',
             'payload = robot_dynamics.tools.ros2_dynamics.ros2cli:PayloadVerb',
             'status = robot_dynamics.tools.ros2_dynamics.ros2cli:StatusVerb',
+            'move = robot_dynamics.tools.ros2_dynamics.ros2cli:MoveVerb',
+            'watch = robot_dynamics.tools.ros2_dynamics.ros2cli:WatchVerb',
+            'record = robot_dynamics.tools.ros2_dynamics.ros2cli:RecordVerb',
         ],
     },
 )

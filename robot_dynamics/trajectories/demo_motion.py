@@ -45,6 +45,10 @@ LARGEST_ACCELERATION = 6.0
 """Largest acceleration [rad/s²] or [m/s²]."""
 SHORTEST_DURATION = 0.5
 """[s]"""
+PEAK_VELOCITY = 1.875
+"""Largest velocity of a quintic from rest to rest over 1 in 1 s."""
+PEAK_ACCELERATION = 10.0 / 3.0**0.5
+"""Largest acceleration of a quintic from rest to rest over 1 in 1 s."""
 
 _SECONDS_PER_SWING = 1.6
 _SAMPLES = 400
@@ -107,6 +111,19 @@ def make_reference_motion(
     peaks = np.abs(efforts).max(axis=0)
     worst = int(np.argmax(peaks / arm.limits.effort)) if ratio > 0.0 else 0
     return ReferenceMotion(q0, trajectory, ratio, arm.joint_names[worst])
+
+
+def rest_to_rest_seconds(distance: FloatArray, velocity: FloatArray) -> float:
+    """
+    Return the duration [s] of a quintic from rest to rest over `distance` (n,) [rad] or [m].
+
+    No joint exceeds its `velocity` (n,) [rad/s] or [m/s], or LARGEST_ACCELERATION; the duration
+    is at least SHORTEST_DURATION.
+    """
+    d = np.abs(distance)
+    return float(max(
+        SHORTEST_DURATION, np.max(PEAK_VELOCITY * d / velocity, initial=0.0),
+        np.sqrt(np.max(PEAK_ACCELERATION * d / LARGEST_ACCELERATION, initial=0.0))))
 
 
 def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:

@@ -114,6 +114,7 @@ class ReferenceGenerator(TrajectoryFollower):
         self, trajectory: JointTrajectory, start_ns: int, now_ns: int, state: Reference,
     ) -> ActiveTrajectory:
         if self.limits is None:
+            self._set_point = None
             return super()._entered(trajectory, start_ns, now_ns, state)
         first = trajectory.points[0]
         wait = (start_ns - now_ns) / NANOSECONDS_PER_SECOND + first.time_from_start

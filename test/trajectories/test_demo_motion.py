@@ -27,8 +27,11 @@ from robot_dynamics.trajectories.demo_motion import (
     LIMIT_FRACTION,
     make_reference_motion,
     POSITION_MARGIN,
+    rest_to_rest_seconds,
     sample_trajectory,
+    SHORTEST_DURATION,
 )
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import robot_urdf
 
 DEFAULT = 'default'
@@ -142,3 +145,13 @@ def test_invalid_values_are_rejected():
     panda = arm_called('panda')
     with pytest.raises(InvalidInputError, match="start of 'panda_joint4' is 1"):
         make_reference_motion(panda, 5.0, np.ones(8))
+
+
+@pytest.mark.parametrize(('distance', 'velocity'), [
+    ((2.0, -0.5), (1.0, 1.0)), ((0.1, -3.0), (0.2, 9.0)), ((0.01, 0.0), (5.0, np.inf))])
+def test_a_point_to_point_motion_uses_its_limits(distance, velocity):
+    T = rest_to_rest_seconds(np.array(distance), np.array(velocity))
+    motion = quintic_point_to_point(('a', 'b'), (0.0, 0.0), distance, T)
+    _, v, a = sample_trajectory(motion, np.linspace(0.0, T, 2001))
+    used = max(np.max(np.abs(v) / velocity), np.max(np.abs(a)) / LARGEST_ACCELERATION)
+    assert used == pytest.approx(1.0, rel=1e-3) if T > SHORTEST_DURATION else used < 1.0

@@ -396,3 +396,12 @@ def test_after_a_stop_the_same_set_point_is_a_new_goal() -> None:
     assert (at(one, 5.0).position < 0.9).all()
     one.start(set_point(goal), ns(5.0), ZERO, ZERO)
     assert at(one, 10.0).position == pytest.approx(goal)
+
+
+def test_a_goal_is_followed_again_after_one_without_limits() -> None:
+    one, limits = generator(), limits_of()
+    for t, goal, used in ((0.0, (0.5, 0.0), limits), (10.0, (0.2, 0.1), None),
+                          (20.0, (0.5, 0.0), limits)):
+        one.limits = used
+        one.start(set_point(goal, wait=1.0), ns(t), ZERO, ZERO)
+        np.testing.assert_allclose(at(one, t + 9.0).position, goal)

@@ -27,6 +27,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.ros.recorder import TopicCount
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.tools.demo.processes import (
     DemoError,
@@ -35,7 +36,6 @@ from robot_dynamics.tools.demo.processes import (
     SIMULATED_ARM,
     VIEWER,
 )
-from robot_dynamics.tools.demo.recorder import TopicCount
 from robot_dynamics.tools.demo.session import (
     CLOCK,
     COMPUTED_TORQUE,

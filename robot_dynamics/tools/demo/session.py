@@ -27,15 +27,19 @@ from geometry_msgs.msg import InertiaStamped
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
+from robot_dynamics.ros.recorder import (
+    interface_definitions,
+    Recorder,
+    TopicSpec,
+    write_description,
+)
 from robot_dynamics.tools.demo.processes import DemoError, Nodes
-from robot_dynamics.tools.demo.recorder import interface_definitions, Recorder, TopicSpec
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 RECORDING = 'recording'
@@ -141,10 +145,8 @@ def recording_session(
     try:
         with RecordingWriter(directory / RECORDING, definitions) as writer:
             recorder = Recorder(node, writer, topics, time_ns)
-            writer.add_topic(
-                ROBOT_DESCRIPTION, 'std_msgs/msg/String', TopicQos(transient_local=True))
             now = time.time_ns() if time_ns is None else time_ns()
-            writer.write(ROBOT_DESCRIPTION, now, _serialized(String(data=urdf)))
+            write_description(writer, ROBOT_DESCRIPTION, urdf, now)
             try:
                 with Nodes(directory) as nodes:
                     yield Session(node, recorder, nodes, directory)
@@ -153,7 +155,3 @@ def recording_session(
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
-
-
-def _serialized(message: Any) -> bytes:
-    return bytes(serialize_message(message))

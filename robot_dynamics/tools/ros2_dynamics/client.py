@@ -14,20 +14,25 @@
 
 """A client that finds a running `dynamics` node, asks its services and hears its topics."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import os
 import time
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from std_msgs.msg import String
+
+if TYPE_CHECKING:
+    from robot_dynamics.urdf.parser import UrdfJoint
 
 TIMEOUT = 5.0
 """[s] that a node is looked for, and that an answer may take."""
@@ -57,22 +62,22 @@ class DynamicsClient:
     def __init__(self, node: str = '', timeout: float = TIMEOUT) -> None:
         """`node` is a name with its namespace; empty for the only one that runs."""
         self._wanted = f'/{node.strip("/")}' if node else ''
-        self._timeout = timeout
+        self.timeout = timeout
         self._target = ''
         self._context = Context()
         rclpy.init(args=[], context=self._context)
-        self._node = rclpy.create_node(
+        self.node: Node = rclpy.create_node(
             f'_ros2cli_dynamics_{os.getpid()}', context=self._context,
             start_parameter_services=False, enable_rosout=False)
         self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
 
     def __enter__(self) -> 'DynamicsClient':
         return self
 
     def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._context.try_shutdown()
 
     # ------------------------------------------------------------------ the node
@@ -86,21 +91,21 @@ class DynamicsClient:
 
     def nodes(self) -> list[str]:
         """Return the full names of all `dynamics` nodes that are found in a moment."""
-        if self._wait(self._offering):
-            self._wait(lambda: False, _SETTLE)
+        if self.wait(self._offering):
+            self.wait(lambda: False, _SETTLE)
         return self._offering()
 
     def _found(self) -> str:
         wanted = self._wanted
-        if wanted and self._wait(lambda: wanted in self._offering()):
+        if wanted and self.wait(lambda: wanted in self._offering()):
             return wanted
         nodes = self._offering() if wanted else self.nodes()
         running = f'those that run: {", ".join(nodes)}' if nodes else (
             'none runs; start one with: ros2 run robot_dynamics dynamics_node')
         if wanted:
-            raise NoAnswerError(f'no dynamics node {wanted!r} in {self._timeout:g} s; {running}')
+            raise NoAnswerError(f'no dynamics node {wanted!r} in {self.timeout:g} s; {running}')
         if not nodes:
-            raise NoAnswerError(f'no dynamics node in {self._timeout:g} s; {running}')
+            raise NoAnswerError(f'no dynamics node in {self.timeout:g} s; {running}')
         if len(nodes) > 1:
             raise NoAnswerError(
                 f'there are {len(nodes)} dynamics nodes, expected --node with one of: '
@@ -110,7 +115,7 @@ class DynamicsClient:
     def _offering(self) -> list[str]:
         return sorted(
             name.removesuffix(_OFFERED)
-            for name, kinds in self._node.get_service_names_and_types()
+            for name, kinds in self.node.get_service_names_and_types()
             if name.endswith(_OFFERED) and _SERVICE in kinds)
 
     # ------------------------------------------------------------------ services and topics
@@ -118,16 +123,16 @@ class DynamicsClient:
     def call(self, service_type: Any, name: str, request: Any) -> Any:
         """Return the answer of a service of the node; raise NoAnswerError or RefusedError."""
         full = f'{self.name}/{name}'
-        service = self._node.create_client(service_type, full)
+        service = self.node.create_client(service_type, full)
         try:
-            if not self._wait(service.service_is_ready):
-                raise NoAnswerError(f'no service {full} in {self._timeout:g} s')
+            if not self.wait(service.service_is_ready):
+                raise NoAnswerError(f'no service {full} in {self.timeout:g} s')
             future = service.call_async(request)
-            if not self._wait(future.done):
-                raise NoAnswerError(f'no answer of {full} in {self._timeout:g} s')
+            if not self.wait(future.done):
+                raise NoAnswerError(f'no answer of {full} in {self.timeout:g} s')
             response = future.result()
         finally:
-            self._node.destroy_client(service)
+            self.node.destroy_client(service)
         if getattr(response, 'success', True) is False:
             raise RefusedError(response.message)
         return response
@@ -151,23 +156,61 @@ class DynamicsClient:
             if answer is not None:
                 taken.append(answer)
 
-        subscription = self._node.create_subscription(message_type, topic, look, qos)
-        self._wait(lambda: bool(taken))
-        self._node.destroy_subscription(subscription)
+        subscription = self.node.create_subscription(message_type, topic, look, qos)
+        self.wait(lambda: bool(taken))
+        self.node.destroy_subscription(subscription)
         return taken[0] if taken else None
 
     def receive_latched(self, message_type: type, topic: str, depth: int = 32) -> list[Any]:
         """Return the messages that a publisher has kept; none after the timeout."""
         taken: list[Any] = []
         qos = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        subscription = self._node.create_subscription(message_type, topic, taken.append, qos)
-        if self._wait(lambda: bool(taken)):
-            self._wait(lambda: False, _GLANCE)
-        self._node.destroy_subscription(subscription)
+        subscription = self.node.create_subscription(message_type, topic, taken.append, qos)
+        if self.wait(lambda: bool(taken)):
+            self.wait(lambda: False, _GLANCE)
+        self.node.destroy_subscription(subscription)
         return taken
 
-    def _wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
-        deadline = time.monotonic() + (self._timeout if timeout is None else timeout)
+    @contextmanager
+    def subscribed(
+        self, *topics: tuple[type, str, Callable[[Any], None], QoSProfile],
+    ) -> Iterator[None]:
+        """Pass the messages of topics (type, name, callback, QoS) to the callbacks in `with`."""
+        subscriptions = [self.node.create_subscription(*topic) for topic in topics]
+        try:
+            yield
+        finally:
+            for subscription in subscriptions:
+                self.node.destroy_subscription(subscription)
+
+    def resolve(self, topic: str) -> str:
+        """Return the full name of `/topic`, `topic` or `~/topic` as the node resolves it."""
+        if topic.startswith('~/'):
+            return f'{self.name}/{topic[2:]}'
+        return topic if topic.startswith('/') else f'{self.name.rpartition("/")[0]}/{topic}'
+
+    def topics(self) -> list[str]:
+        """Return the names of all topics that are discovered together with the node."""
+        self.nodes()
+        return [name for name, _ in self.node.get_topic_names_and_types()]
+
+    def joint_state_topic(self) -> str:
+        """Return the topic of the joint states of the node, which may be remapped."""
+        namespace, _, name = self.name.rpartition('/')
+
+        def topics() -> list[str]:
+            try:
+                found = self.node.get_subscriber_names_and_types_by_node(name, namespace or '/')
+            except NodeNameNonExistentError:  # not discovered yet
+                return []
+            return [topic for topic, kinds in found if 'sensor_msgs/msg/JointState' in kinds]
+
+        self.wait(topics, _GLANCE)
+        return next(iter(topics()), self.resolve('joint_states'))
+
+    def wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
+        """Receive messages until `is_so` or the timeout [s], by default that of the client."""
+        deadline = time.monotonic() + (self.timeout if timeout is None else timeout)
         while not is_so():
             if time.monotonic() > deadline:
                 return False
@@ -196,15 +239,19 @@ class DynamicsClient:
             self.parameters(['robot_description', 'robot_description_file']))
         if xml is None:
             topic = f'{self.name.rpartition("/")[0]}/robot_description'
-            if self._wait(lambda: self._node.count_publishers(topic), _GLANCE):
+            if self.wait(lambda: self.node.count_publishers(topic), _GLANCE):
                 xml = self.receive(String, topic, LATCHED, lambda message: str(message.data))
         return embedded_description() if xml is None else xml
 
-    def joint_kinds(self) -> dict[str, str]:
-        """Return the kinds of joints by name; empty where the URDF cannot be had."""
+    def joints(self) -> dict[str, 'UrdfJoint']:
+        """Return the joints of the URDF by name; empty if the URDF is not available."""
         from robot_dynamics.urdf.parser import parse_urdf
         try:
             robot = parse_urdf(self.description())
         except RobotDynamicsError:
             return {}
-        return {joint.name: joint.kind for joint in robot.joints}
+        return {joint.name: joint for joint in robot.joints}
+
+    def joint_kinds(self) -> dict[str, str]:
+        """Return the kinds of joints by name; empty if the URDF is not available."""
+        return {name: joint.kind for name, joint in self.joints().items()}

@@ -70,3 +70,8 @@ def complete_links(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
     """Return the links of the arm."""
     from robot_dynamics.urdf.parser import parse_urdf
     return _asking(lambda client: list(parse_urdf(client.description()).link_names), parsed_args)
+
+
+def complete_topics(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+    """Return the topics that exist."""
+    return _asking(lambda client: client.topics(), parsed_args)

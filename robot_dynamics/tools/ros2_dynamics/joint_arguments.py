@@ -21,13 +21,15 @@ from robot_dynamics.exceptions import InvalidInputError
 
 
 def joint_values(
-    field: str, texts: Sequence[str], names: Sequence[str], rest: float | None = None,
+    field: str, texts: Sequence[str], names: Sequence[str],
+    rest: float | Mapping[str, float] | None = None,
 ) -> list[float]:
     """
     Return a value for each of `names` out of what was typed.
 
     Numbers alone are in the order of `names`, one each; NAME=NUMBER in any order, where `rest` is
-    the value of joints left out (None: none may be). Raises InvalidInputError with the names.
+    the value of joints left out, one for all or by name (None: none may be). Raises
+    InvalidInputError with the names.
     """
     named = [text for text in texts if '=' in text]
     if not named:
@@ -47,7 +49,8 @@ def joint_values(
     if missing and rest is None:
         raise InvalidInputError(
             f'{field} leaves out {_in_words(missing)}, expected every joint: {_in_words(names)}')
-    return [given.get(name, rest or 0.0) for name in names]
+    others = rest if isinstance(rest, Mapping) else dict.fromkeys(names, rest or 0.0)
+    return [given[name] if name in given else others[name] for name in names]
 
 
 def _by_name(field: str, texts: Sequence[str], names: Sequence[str]) -> Mapping[str, float]:

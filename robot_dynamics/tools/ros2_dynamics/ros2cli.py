@@ -26,7 +26,7 @@ from ros2cli.plugin_system import PLUGIN_SYSTEM_VERSION, satisfies_version
 
 
 class DynamicsCommand(CommandExtension):
-    """Ask a running dynamics node: efforts, manipulator equation, payload, status."""
+    """Ask a running dynamics node, move the arm, and record."""
 
     def add_arguments(self, parser: ArgumentParser, cli_name: str) -> None:
         """Add the verbs that are installed."""
@@ -79,3 +79,15 @@ class PayloadVerb(VerbExtension):
 
 class StatusVerb(VerbExtension):
     """How the node is: lifecycle, command, payload, diagnostics."""
+
+
+class MoveVerb(VerbExtension):
+    """Move the arm to a position, and report the position that it reached."""
+
+
+class WatchVerb(VerbExtension):
+    """Print a table of the joints again and again."""
+
+
+class RecordVerb(VerbExtension):
+    """Record the topics of the node to a rosbag2 directory."""

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Ask a running `dynamics` node in the words of a command line: `ros2 dynamics inverse 0.1 0.2`.
+Ask a running `dynamics` node on the command line, or move the arm: `ros2 dynamics move 0.1 0.2`.
 
-Where there is no ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
+Without ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
 `python -m robot_dynamics.tools.ros2_dynamics inverse 0.1 0.2`.
 """
 # PYTHON_ARGCOMPLETE_OK
@@ -24,11 +24,12 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 import json
+from pathlib import Path
 import re
 import sys
 from typing import Any, NamedTuple
 
-from robot_dynamics.tools.command_line import MISTAKE, Parser, run_tool
+from robot_dynamics.tools.command_line import DONE, MISTAKE, Parser, run_tool
 from robot_dynamics.tools.ros2_dynamics.answers import (
     Answer,
     answer_check,
@@ -44,6 +45,7 @@ from robot_dynamics.tools.ros2_dynamics.completion import (
     complete_links,
     complete_nodes,
     complete_nothing,
+    complete_topics,
 )
 
 _NEGATIVE = re.compile(r'^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$', re.IGNORECASE)
@@ -89,6 +91,59 @@ def _status_arguments(parser: argparse.ArgumentParser) -> None:
         '-v', '--verbose', action='store_true', help='the figures of each check too')
 
 
+def _move_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_joints, 'position', nargs='+', metavar='POSITION',
+         help='Goal [rad] or [m]: one number per joint in the order of the node, or JOINT=NUMBER. '
+              'Joints that are left out by name keep their measured position.')
+    _add(parser, complete_nothing, '--duration', type=float, metavar='S',
+         help='Duration of the motion [s]. The default follows from the velocity limits of the '
+              'URDF, and is at least 2 s if a joint that moves has none. The node takes longer '
+              'if the arm cannot follow.')
+    _add(parser, complete_joints, '-v', '--velocity', nargs='+', default=[], metavar='VALUE',
+         help='Largest joint velocities [rad/s] or [m/s], from which the duration follows. The '
+              'default is 60 %% of the limits in the URDF, also for joints that are left out by '
+              'name.')
+    parser.add_argument(
+        '--no-wait', action='store_true',
+        help='Return as soon as the node follows the motion, and do not wait for its end.')
+
+
+def _watch_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_nothing, '--rate', type=float, default=2.0, metavar='HZ',
+         help='Number of tables per second. The default is 2.')
+    _add(parser, complete_nothing, '--count', type=int, metavar='N',
+         help='Number of tables after which the command ends. Without it, Ctrl-C ends it.')
+
+
+def _record_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_topics, 'topics', nargs='*', metavar='TOPIC',
+         help='Topics to record, such as joint_states, ~/residual (of the node) or /tf. The '
+              'default is joint_states, effort_command, ~/terms, ~/computed_torque, '
+              '~/gravity_compensation, ~/reference, ~/payload and /diagnostics.')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='DIR',
+        help='New directory for the recording (rosbag2, MCAP). The default is recording-<time>.')
+    _add(parser, complete_nothing, '--duration', type=float, metavar='S',
+         help='Duration of the recording [s]. Without it, Ctrl-C ends the recording.')
+
+
+# These modules load the library of the model, which the other verbs do not need.
+
+def _answer_move(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
+    from robot_dynamics.tools.ros2_dynamics.move import answer_move
+    return answer_move(client, arguments)
+
+
+def _answer_watch(client: DynamicsClient, arguments: argparse.Namespace) -> None:
+    from robot_dynamics.tools.ros2_dynamics.watch import answer_watch
+    answer_watch(client, arguments)
+
+
+def _answer_record(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
+    from robot_dynamics.tools.ros2_dynamics.record import answer_record
+    return answer_record(client, arguments)
+
+
 def _add_position(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_joints, 'position', nargs='+', metavar='POSITION',
          help='positions [rad] or [m]: a number for each joint in order, or JOINT=NUMBER')
@@ -112,7 +167,8 @@ class Verb(NamedTuple):
 
     help: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
-    answer: Callable[[DynamicsClient, argparse.Namespace], Answer]
+    answer: Callable[[DynamicsClient, argparse.Namespace], Answer | None]
+    """Returns None if it has printed its answer."""
 
 
 VERBS: Mapping[str, Verb] = {
@@ -129,6 +185,15 @@ VERBS: Mapping[str, Verb] = {
     'status': Verb(
         'How the node is: lifecycle, command, payload, diagnostics', _status_arguments,
         answer_status),
+    'move': Verb(
+        'Move the arm to a position, and report the position that it reached', _move_arguments,
+        _answer_move),
+    'watch': Verb(
+        'Print a table of the joints again and again', _watch_arguments,
+        _answer_watch),
+    'record': Verb(
+        'Record the topics of the node to a rosbag2 directory', _record_arguments,
+        _answer_record),
 }
 
 
@@ -138,10 +203,12 @@ def add_arguments(name: str, parser: argparse.ArgumentParser) -> None:
     parser._negative_number_matcher = _NEGATIVE
     VERBS[name].add_arguments(parser)
     _add(parser, complete_nodes, '-n', '--node', default='', metavar='NODE',
-         help='the dynamics node, with its namespace (default: the only one that runs)')
+         help='Name of the dynamics node with its namespace. The default is the only one that '
+              'runs.')
     _add(parser, complete_nothing, '--timeout', type=float, default=TIMEOUT, metavar='SECONDS',
-         help=f'how long to look for the node, and to wait for an answer (default: {TIMEOUT:g})')
-    parser.add_argument('--json', action='store_true', help='write the answer as JSON')
+         help='Time to search for the node, and to wait for each answer [s]. The default is '
+              f'{TIMEOUT:g}.')
+    parser.add_argument('--json', action='store_true', help='Print the answer as JSON.')
 
 
 def run(
@@ -151,12 +218,15 @@ def run(
     """
     Answer a verb by a client for the node and the timeout asked for; return the exit status.
 
-    0: answered; 1: answered with errors (`check`, `status`); 2: no node, or it refused, which one
-    line on stderr explains.
+    0: answered; 1: answered with errors (`check`, `status`), or the motion of `move` was rejected
+    or ended early; 2: no node, or it refused; 130: `move` was interrupted. One line on stderr
+    explains an error.
     """
     def answer() -> int:
         with client_for(arguments.node, arguments.timeout) as client:
             found = VERBS[name].answer(client, arguments)
+        if found is None:
+            return DONE
         print(json.dumps(found.data, indent=2) if arguments.json else found.text)
         return found.status
 
@@ -182,8 +252,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of all verbs."""
     parser = Parser(
-        prog='dynamics', description='Ask a running dynamics node.')
+        prog='dynamics', description='Ask a running dynamics node, move the arm, and record.')
     verbs = parser.add_subparsers(dest='verb', metavar='VERB')
     for name, verb in VERBS.items():
-        add_arguments(name, verbs.add_parser(name, help=verb.help, description=verb.help))
+        add_arguments(name, verbs.add_parser(name, help=verb.help, description=f'{verb.help}.'))
     return parser

@@ -32,11 +32,13 @@ from typing import Any
 from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.recordings.topics import common_types
 from robot_dynamics.ros.rclpy_internals import message_inbox
+from std_msgs.msg import String
 
 RECEIVE_DEPTH = 2000
 """Messages of one topic that may wait to be drained: seconds, at the rate of a control loop."""
@@ -156,6 +158,12 @@ class Recorder:
         if self._time_ns is None:
             return int(info['received_timestamp'])
         return stamp_ns or self._time_ns()
+
+
+def write_description(writer: RecordingWriter, topic: str, urdf: str, time_ns: int) -> None:
+    """Write a URDF to a recording as a latched message of `topic`, under this time [ns]."""
+    writer.add_topic(topic, 'std_msgs/msg/String', TopicQos(transient_local=True))
+    writer.write(topic, time_ns, bytes(serialize_message(String(data=urdf))))
 
 
 def interface_definitions(package: str, names: Sequence[str]) -> dict[str, str]:

@@ -1,0 +1,286 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`ros2 dynamics move`: publish a goal, wait until the node has reached it, report the errors."""
+
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import math
+import time
+from typing import Any, NoReturn
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_to_ros
+from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
+from robot_dynamics.tools.ros2_dynamics.answers import Answer, Units
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.validation import check_scalar
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+UNLIMITED_DURATION = 2.0
+"""[s] that the motion of a joint takes that has no velocity limit, or longer."""
+AT_GOAL = 1e-6
+"""[rad] or [m] within which the reference has reached the goal."""
+AT_REST_TIME = 0.5
+"""[s] of rest after which the reference has ended elsewhere."""
+_REFERENCE_TIME = 1.0
+"""[s] within which a reference that is held is received."""
+_EARLY = 'ended early: '
+_RELIABLE = QoSProfile(depth=100)
+
+
+class MotionWatch:
+    """What a node publishes of its reference and of the arm, while `following` is entered."""
+
+    def __init__(
+        self, client: DynamicsClient, names: Sequence[str], turns: Sequence[bool],
+    ) -> None:
+        """Watch the joints `names` of the node; `turns` is true for continuous joints."""
+        self._client, self._names, self._turns = client, list(names), np.array(turns, dtype=bool)
+        self.position: dict[str, float] = {}
+        """Measured positions by name, and the stamp [ns] of the newest."""
+        self.position_ns = -1
+        self.reference: tuple[int, tuple[float, ...], tuple[float, ...]] | None = None
+        """Stamp [ns], positions and velocities of the newest reference."""
+        self.rejections: int | None = None
+        self.rejection = ''
+        self._statuses = self._early = 0
+        self._status = ''
+        self._heard = time.monotonic()
+
+    @contextmanager
+    def following(self) -> Iterator[None]:
+        """Receive in `with`."""
+        client = self._client
+        with client.subscribed(
+                (JointState, client.joint_state_topic(), self._on_state, qos_profile_sensor_data),
+                (JointState, client.resolve('~/reference'), self._on_reference, _RELIABLE),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)):
+            yield
+
+    def _on_state(self, message: JointState) -> None:
+        self.position |= {
+            name: value for name, value in zip(message.name, message.position)
+            if name in self._names}
+        self.position_ns = stamp_from_ros(message.header.stamp)
+
+    def _on_reference(self, message: JointState) -> None:
+        self._heard = time.monotonic()
+        order = [list(message.name).index(name) for name in self._names]
+        self.reference = (
+            stamp_from_ros(message.header.stamp), tuple(message.position[i] for i in order),
+            tuple(message.velocity[i] for i in order))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f'{self._client.name}: reference':
+                values = {pair.key: pair.value for pair in status.values}
+                self._heard = time.monotonic()
+                self.rejections = int(values['refused'])
+                self.rejection = values['refusal of the latest']
+                self._status = status.message
+                self._statuses += 1
+                self._early = self._early + 1 if status.message.startswith(_EARLY) else 0
+
+    # ------------------------------------------------------------------ waits
+
+    def wait_ready(self) -> None:
+        """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
+        client = self._client
+        if not client.wait(lambda: len(self.position) == len(self._names)):
+            missing = ', '.join(name for name in self._names if name not in self.position)
+            raise NoAnswerError(
+                f'no joint states of {missing} on {client.joint_state_topic()} in '
+                f'{client.timeout:g} s')
+        if not client.wait(lambda: self.rejections is not None):
+            raise NoAnswerError(f'{client.name} sends no /diagnostics')
+        if self._status != 'none':
+            client.wait(lambda: self.reference is not None, _REFERENCE_TIME)
+
+    def wait_taken(self, publish: Callable[[], None]) -> None:
+        """
+        Publish a goal and wait until the node follows it.
+
+        A reference that was at rest or absent moves then. Otherwise the second status after the
+        goal decides. Raises ToolError with the reason of a rejection, NoAnswerError.
+        """
+        before, known = self.reference, self.rejections
+        was_at_rest = before is None or not any(before[2])
+        self._statuses = 0
+        publish()
+
+        def is_taken() -> bool:
+            if self.rejections != known:
+                raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
+            moved = self.reference is not None and (
+                before is None or self.reference[1] != before[1] or any(self.reference[2]))
+            return (was_at_rest and moved) or (self._statuses > 1 and self._status == 'following')
+
+        if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):
+            raise NoAnswerError(
+                f'{self._client.name} neither follows nor rejects the goal; its reference is: '
+                f'{self._status}')
+
+    def wait_end(self, goal: Sequence[float], duration: float) -> None:
+        """Wait until the reference rests at `goal`; raise ToolError, NoAnswerError."""
+        assert self.reference is not None
+        start_ns = moving_ns = self.reference[0]
+        self._early = 0
+
+        with Progress(duration, 's') as progress:
+            def has_ended() -> bool:
+                nonlocal moving_ns
+                assert self.reference is not None
+                now_ns, position, velocity = self.reference
+                if any(velocity):
+                    moving_ns = now_ns
+                progress.update(1e-9 * (now_ns - start_ns))
+                self._check_following()
+                rest = 0.0 if self._is_at(goal, position) else AT_REST_TIME
+                return now_ns - moving_ns > 1e9 * rest
+
+            self._client.wait(has_ended, math.inf)
+        end_ns, position, _ = self.reference
+        if not self._is_at(goal, position):
+            self._raise_other_end(position)
+        self._client.wait(lambda: self.position_ns >= end_ns)
+
+    def _check_following(self) -> None:
+        if self._early > 1:  # the first status may be from before the goal
+            raise ToolError(
+                f'the motion ended early: {self._status.removeprefix(_EARLY)}')
+        if time.monotonic() - self._heard > self._client.timeout:
+            raise NoAnswerError(
+                f'{self._client.name} has sent no ~/reference and no /diagnostics for '
+                f'{self._client.timeout:g} s')
+
+    def _is_at(self, goal: Sequence[float], position: Sequence[float]) -> bool:
+        return bool(np.abs(self.error(goal, position)).max() < AT_GOAL)
+
+    def _raise_other_end(self, position: Sequence[float]) -> NoReturn:
+        self._statuses = 0
+        self._client.wait(lambda: self._statuses > 1)
+        self._check_following()
+        raise ToolError(
+            f'the reference ended at {[round(value, 4) for value in position]}, not at the goal: '
+            'another reference replaced it, or infeasible_trajectory is clip')
+
+    def error(self, goal: Sequence[float], position: Sequence[float]) -> 'np.ndarray[Any, Any]':
+        """Return goal minus position (n,); of continuous joints the shortest angle."""
+        error = np.subtract(goal, position)
+        return np.where(self._turns, np.remainder(error + np.pi, 2 * np.pi) - np.pi, error)
+
+    def measured(self) -> list[float]:
+        """Return the measured positions in the order of the node."""
+        return [self.position[name] for name in self._names]
+
+
+def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Move the arm, and return the position that it reached."""
+    if arguments.velocity and arguments.duration is not None:
+        raise InvalidInputError('--duration is given with --velocity, expected one of the two')
+    names = client.joint_names()
+    joints = client.joints()
+    kinds = {name: joint.kind for name, joint in joints.items()}
+    watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
+    with watch.following():
+        watch.wait_ready()
+        goal = joint_values('position', arguments.position, names, watch.position)
+        limits = {name: joint.velocity_limit for name, joint in joints.items()}
+        duration = _duration(
+            arguments, names, limits, watch.error(goal, watch.measured()))
+        with _publication(client, names, goal, duration) as publish:
+            try:
+                watch.wait_taken(publish)
+                if not arguments.no_wait:
+                    watch.wait_end(goal, duration)
+            except KeyboardInterrupt:
+                report = client.call(Trigger, 'stop', Trigger.Request()).message
+                return Answer(
+                    {'node': client.name, 'interrupted': True, 'stop': report},
+                    f'{client.name}: interrupted, called ~/stop: {report}', INTERRUPTED)
+        data = {'node': client.name, 'joint_names': names, 'goal': goal, 'duration': duration}
+        if arguments.no_wait:
+            return Answer(data, f'{client.name} follows a motion of {duration:.2f} s')
+        position = watch.measured()
+        columns = {'goal': goal, 'position': position,
+                   'error': watch.error(goal, position).tolist()}
+        units = Units.of(names, kinds)
+        return Answer(
+            data | columns, f'{client.name} reached the end of a motion of {duration:.2f} s\n'
+            + units.table(names, {
+                f'{name} [{units.position}]': values for name, values in columns.items()}))
+
+
+def _duration(
+    arguments: Namespace, names: Sequence[str], limits: Mapping[str, float],
+    distance: 'np.ndarray[Any, Any]',
+) -> float:
+    """Return the duration [s] of the motion, given or from the velocities of the joints."""
+    from robot_dynamics.trajectories.demo_motion import LIMIT_FRACTION, rest_to_rest_seconds
+    if arguments.duration is not None:
+        return check_scalar('--duration', arguments.duration, 0.0, exclusive_minimum=True)
+    limit = np.array([limits.get(name, math.inf) for name in names])
+    velocity = LIMIT_FRACTION * limit
+    if arguments.velocity:
+        given = joint_values(
+            'velocity', arguments.velocity, names, dict(zip(names, velocity.tolist())))
+        velocity = np.array([
+            check_scalar(f'velocity of {name}', value, 0.0, exclusive_minimum=True)
+            if math.isfinite(value) else value for name, value in zip(names, given)])
+    seconds = rest_to_rest_seconds(distance, velocity)
+    is_unlimited = bool((~np.isfinite(velocity) & (distance != 0.0)).any())
+    return max(seconds, UNLIMITED_DURATION) if is_unlimited else seconds
+
+
+@contextmanager
+def _publication(
+    client: DynamicsClient, names: Sequence[str], goal: Sequence[float], duration: float,
+) -> Iterator[Callable[[], None]]:
+    """
+    Yield a function that publishes the goal, once the node and all others have subscribed.
+
+    The goal is one point, so that the node plans the motion from its present reference. Raises
+    NoAnswerError without a subscription of the node.
+    """
+    topic, node = client.resolve('~/joint_trajectory'), client.node
+    # Without conditioning a point without velocities is approached with a constant velocity.
+    is_conditioned = client.parameters(['condition_references'])['condition_references']
+    rest = [] if is_conditioned else [[0.0] * len(names)]
+    message = trajectory_to_ros(
+        make_trajectory(names, [duration], [goal], rest, rest, names))
+    publisher = node.create_publisher(JointTrajectory, topic, _RELIABLE)
+
+    def has_subscriber() -> bool:
+        subscriptions = node.get_subscriptions_info_by_topic(topic)
+        return client.name in [
+            f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in subscriptions
+        ] and publisher.get_subscription_count() >= len(subscriptions)
+
+    try:
+        if not client.wait(has_subscriber):
+            raise NoAnswerError(
+                f'{client.name} does not subscribe to {topic} in {client.timeout:g} s')
+        yield lambda: publisher.publish(message)
+    finally:
+        node.destroy_publisher(publisher)
