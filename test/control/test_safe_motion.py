@@ -96,6 +96,11 @@ def wait_arrived(states: Collector, goal: np.ndarray) -> None:
         and np.abs(m.velocity).max() < ARRIVED, LONG)
 
 
+def wait_active(states: Collector) -> None:
+    """Wait for 0.1 s of simulated time: the first state is repeated until the node is active."""
+    states.wait_for(lambda m: m.header.stamp.nanosec > 100_000_000, LONG)
+
+
 def wait_held(
     states: Collector, is_held: Callable[[np.ndarray], bool] = lambda _: True,
 ) -> tuple[JointState, JointState]:
@@ -127,7 +132,7 @@ def test_a_set_point_is_reached_within_the_limits(
     goal = np.clip(start + way, limits.lower + 0.1, limits.upper - 0.1)
     namespace = f'/safe_{name}_{round(rate)}_{round(10 * size)}'
     with closed_loop(client, namespace, urdf, names, start, rate) as states:
-        states.wait_count(30, LONG)
+        wait_active(states)
         send(client, namespace, names, (0.0, goal))
         wait_arrived(states, goal)
         messages = states.messages
@@ -144,7 +149,7 @@ def test_stop_decelerates_and_holds(client: RosClient, moves: bool) -> None:
     start, goal = np.array([0.3, 0.5]), np.array([2.3, -1.5])
     namespace, names = f'/stopped_{moves}', ['joint1', 'joint2']
     with closed_loop(client, namespace, default_arm_urdf(), names, start, 250.0, 4.0) as states:
-        states.wait_count(30, LONG)
+        wait_active(states)
         if moves:  # for at least 10 s of wall time, so that ~/stop arrives during the motion
             send(client, namespace, names, (40.0, goal))
             states.wait_for(lambda m: abs(m.position[0] - start[0]) > 0.05, LONG)
@@ -208,7 +213,7 @@ def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(
             client, namespace, default_arm_urdf(), names, start,
             external_effort_limit=[limit]) as states, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
-        states.wait_count(30, LONG)
+        wait_active(states)
         send(client, namespace, names, (0.0, start + 0.2))
         wait_arrived(states, start + 0.2)
         states.clear()

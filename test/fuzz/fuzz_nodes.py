@@ -62,8 +62,9 @@ class RunningNodes:
 
     def __enter__(self) -> 'RunningNodes':
         rclpy.init(args=['--ros-args', *ARGUMENTS])
-        self.dynamics = DynamicsNode(  # whose callback for joint states the tests call
-            parameter_overrides=[Parameter('state_thread', value=False)])
+        self.dynamics = DynamicsNode(parameter_overrides=[
+            Parameter('state_thread', value=False),  # the tests call the callback
+            Parameter('state_timeout', value=60.0)])  # no fault on a slow machine
         self.simulated_arm = SimulatedArmNode()
         callback_of(self.dynamics, 'robot_description')(
             serialize_message(String(data=default_arm_urdf())))
