@@ -38,8 +38,8 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 FORMATS = ('.gif', '.mp4')
 MP4_RATE = 30
 """Frames a second of an MP4."""
-_COLOURS = 255
-"""Colours of the palette of a GIF; one of 256 is left for what does not change."""
+_COLOURS = 127
+"""Colours of the palette of a GIF, without the one of unchanged pixels; few make small files."""
 _LOOKED_AT = 16
 """Frames from which the palette is chosen."""
 _SHORTEST = 0.02
