@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def report(times: Times) -> None:
-    """Print the measured times; docs/pictures/growth.py plots the same times."""
+    """Print the measured times and fits; docs/pictures/growth.py reads the printed table."""
     print(f'{"µs per call":18}' + ''.join(f'{joints:9}' for joints in JOINTS) + ' joints')
     for name, values in times.items():
         print(f'{name:18}' + ''.join(f'{1e6 * value:9.1f}' for value in values))

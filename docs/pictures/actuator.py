@@ -21,7 +21,14 @@ import numpy as np
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.reporting.figures import BLUE, GREEN, ORANGE, styled_figure, VERMILION
+from robot_dynamics.reporting.figures import (
+    BLUE,
+    GREEN,
+    legend_below,
+    ORANGE,
+    styled_figure,
+    VERMILION,
+)
 from robot_dynamics.simulation.current_loop import Drive
 
 
@@ -34,26 +41,27 @@ def motor(efficiency: float) -> Actuators:
 
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
-    with styled_figure(13.0, 3.6) as figure:
+    with styled_figure(12.0, 4.2) as figure:
         envelope, needed, step = figure.subplots(1, 3)
 
         v = np.linspace(-7.0, 7.0, 561)[:, None]
         for efficiency, colour, dash in ((1.0, BLUE, '-'), (0.7, VERMILION, (0, (5, 2)))):
             low, high = motor(efficiency).effort_range(v)
-            envelope.plot(v, low, color=colour, linestyle=dash)
-            envelope.plot(v, high, color=colour, linestyle=dash, label=f'efficiency {efficiency}')
+            envelope.plot(v, low, color=colour, linestyle=dash, linewidth=1.8)
+            envelope.plot(v, high, color=colour, linestyle=dash, linewidth=1.8,
+                          label=f'efficiency {efficiency}')
         envelope.set(xlabel='joint velocity [rad/s]', ylabel='joint effort [N·m]',
-                     title='What the motor can deliver, steadily')
-        envelope.legend(frameon=False)
+                     title='Steady torque–speed envelope')
+        legend_below(envelope, 2)
 
         effort = np.linspace(-40.0, 40.0, 401)[:, None]
         for speed, colour, dash in ((1.0, GREEN, '-'), (-1.0, ORANGE, (0, (5, 2)))):
             current = motor(0.7).load(effort, np.array([speed]), np.zeros(1)).current
-            needed.plot(effort, current, color=colour, linestyle=dash,
-                        label=f'at {speed:+.0f} rad/s')
+            needed.plot(effort, current, color=colour, linestyle=dash, linewidth=1.8,
+                        label=f'{speed:+.0f} rad/s'.replace('-', '−'))
         needed.set(xlabel='joint effort [N·m]', ylabel='current [A]',
-                   title='Efficiency 0.7: driving costs more than being driven')
-        needed.legend(frameon=False)
+                   title='Current at efficiency 0.7')
+        legend_below(needed, 2)
 
         arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]))
         for wanted, colour, dash in ((10.0, GREEN, '-'), (50.0, VERMILION, (0, (5, 2)))):
@@ -62,10 +70,11 @@ def main(directory: Path) -> None:
                 rows.append((0.1 * k, drive.current[0]))
                 drive.effort_over_step(np.array([wanted]), rest, 1e-4)
             t, i = np.array(rows).T
-            step.plot(t, i, color=colour, linestyle=dash, label=f'to {wanted:g} N·m')
+            step.plot(t, i, color=colour, linestyle=dash, linewidth=1.8,
+                      label=f'step to {wanted:g} N·m')
         step.set(xlabel='time [ms]', ylabel='current [A]',
-                 title='The current loop: 1 ms, or as fast as 24 V allow')
-        step.legend(frameon=False)
+                 title='Current loop: step responses')
+        legend_below(step, 2)
         figure.savefig(directory / 'actuator.png')
 
 

@@ -23,7 +23,16 @@ import sys
 from typing import Any
 
 import numpy as np
-from robot_dynamics.reporting.figures import BLACK, BLUE, GREY, ORANGE, styled_figure, VERMILION
+from robot_dynamics.reporting.figures import (
+    BLACK,
+    BLUE,
+    GREY,
+    legend_below,
+    ORANGE,
+    SKY,
+    styled_figure,
+    VERMILION,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import backlash_theory as theory  # noqa: E402
@@ -35,26 +44,26 @@ def draw_hysteresis(axes: Any, way: theory.Way) -> None:
     b, A = MILLI * theory.HALF_GAP, MILLI * theory.AMPLITUDE
     h = A - b
     corners = np.array([(A, h), (A - 2.0 * b, h), (-A, -h), (2.0 * b - A, -h), (A, h)])
-    axes.plot(MILLI * way.theta, MILLI * way.q, color=BLUE, linewidth=3.2, label='simulated')
+    axes.plot(MILLI * way.theta, MILLI * way.q, color=SKY, linewidth=5.0, label='simulated')
     axes.plot(*corners.T, color=BLACK, linestyle=(0, (4, 2)), linewidth=1.2,
               label='play operator')
     axes.annotate('', (A, h + 1.5), (A - 2.0 * b, h + 1.5), arrowprops={
         'arrowstyle': '<->', 'color': VERMILION, 'shrinkA': 0.0, 'shrinkB': 0.0})
-    axes.text(A - b, h + 2.5, 'the gap, 2b', color=VERMILION, ha='center', va='bottom')
-    axes.set(xlabel='motor, divided by N [mrad]', ylabel='joint [mrad]', ylim=(-25.0, 29.0),
-             title='The motor swings: hysteresis of the joint')
-    axes.legend(frameon=False, loc='lower right')
+    axes.text(A - b, h + 2.5, 'gap 2b', color=VERMILION, ha='center', va='bottom')
+    axes.set(xlabel='motor position / N [mrad]', ylabel='joint position [mrad]',
+             ylim=(-25.0, 29.0), title='Hysteresis of the joint')
+    legend_below(axes, 2)
 
 
 def draw_dead_zone(axes: Any, way: theory.Way) -> None:
     still = np.abs(way.theta - way.q) < theory.HALF_GAP - 1e-9
-    axes.plot(way.t, MILLI * way.theta, color=ORANGE, linestyle=(0, (5, 2)), label='motor')
-    axes.plot(way.t, MILLI * way.q, color=BLUE, label='joint')
+    axes.plot(way.t, MILLI * way.theta, color=ORANGE, linestyle=(0, (5, 2)), linewidth=1.8,
+              label='motor / N')
+    axes.plot(way.t, MILLI * way.q, color=BLUE, linewidth=1.8, label='joint')
     axes.fill_between(way.t, 0.0, 1.0, where=still, transform=axes.get_xaxis_transform(),
-                      color=GREY, alpha=0.2, linewidth=0.0, label='teeth apart')
-    axes.set(xlabel='time [s]', ylabel='position [mrad]', ylim=(-33.0, 50.0),
-             title='Dead zone: the joint waits for the teeth')
-    axes.legend(frameon=False, loc='upper center', ncols=3)
+                      color=GREY, alpha=0.2, linewidth=0.0, label='no contact')
+    axes.set(xlabel='time [s]', ylabel='position [mrad]', title='Dead zone')
+    legend_below(axes, 3)
 
 
 def draw_cycle(axes: Any) -> None:
@@ -64,22 +73,21 @@ def draw_cycle(axes: Any) -> None:
     def orbit(part: theory.Way) -> tuple[np.ndarray, np.ndarray]:
         return MILLI * part.theta, MILLI * np.gradient(part.theta, part.t)
 
-    axes.plot(*orbit(first), color=GREY, linewidth=0.7, label='on the way, from 40 mrad')
-    axes.plot(*orbit(last), color=BLUE, linewidth=2.4, label='after 15 s')
+    axes.plot(*orbit(first), color=GREY, linewidth=0.9, label='transient')
+    axes.plot(*orbit(last), color=SKY, linewidth=5.0, label='after 15 s')
     phase = np.linspace(0.0, 2.0 * np.pi, 200)
     A = MILLI * predicted.amplitude
     axes.plot(A * np.cos(phase), A * predicted.frequency * np.sin(phase), color=BLACK,
               linestyle=(0, (4, 2)), linewidth=1.2, label='harmonic balance')
-    axes.set(xlabel='motor, divided by N [mrad]', ylabel='its velocity [mrad/s]',
-             title='Feedback from the joint: limit cycle')
-    axes.set_ylim(top=1.5 * axes.get_ylim()[1])
-    axes.legend(frameon=False, loc='upper right')
+    axes.set(xlabel='motor position / N [mrad]', ylabel='motor velocity / N [mrad/s]',
+             title='Limit cycle with joint feedback')
+    legend_below(axes, 3)
 
 
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
     way = theory.after(theory.swing(6.0), 2.0)
-    with styled_figure(13.0, 3.6) as figure:
+    with styled_figure(12.0, 4.4) as figure:
         hysteresis, dead_zone, cycle = figure.subplots(1, 3)
         draw_hysteresis(hysteresis, way)
         draw_dead_zone(dead_zone, way)

@@ -32,7 +32,9 @@ from robot_dynamics.reporting.figures import (
     BLUE,
     GREEN,
     GREY,
+    legend_below,
     ORANGE,
+    PURPLE,
     styled_figure,
     VERMILION,
 )
@@ -43,7 +45,7 @@ import stick_slip as run  # noqa: E402
 
 
 def stick_slip() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, position and spring torque of a joint pulled by a spring, as recorded."""
+    """Return time, position and spring torque of a joint pulled by a spring, as simulated."""
     os.environ.update(choose_domain(os.environ))
     with tempfile.TemporaryDirectory() as directory:
         series = run.read_stick_slip(run.record_stick_slip(Path(directory)))
@@ -51,55 +53,64 @@ def stick_slip() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def draw_curve(axes: Any) -> None:
+    sliding = {'coulomb': [1.0], 'viscous': [0.4]}
+    stribeck = {**sliding, 'static': [1.6], 'stribeck_velocity': [0.1]}
     curves = {
         'Coulomb': ({'coulomb': [1.0]}, GREY, (0, (1, 1))),
-        '+ viscous': ({'coulomb': [1.0], 'viscous': [0.4]}, BLUE, (0, (4, 2))),
-        '+ Stribeck': (
-            {'coulomb': [1.0], 'viscous': [0.4], 'static': [1.6], 'stribeck_velocity': [0.1]},
-            VERMILION, '-'),
-        '+ offset': (
-            {'coulomb': [1.0], 'viscous': [0.4], 'static': [1.6], 'stribeck_velocity': [0.1],
-             'offset': [0.3]}, GREEN, (0, (6, 1, 1, 1))),
+        'Coulomb, viscous': (sliding, BLUE, (0, (4, 2))),
+        'and Stribeck': (stribeck, VERMILION, '-'),
+        'and offset': ({**stribeck, 'offset': [0.3]}, GREEN, (0, (6, 1, 1, 1))),
+        'sigmoid, viscous': (
+            {'viscous': [0.4], 'sigmoid': [0.5], 'sigmoid_velocity': [0.1]}, PURPLE,
+            (0, (6, 2))),
     }
     for name, (parameters, colour, dash) in curves.items():
         friction = make_friction(('joint',), **parameters)
         for side in (-1.0, 1.0):
             v = side * np.linspace(1e-6, 1.0, 400)
             axes.plot(v, friction.effort(v[:, None])[:, 0], color=colour, linestyle=dash,
-                      label=name if side > 0.0 else None)
-    smooth = make_friction(('joint',), **curves['+ Stribeck'][0])
+                      linewidth=1.8, label=name if side > 0.0 else None)
+    smooth = make_friction(('joint',), **stribeck)
     v = np.linspace(-0.05, 0.05, 201)
-    axes.plot(v, smooth.smooth_effort(v[:, None])[:, 0], color=BLACK, linewidth=0.9,
+    axes.plot(v, smooth.smooth_effort(v[:, None])[:, 0], color=BLACK, linewidth=1.0,
               label='as compensated')
-    axes.set(xlabel='velocity [rad/s]', ylabel='friction [N·m]', title='What friction takes')
-    axes.legend(frameon=False)
+    axes.set(xlabel='velocity [rad/s]', ylabel='friction [N·m]', title='Friction models',
+             xticks=[-1.0, -0.5, 0.0, 0.5, 1.0])
+    legend_below(axes, 2)
+
+
+def draw_motion(axes: Any, t: np.ndarray, q: np.ndarray) -> None:
+    axes.plot(t, [run.pulled_to(time) for time in t], color=ORANGE, linestyle=(0, (5, 2)),
+              linewidth=2.0, label='end of the spring')
+    axes.plot(t, q, color=BLUE, linewidth=1.8, label='joint')
+    axes.set(xlabel='time [s]', ylabel='position [rad]',
+             title='Simulated: a spring pulls a joint')
+    legend_below(axes, 2)
+
+
+def draw_torque(axes: Any, t: np.ndarray, q: np.ndarray, torque: np.ndarray) -> None:
+    axes.plot(t, torque, color=BLACK, linewidth=1.2, label='torque of the spring')
+    moves = np.diff(q) != 0.0
+    leaves = np.flatnonzero(moves[1:] & ~moves[:-1]) + 2
+    axes.plot(t[leaves], torque[leaves], 'o', color=VERMILION, label='joint breaks away')
+    for name, size, colour, dash in (
+            ('± static friction', run.STATIC, VERMILION, '--'),
+            ('± Coulomb friction', run.COULOMB, GREY, ':')):
+        axes.axhline(size, color=colour, linestyle=dash, linewidth=1.6, label=name)
+        axes.axhline(-size, color=colour, linestyle=dash, linewidth=1.6)
+    axes.set(xlabel='time [s]', ylabel='torque [N·m]',
+             title='Simulated: break-away at static friction')
+    legend_below(axes, 2)
 
 
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
     t, q, torque = stick_slip()
-    end = [run.pulled_to(time) for time in t]
-    with styled_figure(13.0, 3.6) as figure:
+    with styled_figure(12.0, 4.4) as figure:
         curve, motion, effort = figure.subplots(1, 3)
         draw_curve(curve)
-        motion.plot(t, end, color=ORANGE, linewidth=3.0, label='end of the spring')
-        motion.plot(t, q, color=BLUE, label='joint')
-        motion.set(xlabel='time [s]', ylabel='position [rad]',
-                   title='Recorded: a joint pulled by a slow spring')
-        motion.legend(frameon=False)
-        effort.plot(t, torque, color=BLACK, linewidth=1.0)
-        moves = np.diff(q) != 0.0
-        leaves = np.flatnonzero(moves[1:] & ~moves[:-1]) + 2
-        effort.plot(t[leaves], torque[leaves], 'o', color=VERMILION, label='the joint breaks away')
-        for name, size, colour, dash in (
-                ('static friction ±F_s', run.STATIC, VERMILION, '--'),
-                ('Coulomb friction ±F_c', run.COULOMB, GREY, ':')):
-            effort.axhline(size, color=colour, linestyle=dash, label=name)
-            effort.axhline(-size, color=colour, linestyle=dash)
-        effort.set(xlabel='time [s]', ylabel='torque of the spring [N·m]',
-                   title='It breaks away at F_s')
-        effort.set_ylim(top=3.6)
-        effort.legend(frameon=False, loc='upper right')
+        draw_motion(motion, t, q)
+        draw_torque(effort, t, q, torque)
         figure.savefig(directory / 'friction.png')
 
 

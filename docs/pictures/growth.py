@@ -12,26 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""
+Draw docs/images/growth.png: the time per call over the number of joints.
 
-"""Measure and draw docs/images/growth.png: what a call costs as an arm gets more joints."""
+The numbers are those of the table in docs/performance.md, so that the figure and the table show
+one measurement. `scripts/bench growth` measures.
+"""
 
 from pathlib import Path
+import re
 import sys
+from typing import Any, NamedTuple
 
-from benchmarks.growth import (
-    exponent,
-    INVERSE_DYNAMICS,
-    JOINTS,
-    linear_fit,
-    LONG,
-    measure,
-    report,
-)
 import numpy as np
 from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,
+    legend_below,
     ORANGE,
     PURPLE,
     SKY,
@@ -39,37 +37,75 @@ from robot_dynamics.reporting.figures import (
     VERMILION,
 )
 
+TABLE = re.compile(r'<!-- growth -->\n```text\n(.*?)```', re.DOTALL)
 LOOKS = {
-    INVERSE_DYNAMICS: (BLUE, '-'), 'gravity': (GREEN, '--'), 'mass matrix': (ORANGE, '-'),
-    'Coriolis matrix': (VERMILION, '--'), 'all terms': (PURPLE, '-.'),
-    'forward dynamics': (SKY, '-')}
+    'inverse dynamics': (BLUE, '-', 'o'), 'gravity': (GREEN, '--', 's'),
+    'mass matrix': (ORANGE, '-', '^'), 'Coriolis matrix': (VERMILION, '--', 'D'),
+    'all terms': (PURPLE, '-.', 'v'), 'forward dynamics': (SKY, '-', 'x')}
+
+
+class Growth(NamedTuple):
+    """Numbers of joints, time per call [µs] and exponent by quantity, and the linear fit."""
+
+    joints: np.ndarray
+    times: dict[str, np.ndarray]
+    exponents: dict[str, float]
+    long: int
+    start: float
+    slope: float
+    r_squared: float
+
+
+def read_growth(page: str) -> Growth:
+    """Return what the table of the page contains; raise ValueError if it has no such table."""
+    match = TABLE.search(page)
+    if match is None:
+        raise ValueError('docs/performance.md has no table <!-- growth -->')
+    rows = {line[:18].strip(): line[18:].split() for line in match[1].splitlines()}
+    fit = re.search(r'dynamics: ([\d.]+) µs \+ ([\d.]+) µs per joint, R² = ([\d.]+)', match[1])
+    long = re.search(r'exponents from (\d+)', match[1])
+    if fit is None or long is None:
+        raise ValueError('docs/performance.md has no fits below the table <!-- growth -->')
+    exponents = {
+        name: float(re.findall(rf'{name} ([\d.]+)', match[1][long.end():])[0]) for name in LOOKS}
+    return Growth(
+        np.array(rows['µs per call'][:-1], dtype=float),
+        {name: np.array(rows[name], dtype=float) for name in LOOKS}, exponents, int(long[1]),
+        *map(float, fit.groups()))
+
+
+def draw_all(axes: Any, growth: Growth) -> None:
+    for name, (colour, dash, marker) in LOOKS.items():
+        axes.loglog(
+            growth.joints, growth.times[name], color=colour, linestyle=dash, marker=marker,
+            markersize=4.5, linewidth=1.6, label=f'{name}, p = {growth.exponents[name]:.2f}')
+    axes.set(xlabel='number of joints n', ylabel='time per call [µs]')
+    axes.set_title(f'Time per call ~ n$^p$ from {growth.long} joints')
+    axes.set_xticks([2, 3, 5, 7, 10, 20, 30, 60], ['2', '3', '5', '7', '10', '20', '30', '60'])
+    axes.set_yticks([1, 3, 10, 30], ['1', '3', '10', '30'])
+    axes.minorticks_off()
+    legend_below(axes, 2)
+
+
+def draw_inverse_dynamics(axes: Any, growth: Growth) -> None:
+    n = growth.joints
+    axes.plot(n, growth.start + growth.slope * n, color=BLACK, linewidth=1.2, label=(
+        f'{growth.start:g} µs + {growth.slope:.3f} µs · n  (R² = {growth.r_squared:g})'))
+    axes.plot(n, growth.times['inverse dynamics'], color=BLUE, linestyle='', marker='o',
+              label='measured')
+    axes.set(xlabel='number of joints n', ylabel='time per call [µs]', xlim=(0.0, None),
+             ylim=(0.0, None), title='Inverse dynamics')
+    legend_below(axes, 1)
 
 
 def main(directory: Path) -> None:
-    """Write the picture into a directory, and print the table of the same measurement."""
-    times, n = measure(), np.array(JOINTS, dtype=np.float64)
-    report(times)
-    with styled_figure(10.0, 3.8) as figure:
+    """Write the picture into a directory."""
+    page = Path(__file__).parents[1] / 'performance.md'
+    growth = read_growth(page.read_text(encoding='utf-8'))
+    with styled_figure(10.0, 5.0) as figure:
         every, inverse = figure.subplots(1, 2)
-        for name, values in times.items():
-            colour, dash = LOOKS[name]
-            every.loglog(n, 1e6 * values, color=colour, linestyle=dash, marker='.',
-                         label=f'{name}, $n^{{{exponent(values):.2f}}}$ from {LONG} on')
-        every.set(xlabel='joints n', ylabel='time a call [µs]',
-                  title='What a call costs as the arm grows')
-        every.set_xticks(JOINTS, [str(joints) for joints in JOINTS])
-        every.minorticks_off()
-        every.set_ylim(top=20.0 * every.get_ylim()[1])  # room for the legend
-        every.legend(frameon=False)
-
-        values = times[INVERSE_DYNAMICS]
-        line = linear_fit(values)
-        inverse.plot(n, 1e6 * (line.a + line.b * n), color=BLACK, linewidth=1.0, label=(
-            f'{1e6 * line.a:.1f} µs + {1e6 * line.b:.2f} µs · n, $R^2$ = {line.r_squared:.4f}'))
-        inverse.plot(n, 1e6 * values, color=BLUE, linestyle='', marker='o', label='measured')
-        inverse.set(xlabel='joints n', ylabel='time a call [µs]', xlim=(0.0, None),
-                    ylim=(0.0, None), title='Inverse dynamics')
-        inverse.legend(frameon=False)
+        draw_all(every, growth)
+        draw_inverse_dynamics(inverse, growth)
         figure.savefig(directory / 'growth.png')
 
 

@@ -34,17 +34,20 @@ from robot_dynamics.animation.chain_stage import (
 )
 from robot_dynamics.animation.panels import EffortPanel, EnergyPanel
 from robot_dynamics.animation.video import Frame, Pixels
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.reporting.figures import GREY, styled_figure
 
 WIDTH, DPI = 9.2, 100
-PANEL_HEIGHT = 1.95
+PANEL_HEIGHT = 2.0
 """[inch]"""
 STEP_SECONDS = 2.2
 """Duration [s] for which a step of a pass is shown."""
 TRAIL_SECONDS = 0.6
 """[s] of the motion."""
+TRAIL_PARTS = 8
+"""Straight pieces of the trail between two frames."""
 
 
 def chain_frames(
@@ -66,6 +69,7 @@ class _Animation:
             view.passes(*state)
             for state in zip(motion.position, motion.velocity, motion.acceleration)]
         self._scales = scales_for(self._passes, view.reach())
+        self._trail_times, self._trail = _trail(motion, view)
         self._joints = [motion.arm.joint_names.index(name) for name in view.chain_names]
 
     def frames(self, stops: Sequence[float], speed: float) -> Iterator[Frame]:
@@ -87,17 +91,17 @@ class _Animation:
     def _lay_out(self, figure: Any, n: int) -> None:
         height = figure.get_figheight()
         side = 5.05 / WIDTH
-        bottom = 1.15 / height
-        stage = figure.add_axes((0.09, bottom, side - 0.1, 1.0 - bottom - 0.55 / height))
+        bottom = 1.2 / height
+        stage = figure.add_axes((0.09, bottom, side - 0.1, 1.0 - bottom - 0.85 / height))
         stage.set_anchor('N')
         self._stage = ChainStage(stage, self._view.reach(), self._view.upright_at_zero)
         self._headline = figure.text(
-            0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=12, fontweight='bold')
+            0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=13, fontweight='bold')
         self._clock = figure.text(
-            0.985, 1.0 - 0.12 / height, '', ha='right', va='top', fontsize=9, color=GREY)
+            0.985, 1.0 - 0.12 / height, '', ha='right', va='top', fontsize=11, color=GREY)
         self._caption = stage.annotate(
             '', (0.0, 0.0), (-52.0, -36.0), 'axes fraction', 'offset points', ha='left', va='top',
-            fontsize=10, linespacing=1.5, annotation_clip=False)
+            fontsize=10.5, linespacing=1.4, annotation_clip=False)
         left, width = side + 0.19, 1.0 - side - 0.19 - 0.03
         row_height = (height - 0.45) / (n + 1)
         panels = [
@@ -128,10 +132,11 @@ class _Animation:
             ': its motors drive it' if motion.driven[k] else ': motors off, it swings freely')
         now = self._begin(
             k, self._title + state,
-            'At each joint: the force and the moment with which the link before it\n'
-            '(or the base) acts on the link after it.', self._scales)
-        since = np.searchsorted(motion.times, motion.times[k] - TRAIL_SECONDS)
-        self._stage.draw_trail(np.array([one.tip_position for one in self._passes[since:k + 1]]))
+            'At each joint: the force and the moment that the previous link\n'
+            '(or the base) exerts on the next link.', self._scales)
+        since, until = np.searchsorted(
+            self._trail_times, [motion.times[k] - TRAIL_SECONDS, motion.times[k] + 1e-9])
+        self._stage.draw_trail(self._trail[since:until])
         self._stage.draw_links(now)
         for joint, force, moment in zip(now.joint_position, now.force, now.tau):
             self._stage.draw_force(joint, force)
@@ -195,6 +200,27 @@ class _Animation:
         if i + 1 < n:
             stage.draw_force(now.joint_position[i + 1], -now.force[i + 1], f'$-f_{i + 2}$')
         stage.draw_keys()
+
+
+def _trail(motion: ArmMotion, view: PlanarView) -> tuple[FloatArray, FloatArray]:
+    """
+    Return times (m,) [s] and positions of the tip (m, 2) [m], more closely than the frames.
+
+    Between two instants the joints follow the cubic polynomial through their positions and
+    velocities.
+    """
+    t, q, v = motion.times, motion.position, motion.velocity
+    rest = np.zeros(motion.arm.joint_count)
+    times, tips = [t[:1]], [view.passes(q[0], rest, rest).tip_position[None]]
+    s = np.arange(1, TRAIL_PARTS + 1)[:, None] / TRAIL_PARTS
+    for k in range(len(t) - 1):
+        h, change = t[k + 1] - t[k], q[k + 1] - q[k]
+        quadratic = 3.0 * change - h * (2.0 * v[k] + v[k + 1])
+        cubic = h * (v[k] + v[k + 1]) - 2.0 * change
+        between = q[k] + s * (h * v[k] + s * (quadratic + s * cubic))
+        times.append(t[k] + h * s[:, 0])
+        tips.append(np.array([view.passes(one, rest, rest).tip_position for one in between]))
+    return np.concatenate(times), np.concatenate(tips)
 
 
 def _rate_formulas(i: int) -> tuple[str, str]:

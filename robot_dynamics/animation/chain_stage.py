@@ -34,10 +34,16 @@ NEXT_ACCELERATION = SKY
 """Colour of the acceleration that a link transmits to the next joint."""
 _ROUNDEST = 1.6 * np.pi
 """Angle [rad] of the arc of the largest moment."""
+_SMALLEST_ARC = 0.2
+"""Angle [rad] below which an arc is omitted."""
 _LABELS = (1.2, 1.9)
 """Range [rad] from above for the label of an arc: forces point up, weights down."""
-_TINY = 0.012
-"""Fraction of the largest value below which an arrow is omitted."""
+_TINY = 0.03
+"""Length below which an arrow is omitted, as a fraction of the reach."""
+_HEAD, _HEAD_SHARE = 0.085, 0.4
+"""Length of the largest head as a share of the reach, and of any head as a share of its arrow."""
+_KEY_ROW = 1.27
+"""Height of the keys above the joint of the base, as a share of the reach: above the axes."""
 
 
 class StageScales(NamedTuple):
@@ -85,7 +91,7 @@ class ChainStage:
             axes.plot([0.0, 0.0], [0.0, 1.04 * reach], color=GREY, linewidth=0.9,
                       linestyle=(0, (4, 3)), zorder=1)
             axes.text(0.0, 1.06 * reach, 'q = 0: upright', color=GREY, ha='center', va='bottom',
-                      fontsize=8)
+                      fontsize=9)
 
     def clear(self, scales: StageScales) -> None:
         """Remove all drawings, and draw arrows at these scales from now on."""
@@ -147,17 +153,17 @@ class ChainStage:
         else:
             rows = (('force', 'N', scales.force, FORCE, False),
                     ('moment', 'N·m', scales.moment, MOMENT, True))
-        for row, (name, unit, scale, colour, turns) in enumerate(rows):
-            at = np.array([-1.10 * reach, (-0.93 - 0.17 * row) * reach])
+        for column, (name, unit, scale, colour, turns) in enumerate(rows):
+            at = np.array([(-1.16 + 1.16 * column) * reach, _KEY_ROW * reach])
             size = round_number((2.4 if turns else 0.3 * reach) * scale)
             if turns:
-                middle = at + np.array([0.15 * reach, 0.0])
-                self._arc(middle, size / scale, 0.06 * reach, colour)
+                middle = at + np.array([0.1 * reach, -0.02 * reach])
+                self._arc(middle, size / scale, 0.08 * reach, colour)
             else:
                 self._arrow(at, np.array([size / scale, 0.0]), colour)
             self._drawn.append(self._axes.text(
-                at[0] + 0.36 * reach, at[1], f'{name} {size:g} {unit}', va='center',
-                fontsize=8))
+                at[0] + (0.24 if turns else 0.36) * reach, at[1], f'{name} {size:g} {unit}',
+                va='center', fontsize=10))
 
     # ------------------------------------------------------------------ strokes
 
@@ -181,11 +187,24 @@ class ChainStage:
         if length < _TINY * self._reach:
             return
         self._label(at + (1.0 + 0.07 * self._reach / length) * way, label, colour)
-        self._drawn.append(self._axes.annotate(
-            '', at + way, at, zorder=8, annotation_clip=False, arrowprops={
-                'arrowstyle': '-|>,head_width=0.28,head_length=0.5', 'color': colour,
-                'linewidth': 2.2, 'shrinkA': 0.0, 'shrinkB': 0.0,
-                'alpha': 0.45 if pale else 1.0}))
+        head = min(_HEAD * self._reach, _HEAD_SHARE * length) / length
+        across = 0.5 * head * np.array([-way[1], way[0]])
+        self._stroke(
+            np.array([at, at + (1.0 - 0.8 * head) * way]), colour, pale, head * length)
+        self._head(at + np.array([way, (1.0 - head) * way + across,
+                                  (1.0 - head) * way - across]), colour, pale)
+
+    def _stroke(self, points: FloatArray, colour: str, pale: bool, head: float) -> None:
+        """Draw the shaft of an arrow, thinner if the head is small [m]."""
+        width = 2.4 * np.clip(head / (_HEAD * self._reach), 0.4, 1.0)
+        self._drawn += self._axes.plot(
+            points[:, 0], points[:, 1], color=colour, linewidth=width, zorder=8,
+            alpha=0.45 if pale else 1.0, solid_capstyle='butt', clip_on=False)
+
+    def _head(self, corners: FloatArray, colour: str, pale: bool) -> None:
+        self._drawn += self._axes.fill(
+            corners[:, 0], corners[:, 1], color=colour, zorder=8, alpha=0.45 if pale else 1.0,
+            linewidth=0.0, clip_on=False)
 
     def _label(self, at: FloatArray, label: str, colour: str) -> None:
         if label:
@@ -198,20 +217,18 @@ class ChainStage:
         pale: bool = False,
     ) -> None:
         """Draw an arc from above the middle, clockwise where the angle [rad] is positive."""
-        if abs(angle) < _TINY * _ROUNDEST:
+        if abs(angle) < _SMALLEST_ARC:
             return
         beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
         self._label(middle + (radius + 0.08 * self._reach) * np.array(
             [np.sin(beside), np.cos(beside)]), label, colour)
         phi = np.linspace(0.0, angle, 40)
         points = middle + radius * np.column_stack([np.sin(phi), np.cos(phi)])
-        alpha = 0.45 if pale else 1.0
-        self._drawn += self._axes.plot(
-            points[:, 0], points[:, 1], color=colour, linewidth=2.2, zorder=8, alpha=alpha)
         # The head: a triangle at the end, along the arc.
         along = np.sign(angle) * np.array([np.cos(angle), -np.sin(angle)])
         across = np.array([np.sin(angle), np.cos(angle)])
-        size = min(0.4 * radius, 0.045 * self._reach)
-        head = points[-1] + size * np.array([1.1 * along, 0.6 * across, -0.6 * across])
-        self._drawn += self._axes.fill(
-            head[:, 0], head[:, 1], color=colour, zorder=8, alpha=alpha, linewidth=0.0)
+        size = min(0.4 * radius, 0.06 * self._reach, _HEAD_SHARE * radius * abs(angle))
+        self._stroke(points, colour, pale, 1.4 * size)
+        self._head(
+            points[-1] + size * np.array([1.1 * along, 0.6 * across, -0.6 * across]), colour,
+            pale)

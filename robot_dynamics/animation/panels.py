@@ -52,15 +52,15 @@ class _Bars:
         span = high - low
         axes.set(xlim=(low, high + 0.2 * span), ylim=(-0.6, len(names) - 0.4))
         axes.set_yticks(places, names)
-        axes.tick_params(axis='y', length=0, labelsize=8)
-        axes.tick_params(axis='x', labelsize=8, pad=1)
+        axes.tick_params(axis='y', length=0, labelsize=10)
+        axes.tick_params(axis='x', labelsize=9, pad=1)
         axes.text(1.0, -0.06, f'[{unit}]', transform=axes.transAxes, ha='right', va='top',
-                  fontsize=8)
+                  fontsize=9)
         axes.grid(axis='y', visible=False)
         axes.axvline(0.0, color=BLACK, linewidth=0.8)
         axes.set_xticks([tick for tick in axes.get_xticks() if low <= tick <= high])
         self._texts = [axes.text(
-            high + 0.19 * span, place, '', ha='right', va='center', fontsize=8)
+            high + 0.19 * span, place, '', ha='right', va='center', fontsize=9)
             for place in places]
 
     def show(self, starts: FloatArray, sizes: FloatArray) -> None:

@@ -38,8 +38,8 @@ from robot_dynamics.exceptions import InvalidInputError, MissingDependencyError
 FORMATS = ('.gif', '.mp4')
 MP4_RATE = 30
 """Frames per second of an MP4."""
-_COLOURS = 255
-"""Colours of the palette of a GIF; one of 256 is reserved for unchanged areas."""
+_COLOURS = 127
+"""Colours of the palette of a GIF, without the one of unchanged pixels; few make small files."""
 _LOOKED_AT = 16
 """Number of frames from which the palette is chosen."""
 _SHORTEST = 0.02

@@ -21,17 +21,26 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.pictures.contour_labels import along, label_contours
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.pictures.torque_grid import PositionGrid
-from robot_dynamics.reporting.figures import BLACK, styled_figure, title_axes
+from robot_dynamics.reporting.figures import (
+    BLACK,
+    colour_map,
+    POSITIVE_COLOURS,
+    SIGNED_COLOURS,
+    styled_figure,
+    title_axes,
+    wrapped_title,
+)
 
-SIGNED, POSITIVE = 'PuOr_r', 'cividis'
-"""Colour maps that people with any kind of colour vision can read, white at 0 or light above."""
-PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.6
+PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.7
 """[inch]"""
 POSES = 4
 """Number of poses along each axis."""
+UPRIGHT = ' (q\xa0=\xa00:\xa0upright)'
+"""Part of the title, which is not wrapped within."""
 LIMIT_WIDTH = 2.4
 """Width of the contour of the limit [points]."""
 _POSE_SIZE = 0.95
@@ -57,28 +66,43 @@ def map_figure(
     poses: FloatArray | None = None,
 ) -> Any:
     """
-    Return a matplotlib figure with the panels side by side.
+    Return a matplotlib figure with the panels next to one another.
 
     `poses` (m, 2) are positions of the grid's joints at which the arm is drawn, by default an even
-    choice. Raises MissingDependencyError without matplotlib.
+    choice. If some panels vary, the constant ones become a line of text. Raises
+    MissingDependencyError without matplotlib.
     """
     if poses is None:
         poses = even_poses(grid, POSES)
+    notes = [f'{panel.title}: {panel.values.flat[0]:.4g} {panel.unit} at all positions'
+             for panel in panels if not _varies(panel)]
+    if len(notes) < len(panels):
+        panels = [panel for panel in panels if _varies(panel)]
+    else:
+        notes = []
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
     with styled_figure(
             PANEL_WIDTH * columns, PANEL_HEIGHT * rows + 0.45,
-            style={'hatch.color': 'white'}) as figure:
-        figure.suptitle(
-            title + ('   (q = 0: upright)' if _stands_upright(arm) else ''), fontsize=11)
+            style={'hatch.color': BLACK, 'hatch.linewidth': 0.5}) as figure:
+        figure.suptitle(wrapped_title(
+            title + (UPRIGHT if _stands_upright(arm) else ''), PANEL_WIDTH * columns))
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for one in axes[len(panels):]:
             one.set_visible(False)
         for one, panel in zip(axes, panels):
-            _draw_map(figure, one, grid, panel)
+            lines = _draw_map(figure, one, grid, panel)
             _label_axes(one, arm, grid)
-            _draw_poses(one, arm, grid, poses)
+            drawn = _draw_poses(one, arm, grid, poses)
+            if lines is not None:
+                label_contours(one, lines, drawn)
+        if notes:
+            figure.supxlabel('\n'.join(notes), fontsize=10)
     return figure
+
+
+def _varies(panel: MapPanel) -> bool:
+    return bool(np.ptp(panel.values) > 1e-6 * max(float(np.abs(panel.values).max()), 1e-9))
 
 
 def even_poses(grid: PositionGrid, count: int) -> FloatArray:
@@ -89,20 +113,20 @@ def even_poses(grid: PositionGrid, count: int) -> FloatArray:
     return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
 
 
-def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> None:
+def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> Any:
+    """Draw the values; return the contour lines, or None if the values are constant."""
     values, largest = panel.values, max(float(np.abs(panel.values).max()), 1e-9)
     low = -largest if panel.signed else 0.0
     image = axes.pcolormesh(
-        grid.x, grid.y, values, cmap=SIGNED if panel.signed else POSITIVE, vmin=low,
-        vmax=largest, shading='gouraud', rasterized=True)
+        grid.x, grid.y, values, vmin=low, vmax=largest, shading='gouraud', rasterized=True,
+        cmap=colour_map(SIGNED_COLOURS if panel.signed else POSITIVE_COLOURS))
     bar = figure.colorbar(image, ax=axes, shrink=0.82, aspect=24, pad=0.02)
     bar.set_label(f'[{panel.unit}]')
     bar.outline.set_visible(False)
     axes.grid(False)
-    if np.ptp(values) > 1e-6 * largest:
-        lines = axes.contour(
-            grid.x, grid.y, values, levels=7, colors=BLACK, linewidths=0.6, alpha=0.55)
-        axes.clabel(lines, fontsize=7, fmt='%g')
+    lines = axes.contour(
+        grid.x, grid.y, values, levels=7, colors=BLACK, linewidths=0.7,
+        alpha=0.6) if _varies(panel) else None
     reached = largest > panel.limit
     if reached:
         size = np.abs(values)
@@ -118,6 +142,7 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> No
         f'hatched: beyond the limit, {panel.limit:g} {panel.unit}' if reached else
         f'within the limit of {panel.limit:g} {panel.unit} everywhere')
     title_axes(axes, panel.title, note)
+    return lines
 
 
 def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
@@ -149,10 +174,16 @@ def _angle_name(quarters: int) -> str:
     return f'{sign}{"" if number == 1 else number}π' + ('' if size % 2 == 0 else '/2')
 
 
-def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray) -> None:
-    """Draw the arm at points of the grid: its base is at the point, up is up."""
+def _draw_poses(
+    axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray,
+) -> FloatArray:
+    """
+    Draw the arm at points of the grid: its base is at the point, up is up.
+
+    Return points (k, 2) along what is drawn.
+    """
     if not len(poses):
-        return
+        return np.empty((0, 2))
     figure = StickFigure(arm, tool_link(arm))
     base = grid.positions[0, 0]
     lines = []
@@ -164,15 +195,16 @@ def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray)
     flat = [(points - points[0]) @ view.T for points in lines]
     reach = max(float(np.linalg.norm(points, axis=1).max()) for points in flat)
     if reach == 0.0:
-        return
+        return np.empty((0, 2))
     each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
     scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
-    for pose, points in zip(poses, flat):
-        line = pose + scale * points
+    drawn = [pose + scale * points for pose, points in zip(poses, flat)]
+    for pose, line in zip(poses, drawn):
         for colour, width in (('white', 4.2), (BLACK, 1.8)):
             axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
                       markersize=width, solid_capstyle='round', clip_on=True)
         axes.plot(*pose, 's', color=BLACK, markerfacecolor='white', markersize=5.0)
+    return np.concatenate([along(line) for line in drawn])
 
 
 def _stands_upright(arm: ArmModel) -> bool:

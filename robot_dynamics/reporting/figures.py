@@ -13,16 +13,17 @@
 # limitations under the License.
 
 """
-Figures of motions and efforts in one style: one row per joint, a unit on every axis.
+Figures of motions and efforts, in one style: a row for each joint, a unit on every axis.
 
-The colours are those of Okabe and Ito (*Color Universal Design*, 2008), which people with any kind
-of colour vision can distinguish; the line styles distinguish the lines in black and white.
-Matplotlib is imported when the first figure is drawn, and draws to files only.
+All figures take their colours from this module: those of Okabe and Ito (*Color Universal Design*,
+2008), which are distinguishable with any kind of colour vision. Dashes and widths distinguish
+lines in black and white. Matplotlib is imported with the first figure, and draws only to files.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+import textwrap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,11 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 
 BLACK, ORANGE, SKY, GREEN = '#000000', '#E69F00', '#56B4E9', '#009E73'
-BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#7F7F7F'
+BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#666666'
+SIGNED_COLOURS = (SKY, '#FFFFFF', ORANGE)
+"""From the negative to the positive extreme of a map; black text is readable on all of them."""
+POSITIVE_COLOURS = ('#EEF6FB', SKY)
+"""From zero to the largest value of a map; black text is readable on all of them."""
 
 
 class LineStyle(NamedTuple):
@@ -42,7 +47,7 @@ class LineStyle(NamedTuple):
 
 
 LINES: Mapping[str, LineStyle] = {
-    'reference': LineStyle(ORANGE, '-', 3.2),
+    'reference': LineStyle(SKY, '-', 5.0),
     'measured': LineStyle(BLUE, '-', 1.4),
     'error': LineStyle(VERMILION, '-', 1.0),
     'model': LineStyle(VERMILION, (0, (6, 2)), 1.5),
@@ -57,11 +62,12 @@ LINES: Mapping[str, LineStyle] = {
 """The style of every quantity that a figure may show."""
 
 STYLE = {
-    'font.size': 9.0, 'axes.titlesize': 9.0, 'axes.labelsize': 9.0, 'legend.fontsize': 8.0,
+    'font.size': 11.0, 'axes.titlesize': 11.0, 'axes.labelsize': 11.0, 'legend.fontsize': 10.0,
+    'xtick.labelsize': 10.0, 'ytick.labelsize': 10.0, 'figure.titlesize': 12.0,
     'axes.grid': True, 'grid.color': '#DDDDDD', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
     'axes.spines.top': False, 'axes.spines.right': False, 'figure.dpi': 110,
 }
-COLUMN_WIDTH, ROW_HEIGHT = 5.0, 2.1
+COLUMN_WIDTH, ROW_HEIGHT = 4.4, 2.3
 """[inch]"""
 MAX_POINTS = 2000
 """Largest number of points per line in a figure."""
@@ -123,7 +129,7 @@ def joint_figure(
     with matplotlib.rc_context(STYLE):
         figure = figure_type(
             figsize=(COLUMN_WIDTH * len(panels), ROW_HEIGHT * n + 1.0), layout='constrained')
-        figure.suptitle(title, fontsize=11)
+        figure.suptitle(title)
         axes = figure.subplots(n, len(panels), sharex='col', squeeze=False)
         for row, name in enumerate(joint_names):
             prismatic = joint_kinds[row] == 'prismatic'
@@ -132,11 +138,10 @@ def joint_figure(
             axes[row, 0].set_title(name, loc='left', fontweight='bold')
         for column, panel in enumerate(panels):
             axes[-1, column].set_xlabel('time [s]')
-            axes[0, column].set_title(panel.title, loc='right')
-            if len(panel.lines) > 1:
-                axes[0, column].legend(
-                    ncols=3, loc='lower left', frameon=True, framealpha=0.8, edgecolor='none',
-                    borderaxespad=0.2, handlelength=2.2, columnspacing=1.0)
+            axes[0, column].legend(
+                title=panel.title, title_fontproperties={'weight': 'bold'}, alignment='left',
+                ncols=3, loc='lower left', bbox_to_anchor=(0.0, 1.16), frameon=False,
+                borderaxespad=0.0, borderpad=0.0, handlelength=2.4, columnspacing=1.2)
     return figure
 
 
@@ -157,7 +162,7 @@ def scatter_figure(
     with matplotlib.rc_context(STYLE):
         figure = figure_type(
             figsize=(2.0 * COLUMN_WIDTH, 2.6 * rows + 0.6), layout='constrained')
-        figure.suptitle(title, fontsize=11)
+        figure.suptitle(title)
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for field in axes[n:]:
             field.set_visible(False)
@@ -195,9 +200,27 @@ def styled_figure(
 
 
 def title_axes(axes: Any, title: str, note: str = '') -> None:
-    """Add a title above axes, to the left, and a note in small letters between both."""
-    axes.set_title(title, loc='left', fontweight='bold', pad=16.0 if note else None)
-    axes.annotate(note, (0.0, 1.0), (0.0, 3.0), 'axes fraction', 'offset points', fontsize=8)
+    """Put a title above axes, to the left, and a note in small letters between both."""
+    axes.set_title(title, loc='left', fontweight='bold', pad=20.0 if note else None)
+    axes.annotate(note, (0.0, 1.0), (0.0, 4.0), 'axes fraction', 'offset points', fontsize=10)
+
+
+def legend_below(axes: Any, columns: int) -> None:
+    """Put the legend of axes below their horizontal label, in this number of columns."""
+    axes.legend(
+        loc='upper center', bbox_to_anchor=(0.45, -0.2), frameon=False, ncols=columns,
+        handlelength=2.4, columnspacing=1.2)
+
+
+def wrapped_title(title: str, width: float) -> str:
+    """Return a title in lines that fit a figure of this width [inch]."""
+    return '\n'.join(textwrap.wrap(title, int(11.5 * width)))
+
+
+def colour_map(colours: Sequence[str]) -> Any:
+    """Return a matplotlib colour map through these colours, at equal distances."""
+    return optional('matplotlib.colors', 'a figure').LinearSegmentedColormap.from_list(
+        'robot_dynamics', list(colours))
 
 
 def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
@@ -210,9 +233,6 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
             linestyle=style.dash, linewidth=style.width)
     axes.set_ylabel(f'{panel.quantity} [{panel.units[prismatic]}]')
     axes.margins(x=0.01)
-    low, high = axes.get_ylim()
-    if row == 0 and len(panel.lines) > 1:
-        axes.set_ylim(low - 0.28 * (high - low), high)  # room for the legend
     largest = max(float(np.nanmax(np.abs(values[:, row]))) for values in panel.lines.values())
     if panel.scale * largest < 1e-9:
         axes.set_ylim(-1.0, 1.0)  # only zeros and rounding errors

@@ -129,7 +129,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.what == WORKSPACE:
         found = map_gravity(arm, link)
         figure = workspace_figure(
-            f'{arm.name}{load}: what gravity takes of the effort limits, over the workspace',
+            f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace',
             arm, link, found)
         said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
     else:

@@ -22,7 +22,7 @@ import numpy.testing as npt
 import pytest
 from recordings import serialized
 from robot_dynamics.animation.arm_motion import simulate_motion
-from robot_dynamics.animation.chain_animation import chain_frames
+from robot_dynamics.animation.chain_animation import _trail, chain_frames, TRAIL_PARTS
 from robot_dynamics.animation.chain_stage import (
     ChainStage,
     FORCE,
@@ -65,13 +65,37 @@ def test_arrows_are_as_long_as_the_forces_and_point_their_way(swing):
     stage = ChainStage(axes, 1.8, True)
     stage.clear(StageScales(50.0, 10.0, 10.0, 2.0))
     stage.draw_force(now.joint_position[0], now.force[0])
-    arrow = axes.texts[-1]
-    npt.assert_allclose(arrow.get_position(), now.joint_position[0], atol=1e-12)
-    npt.assert_allclose(50.0 * (np.array(arrow.xy) - now.joint_position[0]), now.force[0])
-    assert arrow.arrow_patch.get_edgecolor()[:3] == pytest.approx(
+    shaft, head = axes.lines[-1], axes.patches[-1]
+    npt.assert_allclose(shaft.get_xydata()[0], now.joint_position[0], atol=1e-12)
+    npt.assert_allclose(50.0 * (head.get_xy()[0] - now.joint_position[0]), now.force[0])
+    assert head.get_facecolor()[:3] == pytest.approx(
         [int(FORCE[k:k + 2], 16) / 255.0 for k in (1, 3, 5)])
     stage.clear(StageScales(50.0, 10.0, 10.0, 2.0))
-    assert not [text for text in axes.texts if hasattr(text, 'arrow_patch')]
+    assert not axes.patches
+
+
+@pytest.mark.parametrize('size', [2.0, 5.0, 20.0, 80.0])
+def test_arrows_of_any_length_have_a_shaft(size):
+    axes = axes_of()
+    stage = ChainStage(axes, 1.8, False)
+    stage.clear(StageScales(50.0, 10.0, 10.0, 2.0))
+    stage.draw_force(np.zeros(2), np.array([size, 0.0]))
+    if size < 0.03 * 1.8 * 50.0:
+        assert not axes.patches  # left out
+        return
+    tip, base, _, _ = axes.patches[-1].get_xy()
+    assert tip[0] == pytest.approx(size / 50.0)
+    assert base[0] > 0.5 * tip[0]
+
+
+def test_the_trail_follows_the_tip_between_the_frames():
+    fine = simulate_motion(load_arm(default_arm_urdf()), 3.0, 24.0 * TRAIL_PARTS)
+    view, rest = PlanarView(fine.arm), np.zeros(2)
+    times, tips = _trail(fine.at(fine.times[::TRAIL_PARTS]), view)
+    npt.assert_allclose(times, fine.times, atol=1e-9)
+    expected = np.array([view.passes(q, rest, rest).tip_position for q in fine.position])
+    npt.assert_allclose(tips[::TRAIL_PARTS], expected[::TRAIL_PARTS], atol=1e-12)
+    npt.assert_allclose(tips, expected, atol=2e-3)
 
 
 @pytest.mark.parametrize('moment', [-12.0, 7.0])

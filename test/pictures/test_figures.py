@@ -14,6 +14,7 @@
 
 """Figures: a unit on every axis, distinguishable lines, and visible contents."""
 
+import itertools
 import sys
 
 import children
@@ -21,15 +22,26 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting.figures import (
+    BLACK,
+    BLUE,
+    colour_map,
     effort_panel,
     error_panel,
+    GREEN,
+    GREY,
     joint_figure,
     LINES,
+    ORANGE,
     position_panel,
+    POSITIVE_COLOURS,
+    PURPLE,
     save_figure,
+    SIGNED_COLOURS,
+    SKY,
     STYLE,
     styled_figure,
     title_axes,
+    VERMILION,
 )
 
 TIMES = np.linspace(0.0, 2.0, 5001)
@@ -70,6 +82,58 @@ def test_lines_of_one_panel_can_be_distinguished_without_colour():
         styles = [(LINES[name].dash, LINES[name].width) for name in together]
         assert len(set(styles)) == len(together)
         assert len({LINES[name].colour for name in together}) == len(together)
+
+
+def linear(colour):
+    """Return the linear components of red, green and blue (3,) of a colour of sRGB."""
+    s = np.array([int(colour[k:k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
+
+
+def luminance(colour):
+    return float(linear(colour) @ [0.2126, 0.7152, 0.0722])
+
+
+def test_black_text_is_readable_on_all_colours_of_maps():
+    pytest.importorskip('matplotlib')
+    from matplotlib.colors import to_hex
+    for colours in (SIGNED_COLOURS, POSITIVE_COLOURS):
+        for colour in colour_map(colours)(np.linspace(0.0, 1.0, 33)):
+            assert (luminance(to_hex(colour).upper()) + 0.05) / 0.05 > 6.0
+
+
+DEUTERANOPIA = [
+    [0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+    [-0.011820, 0.042940, 0.968881]]
+PROTANOPIA = [
+    [0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+    [-0.003882, -0.048116, 1.051998]]
+"""G. M. Machado et al., IEEE Trans. Visualization and Computer Graphics 15(6), 2009."""
+SRGB_TO_XYZ = [
+    [0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+
+
+def lab(colour, vision):
+    """Return the CIE L*a*b* (3,) of a colour as seen with a kind of colour vision."""
+    xyz = np.array(SRGB_TO_XYZ) @ np.clip(np.array(vision) @ linear(colour), 0.0, 1.0)
+    f = np.cbrt(np.maximum(xyz / [0.9505, 1.0, 1.089], 1e-9))
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize('vision', [np.eye(3), DEUTERANOPIA, PROTANOPIA])
+def test_colours_of_lines_differ_with_any_kind_of_colour_vision(vision):
+    colours = [BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY]
+    distances = {
+        (one, other): np.linalg.norm(lab(one, vision) - lab(other, vision))
+        for one, other in itertools.combinations(colours, 2)}
+    closest = min(distances, key=distances.get)
+    assert distances[closest] > 15.0, closest
+
+
+def test_the_measured_line_is_visible_on_the_reference():
+    reference, measured = LINES['reference'], LINES['measured']
+    assert reference.width > 3.0 * measured.width
+    assert luminance(reference.colour) > 2.0 * luminance(measured.colour)
 
 
 def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():

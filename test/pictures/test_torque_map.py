@@ -20,6 +20,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.pictures.contour_labels import along
 from robot_dynamics.pictures.torque_grid import gravity_efforts, make_grid
 from robot_dynamics.pictures.torque_map import (
     angle_ticks,
@@ -99,6 +100,33 @@ def test_poses_start_at_their_points_and_have_the_shape_of_the_arm(grid):
     angles = [np.arctan2(*upper), np.arctan2(*lower)]
     npt.assert_allclose(angles, [0.3, 0.3 + 1.1], atol=1e-9)
     assert np.linalg.norm(lower) / np.linalg.norm(upper) == pytest.approx(0.8)
+
+
+def test_contour_labels_are_inside_the_axes_and_off_the_poses(grid):
+    figure = figure_of(grid, 40.0)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    labels = [text for text in axes.texts if text.get_gid() == 'contour label']
+    assert len(labels) > 4
+    assert {text.get_text() for text in labels} > {'0', '40', '−40'}
+    frame = axes.get_window_extent()
+    points = axes.transData.transform(np.concatenate(
+        [along(line.get_xydata()) for line in axes.lines if len(line.get_xydata()) == 3]))
+    for text in labels:
+        box = text.get_window_extent()
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+        assert frame.y0 <= box.y0 < box.y1 <= frame.y1
+        middle = [0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)]
+        assert np.linalg.norm(points - middle, axis=1).min() > 0.03 * frame.width
+
+
+def test_a_constant_panel_is_a_line_of_text(grid):
+    values = gravity_efforts(DEFAULT, grid)[..., 0]
+    figure = map_figure('', DEFAULT, grid, [
+        MapPanel('Effort at joint1', values, 'N·m', True),
+        MapPanel('Inertia at joint2', np.full_like(values, 0.53), 'kg·m²', False)])
+    assert len(figure.axes) == 2  # map and colour bar
+    assert figure.get_supxlabel() == 'Inertia at joint2: 0.53 kg·m² at all positions'
 
 
 def test_even_poses_are_the_middles_of_equal_fields(grid):

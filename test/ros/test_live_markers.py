@@ -45,6 +45,9 @@ ELBOW = [np.sin(0.7), 0.0, np.cos(0.7)]
 TOOL = [np.sin(0.7) + 0.8 * np.sin(1.1), 0.0, np.cos(0.7) + 0.8 * np.cos(1.1)]
 FORCE = np.array([15.0, 0.0, -25.0])
 """[N] on the tool, in the base frame."""
+ROTATION = np.array([
+    [np.cos(1.1), 0.0, np.sin(1.1)], [0.0, 1.0, 0.0], [-np.sin(1.1), 0.0, np.cos(1.1)]])
+ZERO = np.zeros(3)
 
 
 class Robot:
@@ -133,9 +136,7 @@ def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: 
 
 
 def test_a_push_is_an_arrow_that_ends_at_the_tool(client: RosClient, robot: Robot) -> None:
-    rotation = np.array([
-        [np.cos(1.1), 0.0, np.sin(1.1)], [0.0, 1.0, 0.0], [-np.sin(1.1), 0.0, np.cos(1.1)]])
-    push = ExternalWrench('tool0', rotation.T @ FORCE, np.zeros(3))
+    push = ExternalWrench('tool0', ROTATION.T @ FORCE, ZERO)
     external = -BODY.external(np.array(Q), [push])
 
     def settled(found: dict[tuple[str, int], Any]) -> bool:
@@ -166,6 +167,18 @@ def test_a_payload_is_a_ball(client: RosClient, robot: Robot) -> None:
         client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
         markers.clear()
         robot.stand_until(markers, lambda found: ('payload', 0) not in found, [])
+
+
+def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight() -> None:
+    arm = load_arm(default_arm_urdf())
+    marks, lengths = ArmMarks(arm), []
+    for share in (0.25, 0.5, 2.0):
+        push = share * marks.weight * FORCE / np.linalg.norm(FORCE)
+        external = -BODY.external(np.array(Q), [ExternalWrench('tool0', ROTATION.T @ push, ZERO)])
+        arrow = by_name(drawn(marks, arm, np.array(Q), GRAVITY, external))['external force', 0]
+        (start, end) = (np.array([p.x, p.y, p.z]) for p in arrow.points)
+        lengths.append(np.linalg.norm(end - start))
+    assert lengths == pytest.approx([0.5 * marks.reach, marks.reach, marks.reach])
 
 
 def test_the_display_shows_all_that_is_drawn() -> None:

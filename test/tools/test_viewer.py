@@ -32,6 +32,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from robot_dynamics.ros.conversions import payload_from_ros, trajectory_from_ros
 from robot_dynamics.ros.dynamics.markers import drawn
 from robot_dynamics.trajectories.follower import TrajectoryFollower
@@ -47,7 +48,7 @@ if not must_have_everything():
 from robot_dynamics.tools.viewer import requests
 from robot_dynamics.tools.viewer.app import values_of
 from robot_dynamics.tools.viewer.node import worst_words
-from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of
+from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of, legend
 from robot_dynamics.tools.viewer.plots import LivePlot, SHOWN
 from robot_dynamics.tools.viewer.scene import ArmScene
 from robot_dynamics.tools.viewer.server import start_server, stop_server
@@ -301,12 +302,12 @@ def test_marks_come_change_and_go(server, tmp_path):
     scene.mark(marks)
     first = shown(marks)
     assert None not in first
-    assert texts(first) == ['10.0 N m', '-5.0 N m']
+    assert texts(first) == ['joint1: 10.0 N m', 'joint2: -5.0 N m']
 
     changed = drawn(ArmMarks(arm), arm, q + 0.5, 2.0 * effort, 2.0 * external).markers
     scene.mark(changed)
     assert shown(changed) == first
-    assert texts(first) == ['20.0 N m', '-10.0 N m']
+    assert texts(first) == ['joint1: 20.0 N m', 'joint2: -10.0 N m']
     for marker, handle in zip(changed, first):
         if marker.points:
             written = np.array([(point.x, point.y, point.z) for point in marker.points])
@@ -323,6 +324,26 @@ def test_marks_come_change_and_go(server, tmp_path):
     scene.mark(marks)
     scene.close()
     assert set(shown(changed)) == {None}
+
+
+def test_labels_keep_their_distance(server, tmp_path):
+    arm = arm_called('ur10')
+    scene = ArmScene(server, arm, robot_path('ur10').read_text(), tmp_path)
+    q = np.zeros(arm.joint_count)
+    scene.mark(drawn(ArmMarks(arm), arm, q, np.ones(arm.joint_count), None).markers)
+    places = np.array([
+        server.scene.get_handle_by_name(f'/marks/effort in numbers/{i}').position
+        for i in range(arm.joint_count)])
+    for i, place in enumerate(places[:-1]):
+        apart = np.linalg.norm(places[i + 1:] - place, axis=1)
+        assert apart.min() > 0.119 * scene.reach
+    scene.close()
+
+
+def test_the_legend_has_the_colours_of_the_marks():
+    text = legend()
+    for colour in (BLUE, ORANGE, VERMILION, GREY, PURPLE):
+        assert colour in text
 
 
 # --- the controls --------------------------------------------------------------------------------

@@ -178,10 +178,10 @@ def _text(i: int, place: FloatArray, text: str, marks: ArmMarks) -> Marker:
 
 
 def _arrow(marks: ArmMarks, force: FloatArray) -> Marker:
-    """Return an arrow that ends at the tool; half the reach long for the weight of the arm."""
-    marker = _marker('external force', 0, Marker.ARROW, PURPLE, 0.15 * marks.size)
-    marker.scale.y, marker.scale.z = 0.35 * marks.size, 0.5 * marks.size
-    length = 0.5 * marks.reach / marks.weight
+    """Return an arrow that ends at the tool, as long as the arm at half of the arm's weight."""
+    marker = _marker('external force', 0, Marker.ARROW, PURPLE, 0.25 * marks.size)
+    marker.scale.y, marker.scale.z = 0.6 * marks.size, 0.8 * marks.size
+    length = 2.0 * marks.reach / marks.weight
     longest = marks.reach / float(np.linalg.norm(force))
     tool = marks.tool()
     marker.points = [_point(tool - min(length, longest) * force), _point(tool)]

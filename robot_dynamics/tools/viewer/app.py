@@ -39,7 +39,7 @@ from robot_dynamics.tools.viewer.scene import ArmScene
 from robot_dynamics.tools.viewer.source import ArmSource, Description
 from sensor_msgs.msg import JointState
 
-CAMERA = (1.1, -1.7, 0.8)
+CAMERA = (0.95, -1.45, 0.65)
 """Where the page looks from, in reaches of the arm."""
 FIELD_OF_VIEW = 0.8
 """[rad]"""

@@ -27,6 +27,8 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
+from robot_dynamics.ros.dynamics.markers import HOT, WARM
 from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
 
 Ask = Callable[[Callable[[], None]], None]
@@ -64,6 +66,7 @@ class ArmPanel:
         self._plot_panel.set_width(PLOT_WIDTH)
         self._plot_tab = self._plot_panel.add_tab('Plots')
         with self._plot_tab:
+            gui.add_html(legend())
             self._joint = gui.add_dropdown('joint', arm.joint_names)
         self._joint.on_update(lambda _: self._ask(self._change_joint))
         self._plots = self._make_plots()
@@ -208,6 +211,18 @@ class ArmPanel:
         """Force (3,) [N] in the base frame, the link, and how long [s]."""
         force = float(self._force.value) * np.array(DIRECTIONS[self._direction.value])
         return force, str(self._push_link.value), float(self._seconds.value)
+
+
+def legend() -> str:
+    """Return HTML that explains the colours of the marks at the arm."""
+    warm, hot = (f'{100.0 * share:.0f} %' for share in (WARM, HOT))
+    entries = (
+        (BLUE, f'effort below {warm} of its limit'), (ORANGE, f'{warm} to {hot}'),
+        (VERMILION, f'above {hot}'), (GREY, 'effort without limit; sphere: load'),
+        (PURPLE, 'external effort, and force on the last link'))
+    return '<div style="font-size: 12px; line-height: 1.5; padding: 2px 10px">' + ' '.join(
+        f'<span style="color: {colour}">&#9632;</span> {text}<br>'
+        for colour, text in entries) + '</div>'
 
 
 def slider_range(low: float, high: float) -> tuple[float, float, float]:

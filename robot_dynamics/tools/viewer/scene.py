@@ -19,7 +19,8 @@ A link is drawn by the visuals of the URDF, with the meshes that are found; one 
 draw is a bone from joint to joint, so that every arm is seen.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import copy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,8 +41,13 @@ COLOURED = ('.dae', '.glb', '.gltf', '.obj')
 """Mesh files that have colours of their own."""
 _BONE = 0.35
 """Radius of a bone, as a share of that of the arcs of effort."""
+_LABEL_GAP = 0.12
+"""Smallest distance between two labels, as a share of the reach."""
 _STILL = 1e-6
 """[m] and of a quaternion; what moves less is not sent."""
+
+_Key = tuple[str, int, int]
+"""Namespace, number and type of a mark."""
 
 
 class _Part(NamedTuple):
@@ -66,11 +72,12 @@ class ArmScene:
         """
         self._server, self._scene = server, server.scene
         self._arm, self._data = arm, arm.pinocchio_model.createData()
-        self._marks: dict[tuple[str, int, int], Any] = {}
+        self._marks: dict[_Key, Any] = {}
         self.size = ArmMarks(arm).size
         """Radius of the arcs of effort [m]."""
         self.reach = ArmMarks(arm).reach
         """[m]"""
+        self._gap = _LABEL_GAP * self.reach
         self.missing: list[str] = []
         """Meshes that are not drawn, each with the reason."""
         self._grid = self._scene.add_grid(
@@ -182,10 +189,12 @@ class ArmScene:
     # ------------------------------------------------------------------ what acts on it
 
     def mark(self, markers: Sequence[Marker]) -> None:
-        """Show these marks, and no other."""
+        """Show these marks, and no other; labels get the names of the joints, and are spread."""
         named = {
             (marker.ns, marker.id, marker.type): marker for marker in markers
             if _can_be_drawn(marker)}
+        named.update(self._labels(
+            {key: one for key, one in named.items() if one.type == Marker.TEXT_VIEW_FACING}))
         with self._server.atomic():
             for key in [key for key in self._marks if key not in named]:
                 self._marks.pop(key).remove()
@@ -194,6 +203,23 @@ class ArmScene:
                     _UPDATES[marker.type](self._marks[key], marker)
                 else:
                     self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
+
+    def _labels(self, texts: Mapping[_Key, Marker]) -> dict[_Key, Marker]:
+        """Return the texts with the names of their joints; too close ones are raised."""
+        taken: list[FloatArray] = []
+        labels = copy.deepcopy(dict(texts))
+        for label in labels.values():
+            if label.id < self._arm.joint_count:
+                label.text = f'{self._arm.joint_names[label.id]}: {label.text}'
+            place = _position(label)
+            for _ in taken:
+                near = [one for one in taken if np.linalg.norm(one - place) < self._gap]
+                if not near:
+                    break
+                place[2] = max(one[2] for one in near) + self._gap
+            label.pose.position.z = float(place[2])
+            taken.append(place)
+        return labels
 
     def _add_mark(self, node: str, marker: Marker) -> Any:
         colour = _rgb(marker)
