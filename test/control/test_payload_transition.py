@@ -42,11 +42,19 @@ def transition(
 
 def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
     way = transition([OLD], [NEW])
+    assert not way.done
     old, new = way.payloads(5 * SECOND)
     assert old.mass == OLD.mass
     assert new.mass == 0.0
     assert not way.done
     assert way.payloads(7 * SECOND) == [NEW]
+    assert way.done
+
+
+def test_a_stamp_long_after_the_end_is_the_end() -> None:
+    way = transition([OLD], [NEW], 2.0)
+    way.payloads(5 * SECOND)
+    assert way.payloads(8 * SECOND) == [NEW]
     assert way.done
 
 

@@ -219,6 +219,13 @@ def test_a_contradiction_is_over_after_enough_good_states(
     error = one.refusal(now - 0.1, now)
     assert error.reason == 'stamp went back'
     assert error.is_conflict == is_conflict
+    later = [now + k * PERIOD for k in range(1, CONFIRMATIONS)]
+    assert all(one.refusal(t - 0.1, t).is_conflict == is_conflict for t in later)
+    last = now + CONFIRMATIONS * PERIOD
+    if is_conflict:  # no number of states restarts time
+        one.refusal(last - 0.1, last)
+    else:
+        assert one.judge(last - 0.1, last).restart == 'stamp went back'
 
 
 @pytest.mark.parametrize('place', [
