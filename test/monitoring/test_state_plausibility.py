@@ -230,7 +230,8 @@ def test_a_contradiction_is_over_after_enough_good_states(
 
 @pytest.mark.parametrize('place', [
     lambda k: (PERIOD * k, Q + [1.0 + (k % 2), 0.0]),  # positions that do not follow each other
-    lambda k: (PERIOD * (100 - k), Q + [1.0, 0.0])])  # stamps that go back
+    lambda k: (PERIOD * (100 - k), Q + [1.0, 0.0]),  # stamps that go back
+    lambda k: (PERIOD, Q + [1.0, 0.0])])  # one state, received again and again
 def test_states_that_do_not_follow_each_other_are_not_confirmed(
     place: Callable[[int], tuple[float, Any]],
 ) -> None:
