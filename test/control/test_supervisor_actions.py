@@ -105,6 +105,16 @@ def test_a_ramp_never_grows_an_effort(is_deactivated: bool, later: float) -> Non
     assert sizes[len(sizes) // 2][1] == 0.0  # the effort had the sign opposite to gravity's
 
 
+def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit() -> None:
+    one = running(PUSH)
+    one.fail(START, LATCHED)
+    expected = PUSH
+    for k in range(1, 100):
+        expected = toward(expected, HOLD, PERIOD)
+        assert answer(one, START + k * PERIOD, PUSH) == pytest.approx(expected, abs=1e-6)
+    assert expected.tolist() == HOLD.tolist()
+
+
 def test_until_the_states_time_out_the_damped_hold_remains() -> None:
     one = running()
     damped = HOLD + [2.0, -3.0]
