@@ -266,12 +266,13 @@ def test_a_stray_message_in_a_hundred_does_not_end_the_hold() -> None:
 
 
 def test_the_hold_in_a_fault_is_damped() -> None:
+    """The brake gets the state, and what holds the arm."""
     one = running()
-    damped = HOLD - [1.0, 2.0]
+    q, v = np.array([0.0, 1.2]), np.array([0.5, -0.25])
     effort = one.answer(
-        START + 0.1, np.array([0.0, 1.2]), np.ones(2), PUSH, HOLD, 0.1, lambda *_: damped)
+        START + 0.1, q, v, PUSH, HOLD, 0.1, lambda at, speed, hold: hold - 2.0 * speed + at)
     assert one.mode is Mode.FAULT
-    assert effort == pytest.approx(damped)
+    assert effort == pytest.approx(HOLD - 2.0 * v + q)
 
 
 def test_a_fault_found_with_a_state_is_answered_by_the_hold() -> None:
