@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Effort limits of a command: what the joint bears, next to what the robot adds on its own."""
+"""Effort limits of a command: the load of the joint, with the compensation by the robot."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -121,7 +121,7 @@ def test_the_smallest_scaled_limit() -> None:
     assert EffortBounds(np.zeros(0)).least == np.inf
 
 
-# --- what the robot adds -------------------------------------------------------------------------
+# --- compensation by the robot -------------------------------------------------------------------
 
 GRAVITY, FRICTION = np.array([5.0, -3.0]), np.array([0.5, 0.25])
 

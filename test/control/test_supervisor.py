@@ -266,7 +266,7 @@ def test_a_stray_message_in_a_hundred_does_not_end_the_hold() -> None:
 
 
 def test_the_hold_in_a_fault_is_damped() -> None:
-    """The brake gets the state, and what holds the arm."""
+    """The brake gets the state, and the holding effort."""
     one = running()
     q, v = np.array([0.0, 1.2]), np.array([0.5, -0.25])
     effort = one.answer(
