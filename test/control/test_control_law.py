@@ -140,6 +140,36 @@ def test_commanded_acceleration_adds_up() -> None:
     assert a == pytest.approx([10.0 + 5.0 * 0.1 + 2.0 * 0.5, 20.0 - 7.0 * 0.1 - 3.0 * 0.5])
 
 
+def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
+    full = ErrorFeedback(
+        make_gains(NAMES, [5.0, 10.0, 20.0], [0.5, 1.0, 2.0]),
+        ('revolute', 'continuous', 'prismatic'), np.array([0.1, 0.2, 0.3]))
+    scaled, expected = full.scaled(0.4), make_gains(NAMES, [2.0, 4.0, 8.0], [0.5, 1.0, 2.0])
+    assert scaled.gains.kp == pytest.approx(expected.kp)
+    assert scaled.gains.kd == pytest.approx(expected.kd)
+    assert scaled.ratio == pytest.approx(0.4 * full.ratio)
+    reference, q = np.array([3.0, 3.0, 0.0]), np.array([3.0, -3.0, 0.0])
+    assert scaled.position_error(reference, q) == pytest.approx([0.0, 6.0 - 2.0 * np.pi, 0.0])
+    for error in ([0.1, 0.2, -0.3], [0.11, 0.0, 0.0], [0.0, -0.21, 0.0], [0.0, 0.0, 0.31]):
+        is_far = bool((np.abs(error) > [0.1, 0.2, 0.3]).any())
+        assert scaled.is_far(np.array(error), np.zeros(3)) == is_far
+        assert full.is_far(np.array(error), np.zeros(3)) == is_far
+
+
+def test_the_error_that_is_largest_relative_to_its_limit_is_named() -> None:
+    feedback = ErrorFeedback(
+        make_gains(NAMES), ('revolute', 'continuous', 'prismatic'), np.array([1.0, 0.1, 2.0]))
+    words = feedback.worst_error(np.array([0.5, 3.0, 1.5]), np.array([0.0, -3.1, 3.0]), NAMES)
+    assert words == (
+        "position of 'elbow' is 0.183 from its reference, expected at most 0.1 "
+        '(following_error_limit)')
+
+
+def test_no_limit_of_the_error_by_default() -> None:
+    feedback = ErrorFeedback(make_gains(NAMES), ('revolute',) * 3)
+    assert not feedback.is_far(np.full(3, 1e9), np.zeros(3))
+
+
 # --- the closed loop -----------------------------------------------------------------------------
 
 OMEGA = 8.0

@@ -24,11 +24,12 @@ from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.segment_tracking import FEW
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
@@ -163,3 +164,22 @@ def test_an_energy_that_is_not_finite_is_not_reported_and_takes_no_effort_away()
     assert output.terms is None
     assert output.command == pytest.approx(ArmDynamics(ARM).rigid_body.gravity(Q))
     assert one.update(NOW, Q, np.ones(2), with_terms=True).terms is not None
+
+
+# --- the following error -------------------------------------------------------------------------
+
+@pytest.mark.parametrize('joints', [2, FEW + 1])
+def test_a_following_error_beyond_its_limit_is_reported(joints: int) -> None:
+    """Arms of many joints are computed with arrays."""
+    ones = [1.0] * joints
+    arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * joints, [0.1] * joints))
+    limit = np.full(joints, 0.25)
+    one = Controller(arm, ControllerOptions(
+        make_gains(arm.joint_names), following_error=limit))
+    q, v = np.zeros(joints), np.zeros(joints)
+    assert not one.update(NOW, q, v).is_far  # no reference
+    one.follow(make_trajectory(
+        arm.joint_names, [0.0], [q.tolist()], (), (), arm.joint_names), 0)
+    for k, error in enumerate((0.24, 0.26, -0.26, 0.0)):
+        q[-1], is_far = error, abs(error) > 0.25
+        assert one.update(NOW + (k + 1) * SECOND, q, v).is_far is is_far

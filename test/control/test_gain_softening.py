@@ -128,3 +128,30 @@ def test_small_errors_are_fed_back_in_full_and_computed_torque_is_always_the_for
         limited, free = (
             Controller(ARM, ControllerOptions(gains, effort_rate=RATE, softens_gains=softens))
             for softens in (True, False))
+
+
+@pytest.mark.filterwarnings('error')
+def test_without_gains_nothing_is_softened() -> None:
+    gains = make_gains(NAMES, kp=[0.0], kd=[0.0])
+    one = Controller(ARM, ControllerOptions(gains, effort_rate=RATE, softens_gains=True))
+    one.update(SECOND, np.zeros(2), np.zeros(2))
+    one.follow(make_trajectory(
+        NAMES, (0.001,), [[2.0, 2.0]], [[0.0, 0.0]], [[0.0, 0.0]], NAMES), 0)
+    output = one.update(SECOND + 2_000_000, np.zeros(2), np.zeros(2))
+    assert output.gain_scale == 1.0
+    assert output.command is not None
+    assert output.computed_torque is not None
+    assert output.command.tolist() == output.computed_torque.tolist()
+
+
+def test_slow_gains_are_softened_for_large_errors_too() -> None:
+    """A crossover below 1 rad/s."""
+    gains = make_gains(NAMES, [0.2])
+    assert crossover_frequency(gains) < 1.0
+    one = Controller(ARM, ControllerOptions(gains, effort_rate=0.1, softens_gains=True))
+    for k in range(20):
+        one.update(SECOND + 2_000_000 * k, np.zeros(2), np.zeros(2))
+    one.follow(make_trajectory(
+        NAMES, (0.001,), [[2.0, 2.0]], [[0.0, 0.0]], [[0.0, 0.0]], NAMES), 0)
+    output = one.update(SECOND + 40_000_000, np.zeros(2), np.zeros(2))
+    assert output.gain_scale < one.bandwidth_scale

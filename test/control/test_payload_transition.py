@@ -18,11 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.payload_transition import PayloadTransition, scaled
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import make_payload, merged, Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 SECOND = 1_000_000_000
 OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))
@@ -39,11 +42,19 @@ def transition(
 
 def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
     way = transition([OLD], [NEW])
+    assert not way.done
     old, new = way.payloads(5 * SECOND)
     assert old.mass == OLD.mass
     assert new.mass == 0.0
     assert not way.done
     assert way.payloads(7 * SECOND) == [NEW]
+    assert way.done
+
+
+def test_a_stamp_long_after_the_end_is_the_end() -> None:
+    way = transition([OLD], [NEW], 2.0)
+    way.payloads(5 * SECOND)
+    assert way.payloads(8 * SECOND) == [NEW]
     assert way.done
 
 
@@ -153,3 +164,74 @@ def test_loads_without_mass_merge_to_none() -> None:
     load, = merged([nothing, nothing])
     assert load.mass == 0.0
     assert np.isfinite(load.com).all()
+
+
+# --- the loads of an arm -------------------------------------------------------------------------
+
+def loaded_with(loads: list[Payload]) -> LoadedArm:
+    """Return the default arm with active loads."""
+    loaded = LoadedArm(load_arm(default_arm_urdf()))
+    load = loaded.prepare(loads)
+    loaded.replace(load, UncheckedArmDynamics(load.planning.arm))
+    return loaded
+
+
+@pytest.mark.parametrize(('old', 'target'), [
+    ([OLD], []), ([], [OLD]), ([OLD], [NEW]), ([NEW], [OLD])])
+def test_inertia_and_gravity_are_not_underestimated_during_a_transition(
+    old: list[Payload], target: list[Payload],
+) -> None:
+    """Limits of motion and gains are computed from them, for each load on the way."""
+    loaded = loaded_with(old)
+    loaded.begin_transition(loaded.prepare(target), 2.0, lambda _: None)
+    assumed = loaded.workspace
+    for tenths in range(0, 21, 5):
+        loaded.advance(tenths * SECOND // 10)
+        arm = loaded.arm.with_payloads(loaded.dynamics.arm.payloads)
+        actual = WorkspaceInertia(ArmDynamics(arm))
+        assert (actual.mass <= assumed.mass + 1e-9).all()
+        assert (actual.gravity <= assumed.gravity + 1e-9).all()
+    ends = [WorkspaceInertia(ArmDynamics(loaded.arm.with_payloads(loads)))
+            for loads in (old, target)]
+    assert assumed.largest() == pytest.approx(np.maximum(ends[0].largest(), ends[1].largest()))
+
+
+def test_the_loads_of_an_arm_are_replaced_step_by_step() -> None:
+    loaded, done = loaded_with([OLD]), []
+    loaded.advance(0)  # no transition
+    assert loaded.dynamics.arm.payloads == (OLD,)
+    loaded.begin_transition(loaded.prepare([NEW]), 2.0, done.append)
+    assert loaded.planning.arm.payloads == (NEW,)
+    assert loaded.dynamics.arm.payloads == (OLD,)
+    loaded.advance(0)
+    loaded.advance(SECOND)
+    assert [load.mass for load in loaded.dynamics.arm.payloads] == pytest.approx([1.5, 0.75])
+    assert done == []
+    for stamp in (2 * SECOND, 3 * SECOND):
+        loaded.advance(stamp)
+        assert loaded.dynamics.arm.payloads == (NEW,)
+    assert done == [(NEW,)]
+
+
+def test_a_transition_to_no_load_ends_with_the_unloaded_arm() -> None:
+    loaded, done = loaded_with([OLD]), []
+    loaded.begin_transition(loaded.prepare([]), 1.0, done.append)
+    loaded.advance(0)
+    assert loaded.dynamics is not loaded.unloaded
+    loaded.advance(SECOND)
+    assert loaded.dynamics is loaded.unloaded
+    assert done == [()]
+
+
+def test_an_exchange_at_once_ends_a_transition() -> None:
+    loaded, done = loaded_with([]), []
+    loaded.begin_transition(loaded.prepare([OLD]), 1.0, done.append)
+    load = loaded.prepare([NEW])
+    loaded.replace(load, UncheckedArmDynamics(load.planning.arm))
+    loaded.advance(5 * SECOND)
+    loaded.advance(9 * SECOND)
+    assert loaded.dynamics.arm.payloads == (NEW,)
+    assert loaded.planning.arm.payloads == (NEW,)
+    assert loaded.workspace.largest() == pytest.approx(
+        WorkspaceInertia(ArmDynamics(loaded.arm.with_payloads([NEW]))).largest())
+    assert done == []

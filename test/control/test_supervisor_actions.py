@@ -87,15 +87,42 @@ def test_ramp_to_zero() -> None:
     assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
 
 
-def test_a_ramp_never_grows_an_effort() -> None:
+@pytest.mark.parametrize('later', [0.0, 0.0078125])
+@pytest.mark.parametrize('is_deactivated', [False, True])
+def test_a_ramp_never_grows_an_effort(is_deactivated: bool, later: float) -> None:
     """Not if a larger effort would hold the arm, nor if the effort opposed the gravity torque."""
-    one = running(np.array([-5.0, -20.0]), fault_action='ramp_to_zero')
-    one.fail(START, LATCHED)
-    _, efforts = course(one)
-    sizes = np.abs(efforts)
+    command = np.array([-5.0, -20.0])
+    one = running(command, fault_action='ramp_to_zero')
+    begin = START + later
+    if is_deactivated:
+        one.deactivate(begin)
+    else:
+        one.fail(begin, LATCHED)
+    _, efforts = course(one, begin)
+    sizes = np.abs(np.vstack([command, efforts]))
     assert (np.diff(sizes, axis=0) <= 0.0).all()
     assert sizes[-1].tolist() == [0.0, 0.0]
     assert sizes[len(sizes) // 2][1] == 0.0  # the effort had the sign opposite to gravity's
+
+
+def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit() -> None:
+    one = running(PUSH)
+    one.fail(START, LATCHED)
+    expected = PUSH
+    for k in range(1, 100):
+        expected = toward(expected, HOLD, PERIOD)
+        assert answer(one, START + k * PERIOD, PUSH) == pytest.approx(expected, abs=1e-6)
+    assert expected.tolist() == HOLD.tolist()
+
+
+def test_until_the_states_time_out_the_damped_hold_remains() -> None:
+    one = running()
+    damped = HOLD + [2.0, -3.0]
+    one.answer(START + 0.01, np.zeros(2), np.ones(2), PUSH, HOLD, 0.01, lambda *_: damped, TROUBLE)
+    for after in (0.005, 0.02, 0.04):
+        effort = one.tick(START + 0.01 + after)
+        assert effort is not None
+        assert effort.tolist() == damped.tolist()
 
 
 def test_stop_publishing() -> None:

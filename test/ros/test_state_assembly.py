@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.cdr_templates import JointStateDecoder, SensedState
+from robot_dynamics.ros.cdr_templates import JointStateDecoder, SensedState, stamp_bytes
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.state_assembly import ForeignJointsError, MOST_SOURCES, StateAssembly
 from sensor_msgs.msg import JointState
@@ -31,6 +31,7 @@ rclpy_serialization = pytest.importorskip('rclpy.serialization')
 
 NAMES = ('a', 'b', 'c')
 MS = 1_000_000
+SECOND = 1000 * MS
 PERIOD = 2 * MS
 DECODER = JointStateDecoder()
 
@@ -39,12 +40,14 @@ laws = settings(deadline=None, derandomize=True)
 
 def message(
     stamp_ns: int, names: Sequence[str], first: float = 0.0, has_velocity: bool = True,
+    has_effort: bool = False,
 ) -> SensedState:
     """Return a decoded message; the position of its i-th joint is first + i."""
     state = JointState(name=list(names))
     state.header.stamp.sec, state.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
     state.position = [first + i for i in range(len(names))]
     state.velocity = [0.5 * x for x in state.position] if has_velocity else []
+    state.effort = [-2.0 * x for x in state.position] if has_effort else []
     return DECODER.decode(bytes(rclpy_serialization.serialize_message(state)))
 
 
@@ -120,6 +123,74 @@ def test_a_half_without_velocities_leaves_the_state_without() -> None:
     assert state is not None
     assert JointStateReader(NAMES).read(state)[1] is None
     assert JointStateReader(NAMES).effort(state) is None
+
+
+def test_efforts_of_both_halves_are_assembled() -> None:
+    assembly = StateAssembly(NAMES, max_age=1.0)
+    assembly.take(message(PERIOD, ['b'], 5.0, has_effort=True))
+    state = assembly.take(message(2 * PERIOD, ['c', 'a'], 7.0, has_effort=True))
+    assert state is not None
+    assert state.stamp == stamp_bytes(2 * PERIOD)
+    reader = JointStateReader(NAMES)
+    q, v = reader.read(state)
+    assert q.tolist() == [8.0, 5.0, 7.0]
+    assert v is not None
+    assert v.tolist() == [4.0, 2.5, 3.5]
+    effort = reader.effort(state)
+    assert effort is not None
+    assert effort.tolist() == [-16.0, -10.0, -14.0]
+
+
+def test_two_halves_at_time_0_are_a_state() -> None:
+    assembly = StateAssembly(NAMES)
+    assert assembly.missing == []
+    assert assembly.take(message(0, ['a', 'c'])) is None
+    assert assembly.take(message(0, ['b'])) is not None
+
+
+def test_a_period_that_begins_at_time_0_is_measured() -> None:
+    assembly = StateAssembly(NAMES)
+    assembly.take(message(0, ['a', 'c']))
+    assembly.take(message(PERIOD // 2, ['b']))
+    assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
+
+
+def test_a_message_that_is_received_twice_discards_no_samples() -> None:
+    assembly = StateAssembly(NAMES, max_age=0.1)
+    assembly.take(message(PERIOD, ['b']))
+    for _ in range(2):
+        assert assembly.take(message(2 * PERIOD, ['a', 'c'])) is not None
+
+
+@pytest.mark.parametrize('interval', [-PERIOD, 2 * SECOND])
+def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval: int) -> None:
+    """For any largest age."""
+    assembly = StateAssembly(NAMES, max_age=10.0)
+    start = 2 * PERIOD
+    assembly.take(message(start, ['b']))
+    assert assembly.take(message(start, ['a', 'c'])) is not None
+    assert assembly.take(message(start + interval, ['a', 'c'])) is None
+    assert assembly.missing == ['b']
+
+
+def test_a_single_late_message_hardly_changes_the_largest_age() -> None:
+    """The period is an average over many messages: one interval of ten periods counts little."""
+    assembly = StateAssembly(NAMES)
+    for k in range(1, 50):
+        assembly.take(message(k * PERIOD, ['b']))
+        assembly.take(message(k * PERIOD, ['a', 'c']))
+    late = 49 * PERIOD + 10 * PERIOD
+    assembly.take(message(late, ['a', 'c']))
+    assert assembly.take(message(late + 2 * PERIOD, ['b'])) is None
+    assert assembly.missing == ['a', 'c']
+
+
+def test_the_first_interval_is_the_period() -> None:
+    assembly = StateAssembly(NAMES)
+    assembly.take(message(PERIOD, ['a', 'c']))
+    assembly.take(message(2 * PERIOD, ['a', 'c']))
+    assert assembly.take(message(2 * PERIOD + PERIOD // 2, ['b'])) is not None
+    assert assembly.take(message(2 * PERIOD + 6 * PERIOD // 10, ['b'])) is None
 
 
 def test_the_embedded_arm_has_its_joints_only() -> None:

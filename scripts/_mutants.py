@@ -1,0 +1,80 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Print the result of mutmut per module, and write the surviving mutants as differences of lines.
+
+Usage: _mutants.py DIRECTORY [MODULE...]
+DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor.
+"""
+
+import ast
+from collections.abc import Iterator
+import difflib
+import json
+from pathlib import Path
+import sys
+
+KILLED = (1, 3)
+"""Exit codes of pytest: a test failed, or pytest itself."""
+TIMEOUTS = (-24, 24, 36, 152, 255)
+NO_TESTS = 33
+
+
+def survivors(code: str, results: dict[str, int]) -> Iterator[str]:
+    """Yield the changed lines of each survivor; `code` contains all mutants of a module."""
+    lines = code.splitlines()
+    bodies = {
+        node.name: lines[node.lineno:node.end_lineno]
+        for node in ast.walk(ast.parse(code)) if isinstance(node, ast.FunctionDef)}
+    for mutant, result in results.items():
+        if result in KILLED or result in TIMEOUTS:
+            continue
+        name = mutant.rpartition('.')[2]
+        function, _, number = name.partition('__mutmut_')
+        changes = difflib.unified_diff(
+            bodies[f'{function}__mutmut_orig'], bodies[name], n=0, lineterm='')
+        reached = ', which no test reaches' if result == NO_TESTS else ''
+        title = function.lstrip('x').strip('ǁ_').replace('ǁ', '.')
+        yield '\n'.join([
+            f'{title} {number}{reached}',
+            *(line for line in changes if not line.startswith(('---', '+++', '@@')))])
+
+
+def main(directory: Path, modules: list[str]) -> None:
+    """Print one line per module."""
+    report = directory / 'survivors.txt'
+    texts = []
+    print('| module | mutants | killed | survived | killed [%] | time [s] |')
+    print('| --- | --- | --- | --- | --- | --- |')
+    for meta in sorted((directory / 'mutants').rglob('*.py.meta')):
+        source = meta.with_suffix('')
+        data = json.loads(meta.read_text(encoding='utf-8'))
+        results = {
+            name: result for name, result in data['exit_code_by_key'].items()
+            if result is not None}
+        if not results or modules and source.stem not in modules:
+            continue
+        found = list(survivors(source.read_text(encoding='utf-8'), results))
+        killed = len(results) - len(found)
+        seconds = sum(data['durations_by_key'].values())
+        print(f'| {source.stem} | {len(results)} | {killed} | {len(found)} | '
+              f'{100.0 * killed / len(results):.1f} | {seconds:.0f} |')
+        texts += [f'== {source.stem}', *found]
+    report.write_text('\n\n'.join([*texts, '']), encoding='utf-8')
+    print(f'Survivors: {report}')
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]), sys.argv[2:])

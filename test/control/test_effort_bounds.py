@@ -1,0 +1,159 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Effort limits of a command: the load of the joint, with the compensation by the robot."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.control.effort_bounds import (
+    EffortBounds,
+    NOTHING,
+    robot_effort,
+    RobotEffort,
+)
+from robot_dynamics.joints.effort_convention import EffortConvention
+from robot_dynamics.model.arm_dynamics import EffortTerms
+
+LIMIT = np.array([10.0, 40.0, np.inf])
+FAR = 1e6
+"""An effort beyond all bounds."""
+
+laws = settings(deadline=None, derandomize=True, max_examples=300)
+
+
+def vectors(size: float) -> st.SearchStrategy[np.ndarray]:
+    numbers = st.floats(-size, size) | st.sampled_from([0.0, 10.0, -10.0, size, -size])
+    return st.lists(numbers, min_size=3, max_size=3).map(np.array)
+
+
+def compensating(gravity: np.ndarray) -> RobotEffort:
+    return RobotEffort(gravity, None)
+
+
+# --- a robot that compensates gravity ------------------------------------------------------------
+
+@laws
+@given(vectors(200.0), vectors(100.0))
+def test_command_and_joint_stay_within_the_limit_or_gravity_alone_exceeds_it(
+    command: np.ndarray, gravity: np.ndarray,
+) -> None:
+    bounded, _ = EffortBounds(LIMIT).bounded(command, compensating(gravity))
+    assert (np.abs(bounded) <= LIMIT).all()
+    assert (np.abs(bounded + gravity) <= np.maximum(LIMIT, np.abs(gravity)) + 1e-9).all()
+
+
+@laws
+@given(vectors(100.0), st.sampled_from([1.0, -1.0]))
+def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(
+    gravity: np.ndarray, sign: float,
+) -> None:
+    """The largest command loads either the drive or the joint with its limit, and no less."""
+    bounded, clamped = EffortBounds(LIMIT).bounded(np.full(3, sign * FAR), compensating(gravity))
+    for j in (0, 1):
+        load = max(sign * bounded[j], sign * (bounded[j] + gravity[j]))
+        if sign * gravity[j] <= LIMIT[j]:
+            assert load == pytest.approx(LIMIT[j], abs=1e-9)
+        else:
+            assert bounded[j] == 0.0
+    assert clamped.tolist() == [True, True, False]
+
+
+@laws
+@given(vectors(200.0), vectors(100.0))
+def test_what_is_within_the_bounds_is_unchanged(
+    command: np.ndarray, gravity: np.ndarray,
+) -> None:
+    bounds, robot = EffortBounds(LIMIT), compensating(gravity)
+    bounded, clamped = bounds.bounded(command, robot)
+    again, none = bounds.bounded(bounded, robot)
+    assert again.tolist() == bounded.tolist()
+    assert not none.any()
+    assert clamped.tolist() == (bounded != command).tolist()
+    is_possible = (np.abs(command) <= LIMIT) & (np.abs(command + gravity) <= LIMIT)
+    assert not (clamped & is_possible).any()
+
+
+# --- the scale of the limits ---------------------------------------------------------------------
+
+@pytest.mark.parametrize(('hold', 'low', 'high'), [
+    (3.0, -5.0, 5.0), (7.0, -5.0, 7.0), (-7.0, -7.0, 5.0), (12.0, -5.0, 10.0),
+    (-12.0, -10.0, 5.0)])
+def test_a_scaled_limit_extends_to_what_holds_the_arm(
+    hold: float, low: float, high: float,
+) -> None:
+    bounds, holds = EffortBounds(np.array([10.0]), 0.5), np.array([hold])
+    assert bounds.bounded(np.array([FAR]), NOTHING, holds)[0].tolist() == [high]
+    assert bounds.bounded(np.array([-FAR]), NOTHING, holds)[0].tolist() == [low]
+    assert bounds.bounded(np.array([FAR]), NOTHING)[0].tolist() == [10.0]
+    assert bounds.bounded(np.array([-FAR]), NOTHING)[0].tolist() == [-10.0]
+
+
+def test_the_stricter_of_scale_and_gravity_applies() -> None:
+    bounds, hold = EffortBounds(np.array([10.0, 10.0]), 0.5), np.zeros(2)
+    robot = compensating(np.array([2.0, 8.0]))
+    assert bounds.bounded(np.full(2, FAR), robot, hold)[0].tolist() == [5.0, 2.0]
+    robot = compensating(np.array([-2.0, -8.0]))
+    assert bounds.bounded(np.full(2, -FAR), robot, hold)[0].tolist() == [-5.0, -2.0]
+
+
+def test_the_smallest_scaled_limit() -> None:
+    bounds = EffortBounds(LIMIT, 0.25)
+    assert bounds.scaled.tolist() == [2.5, 10.0, np.inf]
+    assert bounds.least == 2.5
+    assert bounds.no_joint.tolist() == [False] * 3
+    assert not bounds.no_joint.flags.writeable
+    assert LIMIT.tolist() == [10.0, 40.0, np.inf]  # unchanged
+    assert EffortBounds(LIMIT).least == 10.0
+    assert EffortBounds(np.full(2, np.inf), 0.0).least == np.inf
+    assert EffortBounds(np.zeros(0)).least == np.inf
+
+
+# --- compensation by the robot -------------------------------------------------------------------
+
+GRAVITY, FRICTION = np.array([5.0, -3.0]), np.array([0.5, 0.25])
+
+
+@pytest.mark.parametrize('compensates', [
+    (), ('gravity',), ('friction',), ('gravity', 'friction')])
+def test_command_and_robot_together_are_the_effort(compensates: tuple[str, ...]) -> None:
+    effort = np.array([7.0, 11.0])
+    robot = robot_effort(
+        EffortConvention(robot_compensates=compensates), GRAVITY, FRICTION)
+    added = np.zeros(2)
+    if 'gravity' in compensates:
+        added += GRAVITY
+    assert (robot.without_gravity(effort) + added).tolist() == effort.tolist()
+    if 'friction' in compensates:
+        added += FRICTION
+    assert (robot.command(effort) + added).tolist() == effort.tolist()
+    assert (robot is NOTHING) == (not compensates)
+
+
+@pytest.mark.parametrize('compensates', [
+    (), ('gravity',), ('friction',), ('gravity', 'friction')])
+def test_the_terms_of_a_command_add_up_to_it(compensates: tuple[str, ...]) -> None:
+    inertial, coriolis = np.array([1.0, 2.0]), np.array([0.125, -0.5])
+    load = np.array([2.0, 1.0])  # gravity of a payload, which the robot does not know
+    effort = inertial + coriolis + GRAVITY + load + FRICTION
+    terms = EffortTerms(
+        inertial, coriolis, GRAVITY + load, FRICTION, np.zeros(2), effort, 0.0, 0.0)
+    robot = robot_effort(EffortConvention(robot_compensates=compensates), GRAVITY, FRICTION)
+    command = robot.command_terms(terms)
+    assert command.effort.tolist() == robot.command(effort).tolist()
+    assert (command.inertial + command.coriolis + command.gravity + command.friction).tolist() == (
+        command.effort.tolist())
+    assert (command.gravity == terms.gravity).all() == ('gravity' not in compensates)
+    assert (command.friction == 0.0).all() == ('friction' in compensates)

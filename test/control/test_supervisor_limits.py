@@ -1,0 +1,76 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults of the supervisor: positions and velocities beyond their limits."""
+
+import numpy as np
+from robot_dynamics.control.supervisor import Mode
+from supervised import answer, HOLD, make, PERIOD, running, START
+
+
+def test_overspeed_is_a_fault_that_ends_with_it() -> None:
+    one = make(velocity=2.0)
+    one.activate()
+    assert answer(one, START, v=(0.0, 2.3)) is not None
+    assert one.mode is Mode.RUNNING
+    answer(one, START + PERIOD, v=(0.0, -2.5))
+    assert one.mode is Mode.FAULT
+    assert one.fault is not None
+    assert one.fault.name == 'overspeed'
+    assert "velocity of 'elbow' is -2.5, 1.25 times its limit" in one.fault.words
+    answer(one, START + 2 * PERIOD, v=(0.0, -2.0))
+    assert one.mode is Mode.RUNNING
+
+
+def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states() -> None:
+    one = running(reach=1.0)
+    answer(one, START + 0.01, q=(1.0087, -1.0087))
+    assert one.mode is Mode.RUNNING
+    answer(one, START + 0.02, q=(0.0, -1.00871))
+    assert one.mode is Mode.FAULT
+    assert one.fault is not None
+    assert one.fault.name == 'position_limit'
+    assert "'elbow' is -1.00871, 0.00871 past its limit" in one.fault.words
+    for k in range(4):
+        answer(one, START + 0.03 + k * PERIOD)
+    answer(one, START + 0.05, q=(1.1, 0.0))
+    for k in range(4):
+        answer(one, START + 0.06 + k * PERIOD)
+        assert one.mode is Mode.FAULT
+    answer(one, START + 0.07)
+    assert one.mode is Mode.RUNNING
+    assert one.fault_count == 1
+
+
+def test_a_fault_begins_past_its_limit_and_not_at_it() -> None:
+    """All numbers are exact in binary."""
+    one = running(reach=1.0, velocity=2.0, fault_margin=0.0625, overspeed=1.25)
+    answer(one, START + PERIOD, q=(1.0625, -1.0625), v=(2.5, -2.5))
+    assert one.mode is Mode.RUNNING
+    answer(one, START + 2 * PERIOD, v=(np.nextafter(2.5, 3.0), 0.0))
+    assert one.fault is not None
+    assert one.fault.name == 'overspeed'
+    answer(one, START + 3 * PERIOD)
+    assert one.mode is Mode.RUNNING
+    answer(one, START + 4 * PERIOD, q=(np.nextafter(1.0625, 2.0), 0.0))
+    assert one.fault.name == 'position_limit'
+    assert one.mode is Mode.FAULT
+
+
+def test_no_effort_begins_past_a_limit() -> None:
+    one = make(reach=1.0)
+    one.activate()
+    for k in range(100):
+        assert answer(one, START + k * PERIOD, q=(0.0, 2.0)) is None
+    assert [answer(one, START + 1.0) for _ in range(5)] == [None] * 4 + [HOLD.tolist()]
