@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What both nodes share: messages and arrays, parameters, callbacks, life of a process."""
+"""Code of both nodes: messages and arrays, parameters, callbacks, start and shutdown."""

@@ -49,7 +49,7 @@ client. Each attempt may delay the control thread by 100 ms, so there are few.
 _TURN = 0.02
 """[s] between two queries of the graph while a response waits."""
 _DISCARDED = 'failed to send response'
-"""What rclpy warns of then; it raises nothing."""
+"""Warning of rclpy about a discarded response; it raises no error."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class AnswerDelivery:
         """
         Return whether the request is the next one of a client whose reader was discovered.
 
-        rclpy does not expose the client of a request, and asking the graph takes longer than
-        most answers do. The requests of a client are numbered consecutively.
+        rclpy does not expose the client of a request, and a query of the graph takes longer
+        than most responses. The requests of a client are numbered consecutively.
         """
         number = request_number(header)
         if number is None:
@@ -110,7 +110,7 @@ class AnswerDelivery:
         if response.attempts == len(PAUSES):
             self._node.get_logger().warning(
                 f'Discarded a response of {response.service.service_name}: its client cannot '
-                'receive it (not discovered, ended, or of another QoS)')
+                'receive it (not discovered, ended, or incompatible QoS)')
         else:
             until = time.monotonic() + PAUSES[response.attempts]
             self._waiting.append(

@@ -15,17 +15,18 @@
 """
 Joint states and efforts as bytes, for the control path and the simulated arm.
 
-In rclpy, making one `JointState` object and converting it costs more than the dynamics of an arm:
-checked setters, lists of strings, copies number by number. But a publisher of joint states sends
-the same names in the same place every time, and so do we. So the first message of a layout is
-deserialized as usual and its layout is learned; from those that follow numpy reads the numbers
-where they lie. What is published is a message that was written once, with the stamp and the
-numbers of now put into it. Messages of any other layout take the usual way.
+In rclpy, the construction and conversion of one `JointState` object take longer than the dynamics
+of an arm, because of checked setters, lists of strings and element-wise copies. But a publisher of
+joint states sends the same names at the same position in each message. Therefore the decoder
+deserializes the first message of a layout with rclpy and stores the layout. Numpy reads the
+numbers of the following messages in place. A published message is serialized once; then only its
+stamp and its numbers are replaced. rclpy deserializes messages of any other layout.
 
 Outside these paths, the typestore of `rosbags` decodes and encodes messages. It is not used
-here, because it makes one object per message as rclpy does, and the nodes run without `rosbags`.
+here, because it constructs one object per message as rclpy does, and the nodes do not need
+`rosbags`.
 
-The layout is that of CDR, little endian (OMG DDS-XTypes 7.4.1): after 4 bytes of encapsulation,
+The layout is CDR, little endian (OMG DDS-XTypes 7.4.1): after 4 bytes of encapsulation,
 each value is aligned to its size; strings and sequences begin with their length as uint32.
 """
 
@@ -41,19 +42,19 @@ from sensor_msgs.msg import JointState
 ENCAPSULATION = b'\x00\x01\x00\x00'
 """Plain CDR, little endian, no options."""
 STAMP = slice(4, 12)
-"""Where a message that begins with a std_msgs/Header has its stamp."""
+"""Position of the stamp in a message that begins with a std_msgs/Header."""
 _SEC_NANOSEC = struct.Struct('<iI')
 _FLOAT64 = np.dtype(np.float64)
 MOST_LAYOUTS = 8
-"""Layouts that a decoder remembers: those of the publishers on one topic."""
+"""Layouts that a decoder stores, one per publisher on a topic."""
 
 
 class Layout(NamedTuple):
     """
-    Where the numbers of a message are, counted in float64 from the first on.
+    Positions of the numbers of a message, as indices of float64 from the first number on.
 
-    They lie in one row: positions, velocities and efforts, maybe with something between two of
-    them. The same object stands for the same layout, with the same names.
+    They are in one row: positions, velocities and efforts, possibly with other bytes between
+    them. One object stands for one layout with its names.
     """
 
     position: slice
@@ -63,9 +64,9 @@ class Layout(NamedTuple):
 
 class SensedState(NamedTuple):
     """
-    What a joint state says: all its numbers in one row, and where in it they lie.
+    The content of a joint state: all numbers in one row, and their positions in it.
 
-    `stamp` is that of the header in bytes, `stamp_ns` in ns.
+    `stamp` is the stamp of the header as bytes, `stamp_ns` in ns.
     """
 
     stamp: bytes
@@ -81,23 +82,23 @@ class SensedState(NamedTuple):
 
     @property
     def velocity(self) -> FloatArray:
-        """Return the velocities likewise, often none."""
+        """Return the velocities, as many as the message has."""
         return self.numbers[self.layout.velocity]
 
     @property
     def effort(self) -> FloatArray:
-        """Return the efforts likewise."""
+        """Return the efforts, as many as the message has."""
         return self.numbers[self.layout.effort]
 
 
 class JointStateDecoder:
-    """Reads serialized `sensor_msgs/JointState` of any layout, known ones quickly."""
+    """Reads serialized `sensor_msgs/JointState` of any layout; known layouts are fast."""
 
     def __init__(self) -> None:
         self._known: list[_LayoutDecoder] = []
 
     def decode(self, data: bytes) -> SensedState:
-        """Return what a message says; raise UnreadableMessageError."""
+        """Return the content of a message; raise UnreadableMessageError."""
         for known in self._known:
             state = known.decode(data)
             if state is not None:
@@ -117,12 +118,12 @@ class _LayoutDecoder:
         self._known: list[tuple[int, int, bytes]] = []
         self._length = self._start = self._number_count = 0
         self.layout: Layout | None = None
-        """None until one is learned; that of a message in another encapsulation never is."""
+        """None until it is learned; the layout of another encapsulation is never learned."""
         self._skeleton = struct.Struct('')
         self._bones: list[bytes] = []
 
     def decode(self, data: bytes) -> SensedState | None:
-        """Return what a message of this layout says, None for another layout."""
+        """Return the content of a message of this layout, None for another layout."""
         layout = self.layout
         if layout is None or len(data) != self._length or data[:4] != ENCAPSULATION:
             return None
@@ -134,7 +135,7 @@ class _LayoutDecoder:
             np.frombuffer(data, _FLOAT64, self._number_count, self._start), layout)
 
     def _has_known_bones(self, data: bytes) -> bool:
-        """Tell whether all but stamp and numbers is as before; padding may be anything."""
+        """Return whether all but stamp and numbers is unchanged; padding may have any value."""
         if not all(data[start:end] == known for start, end, known in self._known):
             return False
         _, _, *self._bones = self._skeleton.unpack(data)
@@ -160,7 +161,7 @@ class _LayoutDecoder:
             Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
 
     def _learn_names(self, data: bytes, message: JointState) -> int:
-        """Remember the texts; return where they end."""
+        """Store the texts; return the position of their end."""
         end = self._take_text(data, 12)
         self._known.append((end, end + 4, struct.pack('<I', len(message.name))))
         end += 4
@@ -169,14 +170,14 @@ class _LayoutDecoder:
         return end
 
     def _take_text(self, data: bytes, start: int) -> int:
-        """Remember a string and its length; return where the next one begins."""
+        """Store a string and its length; return the position of the next one."""
         (length,) = struct.unpack_from('<I', data, start)
         end = start + 4 + int(length)
         self._known.append((start, end, data[start:end]))
         return end + -end % 4
 
     def _learn_numbers(self, data: bytes, message: JointState, names_end: int) -> None:
-        """Find the numbers, in places counted in bytes from the encapsulation on."""
+        """Find the numbers; positions are in bytes from the start of the encapsulation."""
         end, places = names_end, []
         for values in (message.position, message.velocity, message.effort):
             self._known.append((end, end + 4, struct.pack('<I', len(values))))
@@ -197,7 +198,7 @@ class _LayoutDecoder:
 
 
 def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct:
-    """Return what takes the stamp and then, in one step, all bytes behind it but these ranges."""
+    """Return a Struct that unpacks the stamp and all later bytes except these ranges."""
     parts, end = [f'<{STAMP.start}xiI'], STAMP.stop
     for start, stop in left_out:
         parts.append(f'{start - end}s{stop - start}x')
@@ -207,17 +208,17 @@ def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct
 
 class CdrWriter:
     """
-    Serializes what effort messages are made of.
+    Serializes the parts of effort messages.
 
-    rclpy's `serialize_message` leaves whatever the memory held between strings and behind the end,
-    which those who read a message strictly refuse.
+    rclpy's `serialize_message` leaves undefined bytes between strings and after the end, which
+    strict readers reject.
     """
 
     def __init__(self) -> None:
         self.data = bytearray(ENCAPSULATION)
 
     def align(self, size: int) -> None:
-        """Fill up with zeros to a multiple of the size, counted from the encapsulation's end."""
+        """Pad with zeros to a multiple of the size, counted from the end of the encapsulation."""
         self.data += bytes((len(ENCAPSULATION) - len(self.data)) % size)
 
     def uint32(self, value: int) -> None:
@@ -232,7 +233,7 @@ class CdrWriter:
         self.data += encoded
 
     def floats(self, n: int) -> int:
-        """Write a sequence of n zeros as float64; return where the first of them is."""
+        """Write a sequence of n zeros as float64; return the position of the first."""
         self.uint32(n)
         if n:
             self.align(8)
@@ -241,15 +242,15 @@ class CdrWriter:
 
 
 class MessageTemplate:
-    """A serialized message whose numbers are replaced, and the stamp that it begins with."""
+    """A serialized message whose numbers and stamp can be replaced."""
 
     def __init__(self, data: bytearray, starts: Sequence[int], n: int, has_stamp: bool) -> None:
-        """Take the places of n numbers each, and whether the message begins with a stamp."""
+        """Store the positions of n numbers each, and whether the message begins with a stamp."""
         self._data, self._has_stamp = data, has_stamp
         self._places = [slice(start, start + 8 * n) for start in starts]
 
     def filled(self, stamp: bytes, *numbers: FloatArray) -> bytes:
-        """Return the message with these numbers, (n,) for each place, and this stamp."""
+        """Return the message with these numbers, (n,) per position, and this stamp."""
         data = self._data
         if self._has_stamp:
             data[STAMP] = stamp
@@ -259,14 +260,14 @@ class MessageTemplate:
 
 
 def effort_template(joint_names: Sequence[str]) -> MessageTemplate:
-    """Return the template of a `sensor_msgs/JointState` with efforts alone."""
+    """Return the template of a `sensor_msgs/JointState` with efforts only."""
     return state_template(joint_names, has_motion=False)
 
 
 def state_template(
     joint_names: Sequence[str], has_motion: bool = True, has_effort: bool = True,
 ) -> MessageTemplate:
-    """Return the template of a `sensor_msgs/JointState`, filled with what it has in its order."""
+    """Return the template of a `sensor_msgs/JointState`; its numbers are in message order."""
     n = len(joint_names)
     writer = CdrWriter()
     writer.data += bytes(8)  # header.stamp
@@ -291,5 +292,5 @@ def array_template(n: int) -> MessageTemplate:
 
 
 def stamp_bytes(nanoseconds: int) -> bytes:
-    """Return a time of ROS as its 8 bytes."""
+    """Return the 8 bytes of a ROS time."""
     return _SEC_NANOSEC.pack(*divmod(nanoseconds, NANOSECONDS_PER_SECOND))

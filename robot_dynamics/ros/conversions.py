@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Messages to arrays and back, in pairs: `*_from_ros` checks what arrives, `*_to_ros` fills messages.
+Conversion between messages and arrays: `*_from_ros` checks messages, `*_to_ros` fills messages.
 
-Numbers travel as whole arrays: a message's float64[] is an array.array, which numpy reads in
-place, and which takes the bytes of a numpy array.
+Numbers are converted as whole arrays: a message's float64[] is an array.array, which numpy reads
+in place, and which can be filled with the bytes of a numpy array.
 """
 
 from array import array
@@ -57,7 +57,7 @@ def stamp_to_ros(nanoseconds: int) -> Time:
 
 
 def wrenches_from_ros(arm: ArmModel, messages: Sequence[WrenchStamped]) -> list[ExternalWrench]:
-    """Return checked wrenches; raise InvalidInputError on an unknown link or a bad number."""
+    """Return checked wrenches; raise InvalidInputError on an unknown link or an invalid number."""
     wrenches = []
     for i, message in enumerate(messages):
         field = f'external_wrenches[{i}]'
@@ -76,7 +76,7 @@ def _vector_from_ros(field: str, vector: Vector3) -> FloatArray:
 
 
 def payload_from_ros(arm: ArmModel, message: InertiaStamped) -> Payload | None:
-    """Return a checked payload, or None for m = 0, which clears it; raise InvalidInputError."""
+    """Return a checked payload, or None for m = 0, which removes it; raise InvalidInputError."""
     inertia = message.inertia
     payload = make_payload(
         message.header.frame_id, inertia.m, (inertia.com.x, inertia.com.y, inertia.com.z),
@@ -90,7 +90,7 @@ def payload_from_ros(arm: ArmModel, message: InertiaStamped) -> Payload | None:
 
 
 def payload_to_ros(payload: Payload | None) -> InertiaStamped:
-    """Return the message of a payload; of none, one with m = 0."""
+    """Return the message of a payload; without a payload, a message with m = 0."""
     message = InertiaStamped()
     if payload is None:
         return message
@@ -107,7 +107,7 @@ def payload_to_ros(payload: Payload | None) -> InertiaStamped:
 def terms_to_ros(
     terms: EffortTerms, joint_names: Sequence[str], stamp: Time, order: JointOrder | None = None,
 ) -> DynamicsTerms:
-    """Return the message of efforts by term, in the order of `order` where it is given."""
+    """Return the message of efforts by term, in the order of `order` if it is given."""
     message = DynamicsTerms(
         joint_names=list(joint_names),
         kinetic_energy=terms.kinetic_energy, potential_energy=terms.potential_energy)
@@ -132,7 +132,7 @@ def trajectory_from_ros(message: JointTrajectoryMsg, joint_names: Sequence[str])
 
 
 def trajectory_to_ros(trajectory: JointTrajectory) -> JointTrajectoryMsg:
-    """Return the message of a trajectory, which starts when it arrives."""
+    """Return the message of a trajectory, which starts on arrival."""
     message = JointTrajectoryMsg(joint_names=list(trajectory.joint_names))
     for point in trajectory.points:
         entry = JointTrajectoryPoint(positions=floats_to_ros(point.position))

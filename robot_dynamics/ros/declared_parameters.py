@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Parameters, declared once: name, type, default, range, description, whether they may change.
+Declared parameters: name, type, default, range, description, and whether they may change.
 
-A node lists its `ParameterSpec`s. `DeclaredParameters` declares them, refuses bad values with a
-reason, at start and at run time, and hands accepted changes to the node.
+A node lists its `ParameterSpec`s. `DeclaredParameters` declares them, rejects invalid values
+with a reason, at start and at run time, and passes accepted changes to the node.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -47,8 +47,8 @@ class ParameterSpec:
     """
     One parameter; the default of an array may be empty.
 
-    `minimum` and `maximum` hold for a number, or for each number of an array, `choices` likewise
-    for a text.
+    `minimum` and `maximum` apply to a number, or to each number of an array; `choices` applies
+    to a text, or to each text of an array.
     """
 
     name: str
@@ -61,7 +61,7 @@ class ParameterSpec:
     choices: tuple[str, ...] = ()
 
     def descriptor(self) -> ParameterDescriptor:
-        """Return what `ros2 param describe` shows."""
+        """Return the descriptor that `ros2 param describe` prints."""
         descriptor = ParameterDescriptor(
             name=self.name, type=self.kind.value, description=self.description,
             read_only=self.read_only)
@@ -75,13 +75,13 @@ class ParameterSpec:
             elif self.kind is Type.INTEGER:
                 descriptor.integer_range = [IntegerRange(
                     from_value=int(self.minimum), to_value=int(self.maximum), step=1)]
-            else:  # rclpy reads ranges for scalars alone; `check` does it for arrays
+            else:  # rclpy checks ranges of scalars only; `check` checks arrays
                 descriptor.additional_constraints = (
                     f'each in [{self.minimum:g}, {self.maximum:g}]')
         return descriptor
 
     def check(self, value: Any) -> None:
-        """Raise InvalidInputError, naming this parameter, for a value that it cannot have."""
+        """Raise InvalidInputError, which names this parameter, for an invalid value."""
         if self.choices and self.kind is Type.STRING_ARRAY:
             for i, choice in enumerate(value):
                 check_choice(f'{self.name}[{i}]', choice, self.choices)
@@ -105,12 +105,12 @@ class DeclaredParameters:
         others: Callable[[], Sequence[ParameterSpec]] = tuple,
     ) -> None:
         """
-        Declare all parameters; `values` are then those of the command line and files.
+        Declare all parameters; `values` are then the values of the command line and the files.
 
-        `check` looks at all values together and raises RobotDynamicsError on what does not fit;
-        `apply` takes over an accepted change. `others` returns the parameters of the node that
-        shares a parameter file with this one; it is called if the file has some that this node
-        lacks. Raises InvalidInputError on a bad start value.
+        `check` checks all values together and raises RobotDynamicsError if they are
+        inconsistent; `apply` applies an accepted change. `others` returns the parameters of the
+        node that shares a parameter file with this one; it is called if the file has some that
+        this node lacks. Raises InvalidInputError on an invalid start value.
         """
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -131,7 +131,7 @@ class DeclaredParameters:
     def _declare(self, spec: ParameterSpec) -> Any:
         descriptor, empty = spec.descriptor(), spec.default == []
         try:
-            if empty:  # rclpy takes an empty list for a list of bytes, unless it is set later
+            if empty:  # rclpy infers a list of bytes from an empty list, unless it is set later
                 descriptor.read_only = False
             parameter = self._node.declare_parameter(
                 spec.name, spec.kind if empty else spec.default, descriptor)
@@ -149,7 +149,7 @@ class DeclaredParameters:
         return value
 
     def _log_unknown(self) -> None:
-        """Warn of values whose names neither this node nor the other one has as parameters."""
+        """Log values whose names are parameters neither of this node nor of the other one."""
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
         of_others = {spec.name for spec in self._others()} if unknown else set()
@@ -157,15 +157,15 @@ class DeclaredParameters:
             if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)
                 node.get_logger().warning(
-                    f'There is no parameter {name!r}: its value is not used'
-                    f'{f"; is {close[0]!r} meant?" if close else "."}')
+                    f'Unknown parameter {name!r}: its value is ignored'
+                    f'{f"; did you mean {close[0]!r}?" if close else "."}')
 
     def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
             self._check(self._changed(parameters))
         except RobotDynamicsError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # an exception here would end the node's spin
+        except Exception as error:  # an exception here would end the spin of the node
             self._node.get_logger().error(f'Checking parameters failed: {error!r}')
             return SetParametersResult(successful=False, reason=f'internal error: {error!r}')
         return SetParametersResult(successful=True)
@@ -176,13 +176,13 @@ class DeclaredParameters:
             self._apply(values)
             self._values = values
         except Exception as error:
-            self._node.get_logger().error(f'Taking over parameters failed: {error!r}')
+            self._node.get_logger().error(f'Applying parameters failed: {error!r}')
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
         values = dict(self._values)
         for parameter in parameters:
             spec = self._specs.get(parameter.name)
-            if spec is None:  # use_sim_time and the like, which belong to rclpy
+            if spec is None:  # a parameter of rclpy, such as use_sim_time
                 continue
             value = _plain(parameter)
             spec.check(value)
@@ -199,9 +199,9 @@ def _plain(parameter: Parameter) -> Any:
 
 def _type_in_words(spec: ParameterSpec) -> str:
     words = {
-        Type.DOUBLE: 'a number with a decimal point, as 1.0',
-        Type.DOUBLE_ARRAY: 'numbers with a decimal point, as [1.0, 2.0]',
-        Type.STRING_ARRAY: 'names, as [joint1, joint2]',
+        Type.DOUBLE: 'a number with a decimal point, such as 1.0',
+        Type.DOUBLE_ARRAY: 'numbers with a decimal point, such as [1.0, 2.0]',
+        Type.STRING_ARRAY: 'names, such as [joint1, joint2]',
         Type.BOOL: 'true or false',
         Type.INTEGER: 'a whole number',
         Type.STRING: 'text',

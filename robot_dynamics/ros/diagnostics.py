@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `dynamics` tells about itself on /diagnostics: once a second, and when a level changes."""
+"""The publisher of `dynamics` on /diagnostics: once per second, and when a level changes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -23,13 +23,13 @@ from rclpy.node import Node
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 PERIOD = 1.0
-"""[s] between two reports."""
+"""[s] between two messages."""
 LOOK_PERIOD = 0.1
-"""[s] between two looks at whether a level changed."""
+"""[s] between two checks for a changed level."""
 
 
 class Status(NamedTuple):
-    """One check: its name, level, a line of words, and figures by name."""
+    """One status: name, level, message in one line, and values by key."""
 
     name: str
     level: bytes
@@ -38,10 +38,10 @@ class Status(NamedTuple):
 
 
 class Diagnostics:
-    """Publishes what `look` returns; its clock is steady, so that /clock does not stop it."""
+    """Publishes the statuses of `look` by a steady clock, which a paused /clock does not stop."""
 
     def __init__(self, node: Node, look: Callable[[], Sequence[Status]]) -> None:
-        """`look` returns all statuses; it is called ten times a second."""
+        """`look` returns all statuses; it is called ten times per second."""
         self._node = node
         self._look = look
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -49,7 +49,7 @@ class Diagnostics:
         self._looks = 0
         node.create_timer(LOOK_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.look_now = node.create_guard_condition(self._report_changes).trigger
-        """Call it from any thread, for a level that changed not to wait for the next look."""
+        """Check the levels at once; may be called in any thread."""
 
     def _tick(self) -> None:
         due = self._looks % round(PERIOD / LOOK_PERIOD) == 0

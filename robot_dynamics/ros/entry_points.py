@@ -15,8 +15,8 @@
 """
 The entry points of the executables.
 
-Importing numpy, Pinocchio and rclpy takes a good part of a second. An interrupt in that time ends
-the process with status 0 and without a traceback, as it does later.
+The imports of numpy, Pinocchio and rclpy take most of a second. An interrupt during the imports
+ends the process with status 0 and without a traceback, as an interrupt later does.
 """
 
 import importlib
@@ -42,6 +42,6 @@ def _run(module: str) -> int:
 
 
 def _leave(*_: object) -> None:
-    """End at once: nothing has been started yet."""
+    """Exit at once, because nothing is running yet."""
     sys.stdout.flush()
     os._exit(0)

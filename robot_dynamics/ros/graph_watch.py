@@ -23,19 +23,19 @@ from robot_dynamics.ros.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
 LOOK_PERIOD = 1.0
-"""[s] between two looks at the graph."""
+"""[s] between two queries of the graph."""
 NAME = 'other nodes'
 
 
 class GraphWatch:
-    """Warns of other publishers of a node's topics, and of other nodes of the node's full name."""
+    """Logs other publishers of a node's topics, and other nodes of the same full name."""
 
     def __init__(self, node: Node, topics: Mapping[str, str], remedy: str) -> None:
         """
         Watch the full names in `topics`, each of which this node publishes once.
 
-        The keys of `topics` name the topics in the diagnostics. `remedy` is the sentence that
-        says in the log what to do about another publisher.
+        The keys of `topics` name the topics in the diagnostics. `remedy` is the sentence in the
+        log about the remedy for another publisher.
         """
         self._node, self._topics, self._remedy = node, topics, remedy
         self._name = node.get_fully_qualified_name()
@@ -45,14 +45,14 @@ class GraphWatch:
         self._looked_at = self._reported_at = -math.inf
 
     def status(self) -> Status:
-        """Return the findings for the diagnostics; look at most once per second."""
+        """Return the findings for the diagnostics; query the graph at most once per second."""
         self.look()
         level, words = (WARN, '; '.join(self._findings)) if self._findings else (
             OK, 'no other publisher or node of this name')
         return Status(NAME, level, words, self._figures)
 
     def look(self) -> None:
-        """Look at the graph, at most once per second, and log what has changed."""
+        """Query the graph, at most once per second, and log changes."""
         now = time.monotonic()
         if now - self._looked_at < LOOK_PERIOD:
             return
@@ -80,7 +80,8 @@ class GraphWatch:
 
     def _report(self) -> None:
         if not self._findings:
-            self._node.get_logger().info('No other publisher or node of this name any more.')
+            self._node.get_logger().info(
+                'There is no other publisher or node of this name any more.')
             return
         self._node.get_logger().warning(
             f'{"; ".join(self._findings)}. {self._remedy} Nodes need different names: '

@@ -15,9 +15,9 @@
 """
 Callbacks that cannot end a node.
 
-rclpy ends its spin at whatever a callback raises, at a service that answers None, and at a
-parameter of a type that it does not know. Here an error is logged instead, and a service answers
-with what failed.
+rclpy ends its spin if a callback raises an error, if the callback of a service returns None, or
+if a parameter has an unknown type. Here the error is logged instead, and a service returns it in
+its response.
 """
 
 import atexit
@@ -45,16 +45,16 @@ from robot_dynamics.ros.rclpy_internals import RclError, replace_callback, Unkno
 from robot_dynamics.ros.shutdown import ends_in_time
 
 LONGEST_REASON = LONGEST_MESSAGE
-"""Characters; a reason that quotes more of what arrived leaves out its middle."""
+"""Largest number of characters of a reason; the middle of a longer one is left out."""
 
 
 @contextmanager
 def destroyed_unless_made(node: Node) -> Iterator[None]:
     """
-    Destroy a node that cannot be set up, in the statement, before its error goes on.
+    Destroy the node if its setup in the `with` statement raises an error; re-raise the error.
 
-    Left to the end of the process, the middleware's threads may meet what is gone by then, and
-    the process ends by a signal instead of with its status.
+    Otherwise the threads of the middleware may use destroyed objects when the process exits, and
+    the process then ends by a signal instead of with its exit status.
     """
     try:
         yield
@@ -64,7 +64,7 @@ def destroyed_unless_made(node: Node) -> Iterator[None]:
 
 
 def describe_error(error: Exception) -> str:
-    """Return what is wrong in words; of an error that nobody foresaw, its type too."""
+    """Return the text of an error, with its type if the error is unexpected."""
     words = _words_of(error)
     half = LONGEST_REASON // 2
     return words if len(words) <= LONGEST_REASON else f'{words[:half]} … {words[-half:]}'
@@ -73,12 +73,12 @@ def describe_error(error: Exception) -> str:
 def _words_of(error: Exception) -> str:
     if isinstance(error, (RobotDynamicsError, ParameterException)):
         return str(error)
-    if isinstance(error, RclError):  # whose trace through C files follows
+    if isinstance(error, RclError):  # a trace through C files follows the message
         return ' '.join(str(error).partition(', at /')[0].split())
     if isinstance(error, UnknownArgumentsError):
         return f'unknown ROS arguments {error}'
     if isinstance(error, MemoryError):
-        return 'this takes more memory than the node may have, expected less at a time'
+        return 'this needs more memory than the limit of the node, expected less data at a time'
     return f'internal error: {error!r}'
 
 
@@ -86,14 +86,14 @@ class GuardedCallbacks(Node):
     """A base before `Node` or a subclass of it, for callbacks of topics, timers and services."""
 
     callback_errors = 0
-    """Callbacks that failed with an error that nobody foresaw."""
+    """Number of callbacks that failed with an unexpected error."""
 
     def __init__(self, *args: Any, **more: Any) -> None:
         self._logged_at: dict[str, float] = {}
         self._answers = AnswerDelivery(self)
         super().__init__(*args, **more)
-        atexit.register(self.destroy_node)  # its threads must end before the interpreter does
-        for service in self.services:  # rclpy makes some past `create_service`
+        atexit.register(self.destroy_node)  # its threads must end before the interpreter
+        for service in self.services:  # rclpy creates some without `create_service`
             if replace_callback(service, self._answering):
                 self._answers.take_over(service)
 
@@ -105,8 +105,8 @@ class GuardedCallbacks(Node):
         """
         Create a subscription whose callback cannot end the node.
 
-        `refuse` gets the errors of messages that cannot be read, or are larger than `largest`
-        bytes; without it they are logged.
+        `refuse` receives the errors of messages that cannot be read, or that are larger than
+        `largest` bytes. Without `refuse` the errors are logged.
         """
         guarded = self._guarded(callback, topic)
         report = refuse or functools.partial(self._unreadable, topic)
@@ -124,7 +124,7 @@ class GuardedCallbacks(Node):
             msg_type, topic, guarded if raw else read, *args, raw=True, **more)
 
     def destroy_node(self) -> None:
-        """Destroy the node, at exit at the latest; end the process where that does not end."""
+        """Destroy the node, at the latest at exit; end the process if this takes too long."""
         atexit.unregister(self.destroy_node)
         with ends_in_time():
             super().destroy_node()
@@ -149,7 +149,7 @@ class GuardedCallbacks(Node):
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,
     ) -> Any:
-        """Create a service that answers with what failed where its callback fails."""
+        """Create a service whose response contains the error if its callback fails."""
         service = super().create_service(
             srv_type, srv_name, self._answering(srv_type, srv_name, callback), *args, **more)
         self._answers.take_over(service)
@@ -157,7 +157,7 @@ class GuardedCallbacks(Node):
 
     def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> (
             SetParametersResult):
-        """Set all of these or none; say in a refusal which parameter it is about."""
+        """Set all of these parameters or none; the reason of a rejection names the parameter."""
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
                 error = InvalidInputError(
@@ -189,7 +189,7 @@ class GuardedCallbacks(Node):
 
     def _unreadable(self, topic: str, error: UnreadableMessageError) -> None:
         self.get_logger().error(
-            f'Refused a message of {topic}: {error}', throttle_duration_sec=LOG_PERIOD)
+            f'Rejected a message of {topic}: {error}', throttle_duration_sec=LOG_PERIOD)
 
     def _guarded(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
         @functools.wraps(callback)
@@ -203,7 +203,7 @@ class GuardedCallbacks(Node):
 
     def _failed(self, what: str, error: Exception) -> None:
         self.callback_errors += 1
-        # Each callback has its own pause, which rclpy's throttle would give all of them together.
+        # One pause per callback; the throttle of rclpy would have one for all callbacks.
         now = time.monotonic()
         if self.context.ok() and now - self._logged_at.get(what, -math.inf) > LOG_PERIOD:
             self._logged_at[what] = now
@@ -211,7 +211,7 @@ class GuardedCallbacks(Node):
 
 
 def _check_parameter_types(request: Any) -> None:
-    """Raise InvalidInputError where rclpy would raise with half of the parameters set."""
+    """Raise InvalidInputError if rclpy would raise after it has set some of the parameters."""
     if not isinstance(request, (SetParameters.Request, SetParametersAtomically.Request)):
         return
     known = {kind.value for kind in Parameter.Type}
@@ -224,7 +224,7 @@ def _check_parameter_types(request: Any) -> None:
 
 
 def _refusal(request: Any, response: Any, reason: str) -> Any:
-    """Say in a response what failed, wherever its type has a place for that."""
+    """Put an error into the fields of a response that can contain it."""
     refused = SetParametersResult(successful=False, reason=reason)
     if isinstance(request, SetParameters.Request):
         response.results = [refused] * len(request.parameters)

@@ -22,7 +22,7 @@ the running nodes.
 from collections.abc import Mapping
 
 Descriptions = Mapping[str, Mapping[str, str]]
-"""Text by node and by name; `~` stands for the name of the node."""
+"""Text by node and by name; `~` is the name of the node."""
 
 TOPICS: Descriptions = {
     'dynamics': {
@@ -123,7 +123,7 @@ STATUSES: Descriptions = {
         'other nodes': 'Other publishers of the command topics, and other nodes of the same '
                        'name.',
         'payload': 'Active payloads by link.',
-        'model': 'Name of the arm, the control law, and whether a new description waits.',
+        'model': 'Name of the arm, the control law, and whether a new description is waiting.',
         'effort check': 'Result of the comparison of measured effort, command and g(q) in a '
                         'static hold ([effort semantics](../effort_semantics.md)).',
     },

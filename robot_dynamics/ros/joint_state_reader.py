@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Read joint states by name, as fast as a control path wants it."""
+"""Read joint states by joint name, fast enough for the control path."""
 
 import sys
 
@@ -27,11 +27,11 @@ FINITE = sys.float_info.max
 
 
 class OtherJointsError(InvalidInputError):
-    """A message that speaks of none of these joints, as on a topic that several devices share."""
+    """A message without any of these joints, such as from another device on the same topic."""
 
 
 class JointStateReader:
-    """Finds one arm's joints in `sensor_msgs/JointState` messages and passes over others."""
+    """Finds one arm's joints in `sensor_msgs/JointState` messages, and ignores other joints."""
 
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         self._joint_names = joint_names
@@ -42,11 +42,11 @@ class JointStateReader:
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """
-        Return position (n,) and velocity (n,), None if the message lacks a velocity or it is NaN.
+        Return position (n,) and velocity (n,), None if a velocity is missing or NaN.
 
-        Raises OtherJointsError if none of the joints is there; InvalidInputError if some are
-        missing, a name stands twice, lengths differ, or another value of these joints is not
-        finite.
+        Raises OtherJointsError if the message has none of the joints; InvalidInputError if some
+        are missing, a name appears twice, lengths differ, or another value of these joints is
+        not finite.
         """
         n = len(self._joint_names)
         layout = message.layout if isinstance(message, SensedState) else None
@@ -62,25 +62,25 @@ class JointStateReader:
 
     def _velocity(self, message: JointState | SensedState) -> FloatArray | None:
         if not len(message.velocity) or np.isnan(self._values(message, 'velocity', None)).any():
-            return None  # as `joint_state_broadcaster` sends for an interface that is missing
+            return None  # `joint_state_broadcaster` sends NaN for a missing interface
         return self._values(message, 'velocity')
 
     def effort(self, message: JointState | SensedState) -> FloatArray | None:
-        """Return the efforts of shape (n,) likewise, NaN where one is not measured."""
+        """Return the efforts (n,), NaN for those that are not measured; raise as `read` does."""
         if not len(message.effort):
             return None
         return self._values(message, 'effort', None)
 
     def finite_effort(self, message: JointState) -> FloatArray:
         """
-        Return the efforts (n,), one for each joint.
+        Return the efforts (n,), one per joint.
 
-        Raises InvalidInputError likewise, and for an effort larger than any arm has.
+        Raises InvalidInputError as `read` does, and for an effort larger than that of any arm.
         """
         return self._values(message, 'effort', LARGEST_VALUE)
 
     def _learn(self, names: list[str]) -> None:
-        """Find the joints; publishers keep their order, so this is done once for each."""
+        """Find the joints; publishers keep their order, so this is done once per publisher."""
         self._known_names = None
         missing = [name for name in self._joint_names if name not in names]
         if len(missing) == len(self._joint_names):
@@ -89,14 +89,14 @@ class JointStateReader:
         if missing:
             present = [name for name in self._joint_names if name in names]
             raise InvalidInputError(
-                f'name leaves out {missing}, expected all of {list(self._joint_names)}; set '
+                f'name lacks {missing}, expected all of {list(self._joint_names)}; set '
                 f'`joints:={present}` if no others are to be commanded')
         check_unique('name', [name for name in names if name in self._joint_names])
         self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
         self._known_names = list(names)
 
     def _learn_places(self, layout: Layout, has_velocity: bool) -> None:
-        """Find what is used of messages of a layout, of which one was read."""
+        """Find the used values in messages of the layout of this message."""
         self._places = layout.position.start + self._index
         if has_velocity:
             self._places = np.concatenate(
@@ -115,7 +115,7 @@ class JointStateReader:
         used: FloatArray = np.frombuffer(values, dtype=np.float64)[self._index]
         if largest is None or largest == FINITE and all_finite(used):
             return used
-        if not (np.abs(used) <= largest).all():  # nor where one is NaN
+        if not (np.abs(used) <= largest).all():  # also if one is NaN
             j = int(np.argmin(np.abs(used) <= largest))
             expected = 'finite number' if largest == FINITE else (
                 f'number in [{-largest:g}, {largest:g}]')

@@ -40,7 +40,7 @@ def declared(otherwise: str, **others: str | None) -> list[DeclareLaunchArgument
     Return the launch arguments that the launch files share.
 
     `otherwise` is the source of the description if no argument and no file gives one. `others`
-    are other descriptions of arguments, None for those that a launch file does not have.
+    are different descriptions of arguments, None for those that a launch file lacks.
     """
     texts = {
         name: others.get(name, description) for name, (_, description) in ARGUMENTS.items()}
@@ -57,8 +57,8 @@ def arm_arguments(
     """
     Return the checked arguments for an arm whose nodes have these names.
 
-    `values` are the arguments as texts, by default those of the context. Raises InvalidInputError
-    or ModelError, as check_arm_arguments does.
+    `values` are the arguments as texts, by default the values of the context. Raises
+    InvalidInputError or ModelError, as check_arm_arguments does.
     """
     configurations = context.launch_configurations
     return check_arm_arguments(

@@ -105,7 +105,9 @@ def check_arm_arguments(
     """
     Return the checked arguments for an arm whose nodes have these names.
 
-    `values` are the texts of ARGUMENTS, `outer_namespace` is that of a group of launch actions.
+    `values` are the texts of ARGUMENTS, `outer_namespace` is the namespace of a
+    group of launch actions.
+
     Raises InvalidInputError or ModelError for a value that is invalid, or a file that is missing,
     is damaged or has no section for the nodes.
     """

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-How much memory a node may take, and when it looks for what it no longer needs.
+The memory limit of a node, and the passes of its garbage collector.
 
-The middleware believes the counts that stand in a service request before it has seen the data: 16
-bytes that are no request can make it take all the memory of the computer, which then ends the
-node. With a limit such a request fails instead.
+The middleware allocates memory for the counts in a service request before it reads the data: an
+invalid request of 16 bytes can therefore allocate all the memory of the computer, which then kills
+the node. With a memory limit, such a request fails instead.
 """
 
 import gc
@@ -26,16 +26,16 @@ import re
 import resource
 
 MEMORY_LIMIT = 2**30
-"""[bytes] that a node may take beyond what it has at its start."""
+"""Memory [bytes] that a node may allocate in addition to that at its start."""
 FULL_PASSES_APART = 1000
-"""Passes of Python's garbage collector over young objects before one over all."""
+"""Passes of Python's garbage collector over young objects before a pass over all."""
 
 
 def limit_memory(beyond: int = MEMORY_LIMIT) -> None:
     """
-    Let this process take so many bytes more than it has, where Linux tells how many it has.
+    Limit the memory of this process to `beyond` bytes more than it has, on Linux.
 
-    A stricter limit stays.
+    A stricter limit stays active.
     """
     status = Path('/proc/self/status')
     has = re.search(r'^VmData:\s*(\d+) kB', status.read_text(), re.MULTILINE) if (
@@ -50,10 +50,10 @@ def limit_memory(beyond: int = MEMORY_LIMIT) -> None:
 
 def expect_no_garbage() -> None:
     """
-    Leave what there is now alone, and look at all the rest seldom.
+    Exclude the present objects from garbage collection, and collect all others rarely.
 
-    A pass over all objects lets no thread run, for 10 ms at first, and for 0.1 s where a request
-    is made of many; what is no longer needed is nearly always found by a pass over the young.
+    A pass over all objects stops all threads for 10 ms at first, and for 0.1 s if a request has
+    many objects. A pass over the young objects finds nearly all unused objects.
     """
     gc.collect()
     gc.freeze()

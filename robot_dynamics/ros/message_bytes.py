@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Messages as they arrive, in bytes, and what is refused before it is made a message.
+Messages as bytes, and the rejection of messages before they are deserialized.
 
-rclpy passes over bytes that are no message without a word, and makes a message of those that are
-one while no other thread may run: a trajectory of 100,000 points stops control for a second. So
-topics are taken as bytes, and read here.
+rclpy silently ignores bytes that are not a message. While it deserializes a message, no other
+thread can run: a trajectory of 100,000 points stops control for 1 s. Therefore messages are
+received as bytes, and are checked and deserialized here.
 
 The number of points of a trajectory is read from the bytes with `struct`, not with the typestore
 of `rosbags`: the typestore decodes every point, which is the delay that the limit prevents, and
@@ -32,30 +32,30 @@ from robot_dynamics.exceptions import InvalidInputError
 from trajectory_msgs.msg import JointTrajectory
 
 LARGEST_MESSAGE = 1_000_000
-"""[bytes]; the slowest to read, of empty names alone, takes 30 ms."""
+"""[bytes]; the slowest such message, with empty names only, takes 30 ms."""
 MOST_POINTS = 2000
-"""Points of a trajectory; they take 20 ms to read."""
+"""Points of a trajectory; their deserialization takes 20 ms."""
 ENCAPSULATION = 4
-"""[bytes] before the data, from where on these are aligned."""
+"""[bytes] before the data; the alignment of the data starts after them."""
 STAMP = 8
-"""[bytes] of a time."""
+"""Size of a time [bytes]."""
 
 
 class UnreadableMessageError(InvalidInputError):
-    """Bytes that are no message, or one too large to be read beside control."""
+    """Bytes that are not a message, or a message too large to be read during control."""
 
 
 def read_message(data: bytes, message_type: type, largest: int = LARGEST_MESSAGE) -> Any:
     """Return the message of at most `largest` bytes; raise UnreadableMessageError."""
     if len(data) > largest:
         raise UnreadableMessageError(
-            f'the message has {len(data)} bytes, expected at most {largest}: more would hold up '
-            'control')
+            f'the message has {len(data)} bytes, expected at most {largest}: larger '
+            'messages would delay control')
     if message_type is JointTrajectory:
         _check_points(data)
     try:
         return deserialize_message(data, message_type)
-    except Exception:  # of rclpy, which says no more than that
+    except Exception:  # rclpy gives no reason
         raise UnreadableMessageError(
             f'the message of {len(data)} bytes cannot be read, expected a serialized '
             f'{message_type.__name__}') from None
@@ -64,20 +64,20 @@ def read_message(data: bytes, message_type: type, largest: int = LARGEST_MESSAGE
 def _check_points(data: bytes) -> None:
     try:
         count = _point_count(data)
-    except struct.error:  # too short; to be refused as such
+    except struct.error:  # too short: rejected later
         return
     if count > MOST_POINTS:
         raise UnreadableMessageError(
-            f'points has {count} points, expected at most {MOST_POINTS}: more would hold up '
-            'control')
+            f'points has {count} points, expected at most {MOST_POINTS}: more points '
+            'would delay control')
 
 
 def _point_count(data: bytes) -> int:
     """
-    Return how many points a serialized JointTrajectory has, or claims to have.
+    Return the number of points that a serialized JointTrajectory states.
 
     Source: OMG, Common Object Request Broker Architecture 3.4, part 2, section 9.3 (CDR): numbers
-    are aligned to their size, and counts of four bytes come before strings and sequences.
+    are aligned to their size, and a count of four bytes precedes each string and sequence.
     """
     word = struct.Struct('<I' if data[1:2] == b'\x01' else '>I')
 
@@ -86,7 +86,7 @@ def _point_count(data: bytes) -> int:
         return int(word.unpack_from(data, at)[0]), at + word.size
 
     length, at = count_at(ENCAPSULATION + STAMP)
-    names, at = count_at(at + length)  # past header.frame_id
+    names, at = count_at(at + length)  # after header.frame_id
     for _ in range(names):
         length, at = count_at(at)
         at += length

@@ -16,10 +16,10 @@
 Hand each joint state to the control path with little delay.
 
 rclpy's executors rebuild their wait set from every service, timer and subscription of the node
-each time that anything arrives, and run one callback at a time, so that a long service call holds
-up control. Here a thread of its own waits on a wait set with just the state subscription, as
-rclpy.wait_for_message does. Where that is unwanted, `in_thread=False` leaves the subscription to
-the node's executor.
+for each message or request, and run one callback at a time, so that a long service call delays
+control. Here a separate thread waits on a wait set that has only the state subscription, as
+rclpy.wait_for_message does. With `in_thread=False` the executor of the node serves the
+subscription instead.
 """
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -34,9 +34,9 @@ from robot_dynamics.ros.rclpy_internals import message_inbox, MessageInbox, raw_
 from robot_dynamics.ros.spun_inbox import SpunInbox
 
 TURN = 100_000_000
-"""[ns] after which a wait looks whether the loop is to end."""
+"""[ns] after which a wait checks whether the loop must end."""
 MOST_WAITING = 16
-"""Messages of one topic that are taken together; the queue of the middleware is no longer."""
+"""Messages of one topic that are taken together; also the queue length of the middleware."""
 LOG_PERIOD = 5.0
 """[s] between warnings of one kind."""
 
@@ -47,9 +47,9 @@ def _one_source(message: Any) -> Hashable:
 
 class MessageLoop:
     """
-    A subscription whose callback runs in a thread of its own.
+    A subscription whose callback runs in a separate thread.
 
-    Of several messages that wait, the newest one of each source is delivered.
+    If several messages wait, only the newest one per source is delivered.
     """
 
     def __init__(
@@ -59,10 +59,10 @@ class MessageLoop:
         source: Callable[[Any], Hashable] = _one_source,
     ) -> None:
         """
-        Subscribe; `callback` gets what `read` makes of a message, without numpy's warnings.
+        Subscribe; `callback` receives the result of `read`, without the warnings of numpy.
 
-        `refuse` gets the errors of `read`. Neither of the two may raise. `source` returns what
-        messages of one source have in common.
+        `refuse` receives the errors of `read`. Neither of the two may raise. `source` returns a
+        key that is equal for all messages of one source.
         """
         self._node, self._context = node, node.context
         self._read, self._callback, self._refuse = read, callback, refuse
@@ -81,7 +81,7 @@ class MessageLoop:
             self._take_next = raw_take(self._subscription, message_type)
 
     def start(self) -> None:
-        """Begin to call back."""
+        """Start the thread."""
         if self._thread is not None:
             self._thread.start()
 
@@ -103,14 +103,14 @@ class MessageLoop:
         return int(self._subscription.get_publisher_count())
 
     def _run(self, wait: Callable[[int], None]) -> None:
-        with np.errstate(over='ignore', invalid='ignore'):  # once, and not for every message
+        with np.errstate(over='ignore', invalid='ignore'):  # once, not per message
             self._wait_and_deliver(wait)
 
     def _wait_and_deliver(self, wait: Callable[[int], None]) -> None:
         while not self._stop and self._context.ok():
             wait(TURN)
             data = None if self._stop else self._take()
-            if data is not None:  # the turn may be over
+            if data is not None:  # None if the wait has timed out
                 self._deliver(data)
 
     def _deliver_in_executor(self, data: bytes) -> None:
@@ -118,7 +118,7 @@ class MessageLoop:
             self._deliver(data)
 
     def _deliver(self, data: bytes) -> None:
-        """Deliver this message and those that wait behind it, without the outdated ones."""
+        """Deliver this message and the waiting ones, without the outdated ones."""
         waiting = [data]
         while len(waiting) < MOST_WAITING and (following := self._take()) is not None:
             waiting.append(following)
@@ -131,7 +131,7 @@ class MessageLoop:
             self._callback(message)
 
     def _readable(self, waiting: Sequence[bytes]) -> Iterator[Any]:
-        """Yield what `read` makes of messages; refuse those that it cannot read."""
+        """Yield the results of `read`; pass its errors to `refuse`."""
         for data in waiting:
             try:
                 yield self._read(data)
@@ -139,10 +139,10 @@ class MessageLoop:
                 self._refuse(error)
 
     def _take(self) -> bytes | None:
-        """Return the newest message as bytes, or None where it was taken back."""
+        """Return the next message as bytes, None if there is none."""
         try:
             taken = self._take_next()
-        except Exception as error:  # nothing that arrives may end the thread
+        except Exception as error:  # no message may end the thread
             self._node.get_logger().warning(
                 f'Cannot take a message of {self._subscription.topic_name}: {error!r}',
                 throttle_duration_sec=LOG_PERIOD)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The command line of a node: `--help`, and the refusal of arguments outside `--ros-args`."""
+"""The command line of a node: `--help`, and errors of arguments outside `--ros-args`."""
 
 from collections.abc import Sequence
 import textwrap
@@ -24,15 +24,15 @@ WIDTH = 88
 
 
 class NodeUsage(NamedTuple):
-    """What `--help` of a node prints."""
+    """The `--help` text of a node."""
 
     program: str
     summary: str
     specs: Sequence[ParameterSpec]
     main_parameters: Sequence[str]
-    """The names of the parameters of `specs` to list."""
+    """Names of the listed parameters, from `specs`."""
     topics: Sequence[tuple[str, str]]
-    """Topics and services, each with its direction and meaning."""
+    """Topics and services, each with direction and meaning."""
 
     def help(self) -> str:
         """Return the text."""
@@ -48,16 +48,16 @@ class NodeUsage(NamedTuple):
             'Main topics and services:', *_entries(self.topics), ''])
 
     def refusal(self, unknown: Sequence[str]) -> str:
-        """Return the line that refuses these arguments."""
+        """Return the error line for these arguments."""
         return (f'{self.program}: unknown arguments {list(unknown)}; set a parameter with '
                 f'`--ros-args -p NAME:=VALUE` (`{self.program} --help` lists the main ones)')
 
 
 def outside_of_ros_args(arguments: Sequence[str]) -> list[str]:
     """
-    Return the arguments that do not stand between `--ros-args` and `--` or the end.
+    Return the arguments that are not between `--ros-args` and `--` or the end.
 
-    `NAME:=VALUE` is among them, which ROS would take as a renamed topic: it was meant as a
+    They include `NAME:=VALUE`: ROS would interpret it as a renamed topic, but the user means a
     parameter.
     """
     others, is_of_ros = [], False

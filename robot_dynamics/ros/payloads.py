@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The payloads that a node knows of: a list by link, checked against its arm."""
+"""The payloads of a node: a list by link, checked for its arm."""
 
 from collections.abc import Iterable
 
@@ -35,7 +35,7 @@ def changed_payloads(
     arm: ArmModel, payloads: Iterable[Payload], message: InertiaStamped, values: Values,
 ) -> tuple[Payload, ...]:
     """
-    Return the payloads after a request that sets or removes that of one link.
+    Return the payloads after a request that sets or removes the payload of one link.
 
     A mass of 0 removes the payload of the link in `frame_id`, and all payloads if it is empty.
     Raises InvalidInputError for a payload that is not physical, or implausible on this arm.

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The parameters that describe the robot, and where a node's URDF comes from.
+The parameters that describe the robot, and the source of the URDF of a node.
 
-The URDF is in a parameter, in a file, in a package, or it is that of the embedded arm.
+The URDF is in a parameter, in a file or in a package, or it is the URDF of the embedded arm.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ from robot_dynamics.urdf.description_file import read_description
 
 FILE = 'robot_description_file'
 MOST_JOINTS = 100
-"""Joints of an arm; the check of the model takes 2 s for so many, and minutes for more."""
+"""Joints of an arm; the model check takes 2 s for this number, and minutes for more."""
 
 DESCRIPTION_SPECS = (
     ParameterSpec(
@@ -60,7 +60,7 @@ FRICTION_SPECS = tuple(
 def _actuator_spec(
     field: str, description: str, without: str, low: float, high: float,
 ) -> ParameterSpec:
-    """`without` says what an empty array means."""
+    """`without` describes the meaning of an empty array."""
     return ParameterSpec(
         f'actuator.{field}', Type.DOUBLE_ARRAY, [],
         f'{description}; one value for all joints or one per joint. If empty, {without}.',
@@ -105,9 +105,9 @@ def check_joint_count(arm: ArmModel) -> None:
 
 def description_from_parameters(values: Values) -> str | None:
     """
-    Return the URDF that the parameters give, or None where they give none.
+    Return the URDF that the parameters define, None if they define none.
 
-    Raises InvalidInputError or ModelError where they give two, or a file that cannot be read.
+    Raises InvalidInputError or ModelError if they define two, or a file that cannot be read.
     """
     xml, file = values['robot_description'], values['robot_description_file']
     if xml and file:
@@ -128,7 +128,7 @@ def read_description_file(file: str, field: str = FILE) -> str:
 
 
 def description_path(file: str, field: str = FILE) -> Path:
-    """Return the path of a path, file:// or package://; raise ModelError for anything else."""
+    """Return the path for a path, file:// or package://; raise ModelError for other texts."""
     scheme, separator, rest = file.partition('://')
     if not separator:
         return Path(file).expanduser()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The `main` of a node: start, spin, and leave in order, whatever arrives in between."""
+"""The `main` of a node: start, spin and orderly shutdown, also during the start."""
 
 from collections.abc import Callable, Sequence
 import os
@@ -33,7 +33,7 @@ from robot_dynamics.ros.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
 
 LONGEST_TURN = 0.0001
-"""[s] that a thread may compute while another waits, as control does; Python's own is 0.005."""
+"""[s] after which Python switches to a waiting thread, such as control; default: 0.005 s."""
 MiddlewareError = (RclError, UnknownArgumentsError)
 
 
@@ -42,14 +42,14 @@ def run_node(
     usage: NodeUsage | None = None,
 ) -> int:
     """
-    Run a node until it is told to stop; return the exit status.
+    Run a node until it is asked to stop; return the exit status.
 
-    With `usage`, `--help` prints it and returns 0; an argument outside `--ros-args` is refused
-    in one line with status 2.
+    With `usage`, `--help` prints it and returns 0. An argument outside `--ros-args` is reported
+    in one line, and the status is 2.
 
-    A node that cannot start says why in one line and gives status 1. One that has a method
-    `request_shutdown` is called at once when it is to stop, in another thread, whatever its
-    callbacks do.
+    If a node cannot start, the reason is printed in one line and the status is 1. If the node has
+    a method `request_shutdown`, a separate thread calls it as soon as the node is asked to stop,
+    even while a callback runs.
     """
     status = None if usage is None else _look_at_arguments(args, usage)
     if status is not None:
@@ -57,7 +57,7 @@ def run_node(
     with ShutdownRequest() as end:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        except MiddlewareError as error:  # a parameter file that is none, say
+        except MiddlewareError as error:  # for example an invalid parameter file
             return _refuse_to_start(error)
         node = None
         executor = SingleThreadedExecutor()
@@ -76,14 +76,14 @@ def run_node(
             end.when_asked(lambda: None)
             if node is not None:
                 node.destroy_node()
-            executor.shutdown()  # left to the garbage collector, it may meet its parts destroyed
+            executor.shutdown()  # the garbage collector may destroy its parts first
             with ends_in_time():
                 rclpy.try_shutdown()
     return 0
 
 
 def _look_at_arguments(args: Sequence[str] | None, usage: NodeUsage) -> int | None:
-    """Return the exit status of a node that is not to run, None for one that is."""
+    """Return the exit status if the node must not run, else None."""
     others = outside_of_ros_args((sys.argv if args is None else args)[1:])
     if {'-h', '--help'} & set(others):
         print(usage.help(), end='')
@@ -95,7 +95,7 @@ def _look_at_arguments(args: Sequence[str] | None, usage: NodeUsage) -> int | No
 
 
 def _when_asked(node: Node) -> Callable[[], None]:
-    # An executor that is merely woken waits on; for a guard condition it returns.
+    # `wake` does not end the wait of an executor; a guard condition does.
     wake = node.create_guard_condition(lambda: None).trigger
     request_shutdown = getattr(node, 'request_shutdown', lambda: None)
 
@@ -109,7 +109,7 @@ def _when_asked(node: Node) -> Callable[[], None]:
 def _refuse_to_start(error: Exception) -> int:
     hint = ''
     if isinstance(error, MiddlewareError) and os.environ.get('ROS_SECURITY_ENABLE') == 'true':
-        hint = (' (ROS_SECURITY_ENABLE is true, which takes a middleware with DDS security and '
+        hint = (' (ROS_SECURITY_ENABLE is true, which requires a middleware with DDS security and '
                 'the keys of this enclave: docs/security.md)')
     print(f'robot_dynamics: {describe_error(error)}{hint}', file=sys.stderr)
     return 1
@@ -121,7 +121,7 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) ->
             executor.spin_once()
         except ExternalShutdownException:
             return
-        except Exception as error:  # raised by rclpy itself, over what it cannot read
+        except Exception as error:  # rclpy raises it for unreadable data
             if node.context.ok():
                 node.get_logger().error(
                     f'A callback failed: {error!r}', throttle_duration_sec=LOG_PERIOD)

@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-A process that is asked to end, by Ctrl-C or SIGTERM, and ends in its own time.
+Orderly shutdown of a process after Ctrl-C or SIGTERM.
 
-rclpy's own signal handlers shut the context down at once, after which a node cannot publish a
-last effort. Python runs its handlers in the main thread alone, which may be waiting in C. But it
-writes each signal to a wake-up pipe wherever it arrives: a thread reads that pipe.
+The signal handlers of rclpy shut the context down at once, after which a node cannot publish a
+last effort. Python runs its handlers only in the main thread, which may be waiting in C code. But
+it writes each signal to a wake-up pipe in any thread: a thread reads this pipe.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,16 +30,16 @@ import threading
 
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 LONGEST_END = 10.0
-"""[s] that the middleware gets to end by itself."""
+"""[s] within which the middleware must end on its own."""
 
 
 @contextmanager
 def ends_in_time(seconds: float = LONGEST_END) -> Iterator[None]:
     """
-    End the process, with status 1 and what it was doing on stderr, where this takes longer.
+    End the process with status 1 and tracebacks on stderr if the statement takes longer.
 
-    Fast DDS may wait for ever for itself while it ends, where another process ends at the same
-    moment (eProsima/Fast-DDS issue 6513); no thread of Python runs then.
+    Fast DDS may block indefinitely while it ends if another process ends at the same moment
+    (eProsima/Fast-DDS issue 6513); no Python thread runs then.
     """
     if sys.__stderr__ is None:
         yield
@@ -64,11 +64,11 @@ class ShutdownRequest:
 
     @property
     def is_made(self) -> bool:
-        """Tell whether the process was asked."""
+        """Return whether the process was asked to end."""
         return self._asked.is_set()
 
     def when_asked(self, callback: Callable[[], object]) -> None:
-        """Call this once when asked, in another thread; at once where that was before."""
+        """Call this once on the request, in another thread; at once if the request was earlier."""
         with self._lock:
             self._callback = callback
             if self.is_made:
@@ -82,7 +82,7 @@ class ShutdownRequest:
                 self._callback()
 
     def __enter__(self) -> 'ShutdownRequest':
-        # The pipe first: a signal that a handler takes before there is one would be lost.
+        # The pipe first: a signal before it exists would be lost.
         signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
         for end_signal in END_SIGNALS:
             signal.signal(end_signal, lambda *_: None)
@@ -90,8 +90,8 @@ class ShutdownRequest:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Listen no longer; a second signal cannot spoil the end of the process."""
-        for end_signal in END_SIGNALS:  # a handler would be taken off before Python has ended
+        """Ignore further signals, so that they cannot interrupt the end of the process."""
+        for end_signal in END_SIGNALS:  # Python would remove a handler before it ends
             signal.signal(end_signal, signal.SIG_IGN)
         with self._lock:
             self._callback = None

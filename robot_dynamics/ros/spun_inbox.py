@@ -15,8 +15,8 @@
 """
 Messages for a thread, by the documented interface of rclpy only.
 
-A hidden node has the subscription, and a second thread spins it. `MessageInbox` does
-the same without that thread.
+A hidden node has the subscription, and a second thread spins it. `MessageInbox` needs no such
+thread.
 """
 
 from collections import deque
@@ -37,7 +37,7 @@ class SpunInbox:
     """The messages of one topic, as bytes; the fallback of `MessageInbox`."""
 
     def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile) -> None:
-        """Subscribe to what `topic` means to `node`."""
+        """Subscribe to `topic`, resolved as a topic of `node`."""
         self._waiting: deque[Taken] = deque(maxlen=qos.depth)
         self._news = threading.Condition()
         self._is_woken = self._ends = False

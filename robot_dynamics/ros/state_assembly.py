@@ -16,8 +16,8 @@
 States of one arm from messages that contain all of its joints, some, or none.
 
 Several publishers may share the topic `joint_states`: an arm, a gripper, the halves of an arm. A
-message with all joints of the arm is a state. From messages with some of them a state is
-assembled: when every joint has a sample that is not too old, with the newest stamp.
+message with all joints of the arm is a state. Messages with some of the joints are combined: the
+state is complete when every joint has a sample that is not too old. It has the newest stamp.
 """
 
 from typing import NamedTuple
@@ -30,9 +30,9 @@ from robot_dynamics.ros.joint_state_reader import OtherJointsError
 from robot_dynamics.validation import check_unique
 
 HALF_PERIOD = 0.55
-"""Largest age of a sample, in periods: half of one, and jitter."""
+"""Largest age of a sample in periods: half a period, and a margin for jitter."""
 MOST_SOURCES = 32
-"""Sources with some of the joints that are remembered."""
+"""Largest number of stored sources with some of the joints."""
 _SMOOTHING = 0.1
 """Weight of a new interval in the period of a source."""
 _LONGEST_PERIOD_NS = 2_000_000_000
@@ -43,7 +43,7 @@ class ForeignJointsError(InvalidInputError):
 
 
 class _Part:
-    """What the messages of one source contain: joints of the arm, and their period [ns]."""
+    """The content of the messages of one source: joints of the arm, and their period [ns]."""
 
     def __init__(self, names: list[str], joint_names: tuple[str, ...]) -> None:
         used = [name for name in joint_names if name in names]
@@ -94,7 +94,7 @@ class StateAssembly:
 
     def take(self, state: SensedState) -> SensedState | None:
         """
-        Return the state that a message is or completes; None if samples are missing.
+        Return the complete state at a message; None if samples are missing.
 
         Raises OtherJointsError for a message with none of the joints, ForeignJointsError if
         `is_exact` and it has others, InvalidInputError for one that cannot be read.
@@ -126,7 +126,7 @@ class StateAssembly:
             raise InvalidInputError(
                 f'position has {len(state.position)} values, expected {len(key)} as name has')
         numbers, stamps = self._buffer
-        if not part.happened(state.stamp_ns):  # time began anew
+        if not part.happened(state.stamp_ns):  # the stamps went back
             stamps[:] = -1
         for row, values in zip(numbers, (state.position, state.velocity, state.effort)):
             row[part.rows] = values[part.columns] if len(values) == len(key) else np.nan

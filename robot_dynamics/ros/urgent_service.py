@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-A service with a thread of its own, which answers while the executor is busy.
+A service with a separate thread, which responds while the executor is busy.
 
-The executor of a node runs one callback at a time, so that a request would wait for the end of a
-long one.
+The executor of a node runs one callback at a time: a request would wait until a long callback
+ends.
 """
 
 from collections.abc import Callable

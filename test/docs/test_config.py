@@ -102,7 +102,7 @@ def test_both_nodes_run_on_it_in_any_namespace_and_under_any_name(
         assert list(efforts.name) == list(state.name)
         client.forget('/cell')
     for node in nodes:
-        assert 'There is no parameter' not in node.log, node.log
+        assert 'Unknown parameter' not in node.log, node.log
 
 
 def test_an_identified_file_applies_in_any_namespace_and_under_any_name(

@@ -164,7 +164,7 @@ def test_a_reference_during_a_timeout(bench: FaultBench) -> None:
     bench.check_alive()
     go_silent(bench)
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
-    bench.node.wait_for_log('nothing can be followed now: fault state_timeout')
+    bench.node.wait_for_log('no reference can be followed now: fault state_timeout')
     bench.efforts.clear()
     bench.driver.go_on()
     for message in bench.efforts.wait_count(100):

@@ -252,14 +252,14 @@ def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
     one, clock = bench
     follow(one)
     report(one)
-    before = reported(one, 'joint states', f'started anew: {reason}')
+    before = reported(one, 'joint states', f'restarted: {reason}')
     faults = reported(one, 'command', 'faults: state_timeout')
     one.efforts.clear()
     disturb(clock, event)
     one.efforts.wait_for(lambda m: m.effort == pytest.approx(G, abs=1e-6))
     check_no_jump(one)
     report(one)
-    assert reported(one, 'joint states', f'started anew: {reason}') == before + 1
+    assert reported(one, 'joint states', f'restarted: {reason}') == before + 1
     assert reported(one, 'command', 'faults: state_timeout') == faults
     status = one.status('reference')
     assert status is not None

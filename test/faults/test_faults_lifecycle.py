@@ -101,7 +101,7 @@ def test_the_first_command_holds_the_arm(bench: LifecycleBench) -> None:
     assert bench.change(DEACTIVATE)
     bench.check_silent()
     bench.set_point([Q[0] + 0.5, Q[1]])  # the arm must not move there
-    bench.node.wait_for_log('nothing can be followed now: the node is not active')
+    bench.node.wait_for_log('no reference can be followed now: the node is not active')
     gravity = bench.gravity.wait_for()
     assert bench.change(ACTIVATE)
     first = bench.efforts.wait_for()

@@ -125,7 +125,7 @@ def test_a_new_model_waits_until_commands_have_ended(
 ) -> None:
     bench.check_alive()
     descriptions.send(HEAVY)
-    bench.node.wait_for_log('Kept the model in use, as efforts go out by it')
+    bench.node.wait_for_log('Kept the model in use while commanding')
     wait_model(bench, 'arm_2', new_one_waits=True)
     check_model(bench, LIGHT)
     bench.driver.be_quiet()

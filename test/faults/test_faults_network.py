@@ -66,11 +66,12 @@ def test_a_subscriber_that_requests_too_much(
     subscription = node.create_subscription(
         JointState, f'{bench.namespace}/effort_command', got.append, qos)
     try:
-        line = bench.node.wait_for_log(f'A subscriber of effort_command gets nothing.*{policy}')
+        line = bench.node.wait_for_log(
+            f'Incompatible QoS: a subscriber of effort_command requests a different {policy}')
         assert '[WARN]' in line
         status = bench.wait_status('command', lambda status: any(
             value.key == key and int(value.value) > before for value in status.values))
-        assert status.message == 'a subscriber asks for a QoS that is not offered'
+        assert status.message == 'a subscriber requests an incompatible QoS'
         bench.check_alive()
         assert not got
     finally:

@@ -168,7 +168,7 @@ def test_a_reference_that_is_too_large(
 
 def refusals(bench: FaultBench) -> list[str]:
     """Return the log lines about rejected references."""
-    return [line for line in bench.node.log.splitlines() if 'Refused a joint traj' in line]
+    return [line for line in bench.node.log.splitlines() if 'Rejected a joint traj' in line]
 
 
 def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported: str) -> None:

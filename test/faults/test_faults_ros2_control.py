@@ -172,8 +172,8 @@ def test_another_order_of_the_controller_stops_the_command(client: RosClient) ->
         stack.callback(bench.close)
         bench.driver.start()
         words = bench.wait_fault('controller_order').message
-        assert '/order/effort_controller takes' in words
-        assert "for the joints ['joint2', 'joint1'], expected" in words
+        assert '/order/effort_controller applies' in words
+        assert "to the joints ['joint2', 'joint1'], expected" in words
         assert "['joint1', 'joint2']" in words
         forwarded.clear()
         assert all(np.isnan(m.effort).all() for m in forwarded.wait_count(50))

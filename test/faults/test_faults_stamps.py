@@ -155,13 +155,13 @@ def disturb_until_noticed(
 
     States far apart in time, as on a loaded machine, are not inconsistent: hence the repetition.
     """
-    before = bench.figure('joint states', f'started anew: {reason}')
+    before = bench.figure('joint states', f'restarted: {reason}')
 
     def is_noticed() -> bool:
         undo()
         wait_states(bench, 2)
         disturb()
-        return bench.figure('joint states', f'started anew: {reason}') > before
+        return bench.figure('joint states', f'restarted: {reason}') > before
 
     wait_until(is_noticed, f'a restart because of {reason}')
 

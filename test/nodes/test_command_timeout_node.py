@@ -183,7 +183,7 @@ def test_the_next_effort_moves_it_on_from_where_it_stands(
             break
     assert twin.v == pytest.approx(first.velocity, abs=1e-12)
     assert twin.q == pytest.approx(first.position, abs=1e-12)
-    arm.node.wait_for_log('Efforts arrive again: the arm goes on from where it is')
+    arm.node.wait_for_log('Efforts arrive again: the motion continues from the current state')
 
 
 @pytest.mark.parametrize(('effort', 'names'), [
@@ -197,7 +197,7 @@ def test_efforts_that_are_refused_do_not_count(
     arm.command(effort, names)
     wait_standing(arm.states)
     arm.wait_for_answers(10)
-    arm.node.wait_for_log('Refused an effort')
+    arm.node.wait_for_log('Rejected an effort')
     wait_standing(arm.states)
 
 

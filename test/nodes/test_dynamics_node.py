@@ -381,7 +381,7 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient)
         effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
         assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
         descriptions.publish(String(data=default_arm_urdf()))
-        node.wait_for_log('Kept the model in use, as efforts go out by it')
+        node.wait_for_log('Kept the model in use while commanding')
         loaded = node.log.count("Model 'planar_arm'")  # the embedded arm was loaded at first
         client.set_parameters('/described/dynamics', {'state_timeout': 0.3})
         wait_until(  # no joint states: the command ends

@@ -73,7 +73,7 @@ def test_an_outage(arm: FaultBench) -> None:
     arm.wait_state_timeout()
     status = arm.next_status('reference')
     assert status.message.startswith('ended early: fault state_timeout: no valid joint state')
-    wait_rejected(arm, 'nothing can be followed now: fault state_timeout')
+    wait_rejected(arm, 'no reference can be followed now: fault state_timeout')
     arm.wait_silent()  # the fault action has ended
     arm.efforts.clear()
     arm.driver.q = list(ELSEWHERE)  # the node has no data on the motion during the outage
@@ -91,7 +91,7 @@ def test_a_position_limit(arm: FaultBench) -> None:
     beyond = [LIMIT + 0.02, Q[1]]
     move_by_hand(arm, beyond)
     assert "position of 'joint1' is 2.5" in arm.wait_fault('position_limit').message
-    wait_rejected(arm, 'nothing can be followed now: fault position_limit')
+    wait_rejected(arm, 'no reference can be followed now: fault position_limit')
     arm.efforts.clear()
     check_held(arm, beyond)
     inside = [LIMIT - 0.1, Q[1]]
@@ -109,7 +109,7 @@ def test_a_latched_fault(arm: FaultBench) -> None:
     arm.wait_fault('non_finite')
     arm.driver.v = [0.0, 0.0]
     wait_states(arm, 5)
-    wait_rejected(arm, 'nothing can be followed now: fault non_finite')
+    wait_rejected(arm, 'no reference can be followed now: fault non_finite')
     arm.efforts.clear()
     arm.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
     arm.efforts.clear()
@@ -135,7 +135,7 @@ def test_deactivation(arm: FaultBench) -> None:
     change_state(arm, DEACTIVATE)
     assert arm.next_status('reference').message == 'ended early: the node was deactivated'
     move_by_hand(arm, ELSEWHERE)
-    wait_rejected(arm, 'nothing can be followed now: the node is not active')
+    wait_rejected(arm, 'no reference can be followed now: the node is not active')
     arm.efforts.clear()
     change_state(arm, ACTIVATE)
     assert arm.efforts.wait_for().effort == pytest.approx(gravity(ELSEWHERE), abs=1e-6)
@@ -246,7 +246,7 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     assert 'expected at most 1.2 times' in status.message
     assert '(overspeed_factor)' in status.message
     assert figure_of(status, 'faults: overspeed') == before + 1
-    wait_rejected(arm, 'nothing can be followed now: fault overspeed')
+    wait_rejected(arm, 'no reference can be followed now: fault overspeed')
     # damping against the motion of joint1, and never zero
     arm.efforts.wait_for(lambda message: v[0] * (message.effort[0] - G[0]) < -50.0)
     arm.driver.v = [0.0, 0.0]

@@ -105,7 +105,7 @@ def stack() -> Iterator[ExitStack]:
 def test_before_the_first_command_there_is_none(client: RosClient, stack: ExitStack) -> None:
     one = robot(client, stack, '/before', ALWAYS, ['position'])
     assert all(np.isnan(m.effort).all() for m in one.received.wait_count(20))
-    one.arm.wait_for_log('Refused an effort')
+    one.arm.wait_for_log('Rejected an effort')
     stamps = {(m.header.stamp.sec, m.header.stamp.nanosec) for m in one.measured.wait_count(20)}
     state = one.broadcast.wait_for(lambda m: list(m.position) == START)
     assert list(state.name) == NAMES

@@ -250,7 +250,7 @@ def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
     publish_until_it_acts(0.0)
     message.header.frame_id = 'hand'
     push.publish(message)
-    stepped.node.wait_for_log(r"Refused an external wrench: .*'hand'")
+    stepped.node.wait_for_log(r"Rejected an external wrench: .*'hand'")
     stepped.client.node.destroy_publisher(push)
 
 

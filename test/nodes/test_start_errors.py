@@ -269,11 +269,11 @@ def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: l
 
 
 @fault('Parameters at the start', 'unknown parameter: `efort_scale: 0.3`',
-       'a warning that the value is not used, with the similar name')
+       'a warning that the value is ignored, with the similar name')
 def test_an_unknown_parameter_is_reported() -> None:
     with NodeProcess(DYNAMICS, {'efort_scale': 0.3}) as node:
         assert '[WARN]' in node.wait_for_log(
-            "There is no parameter 'efort_scale': its value is not used; is 'effort_scale' meant?")
+            "Unknown parameter 'efort_scale': its value is ignored; did you mean 'effort_scale'?")
         node.wait_for_log("Model 'planar_arm'")
 
 

@@ -82,8 +82,9 @@ def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
         dynamics.wait_for_log('Effort check', LONG)
         check_lines(
             dynamics, r"INFO.*Model 'ur10': joints \['shoulder_pan_joint', ",
-            f'INFO.*Active with command: none. Nothing is commanded; states on {NS}/joint_states '
-            'are answered on dynamics/gravity_compensation and dynamics/computed_torque.')
+            f'INFO.*Active with command: none. Nothing is commanded; the results for the '
+            f'states on {NS}/joint_states are published on dynamics/gravity_compensation and '
+            'dynamics/computed_torque.')
         assert 'commanding on' not in dynamics.log
         client.forget(NS)
 

@@ -130,7 +130,7 @@ def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: 
         with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
             robot.stand_until(markers, bool, [])
             diagnostics.wait_count(len(diagnostics.messages) + 2)
-        diagnostics.wait_for(lambda message: status(message).message == 'nobody listens')
+        diagnostics.wait_for(lambda message: status(message).message == 'no subscribers')
         assert {status(message).level for message in diagnostics.messages} == {
             DiagnosticStatus.OK}
 

@@ -89,7 +89,8 @@ def test_what_is_no_longer_needed_is_found_by_the_passes_that_are_left() -> None
     (rclpy_implementation.RCLError('no node:\n nothing, at /src/node.c:1, at /src/b.c:2'),
      'no node: nothing'),
     (rclpy_implementation.UnknownROSArgsError("['--x']"), "unknown ROS arguments ['--x']"),
-    (MemoryError(), 'this takes more memory than the node may have, expected less at a time'),
+    (MemoryError(),
+     'this needs more memory than the limit of the node, expected less data at a time'),
     (KeyError('x'), "internal error: KeyError('x')"),
 ])
 def test_reasons(error: Exception, words: str) -> None:

@@ -558,7 +558,7 @@ def test_the_documented_words_are_the_words():
             check_points(load_arm(urdf), trajectory(**{**GOOD, **change}))
         spoken.add(str(refusal.value))
     unread = [words for words in documented  # by test_message_bytes
-              if words.endswith('more would hold up control') or 'cannot be read' in words]
+              if words.endswith('would delay control') or 'cannot be read' in words]
     assert (len(documented), len(unread)) == (19, 3)
     assert [words for words in documented if words not in spoken] == unread
 

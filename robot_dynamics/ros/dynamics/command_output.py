@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The command of `dynamics` on its topics: supervised, and watched by a thread of its own.
+The command of `dynamics` on its topics, with its supervisor and a watchdog thread.
 
-The thread sleeps until a joint state is overdue, on the steady clock, so that /clock does not
-matter; then, and while an effort ramps out, it publishes the efforts that no state asks for.
+The thread sleeps until a joint state is overdue. It uses the steady clock, so that /clock has no
+effect. If a state is overdue, and while the effort is ramped to zero, it publishes the efforts.
 """
 
 from collections.abc import Callable
@@ -44,13 +44,13 @@ from std_msgs.msg import Float64MultiArray
 ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
 END_SLACK = 5.0
-"""[s] beyond the ramp that its thread has for the last effort; a busy machine may take seconds."""
+"""[s] after the ramp for the thread to publish the last effort, long for a busy machine."""
 IDLE = 1.0
-"""[s] between two looks where nothing can be overdue."""
+"""[s] between two checks while no joint state can be overdue."""
 
 
 class SafeCommand:
-    """Publishes efforts for one arm as its supervisor lets them out; safe for several threads."""
+    """Publishes the efforts of one arm that its supervisor permits; thread-safe."""
 
     def __init__(
         self, node: Node, qos: QoSProfile, when_interrupted: Callable[[str, bool], None],
@@ -59,11 +59,11 @@ class SafeCommand:
         """
         Report interruptions of the reference.
 
-        `when_interrupted` is called when nothing can be followed any more, with the reason and
-        whether commands resume automatically.
+        `when_interrupted` is called when no reference can be followed any more, with the reason
+        and whether commands resume automatically.
 
         `when_recovered` is called when commands resume after a fault. `when_changed` is called
-        when a fault begins or ends, in the thread that noticed it, and must return soon.
+        when a fault begins or ends, in the thread that detects it, and must return soon.
         """
         self._node, self._when_interrupted = node, when_interrupted
         self._when_recovered, self._when_changed = when_recovered, when_changed
@@ -91,22 +91,23 @@ class SafeCommand:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
             self.counters.incompatible[topic] = event.total_count
             self._node.get_logger().warning(
-                f'A subscriber of {topic} gets nothing, as it asks for another {policy} than '
-                'offered: reliable or best effort, volatile, no deadline.')
+                f'Incompatible QoS: a subscriber of {topic} requests a different {policy} and '
+                'receives nothing. Offered: reliable (matches best effort), volatile, no '
+                'deadline.')
             self._when_changed()
 
         return self._node.create_publisher(
             message_type, topic, qos, event_callbacks=PublisherEventCallbacks(
                 incompatible_qos=report))
 
-    # ------------------------------------------------------------------ what it serves
+    # ------------------------------------------------------------------ the served arm
 
     def use(self, arm: ArmModel, limits: EffortLimits, options: SafetyOptions) -> None:
         """
         Serve this arm from now on.
 
-        Another model of the same joints goes on from the last effort, so that nothing jumps; for
-        other joints it begins anew. A latched fault stays.
+        For another model of the same joints the effort continues from the last one without a
+        step; for other joints the supervisor is reset. A latched fault persists.
         """
         with self._changed:
             old = self._supervisor
@@ -125,14 +126,14 @@ class SafeCommand:
             self._changed.notify()
 
     def forget(self) -> None:
-        """Serve no arm; a latched fault stays, for whatever arm comes next."""
+        """Serve no arm; a latched fault persists for the next arm."""
         with self._changed:
             old, self._supervisor = self._supervisor, None
             if old is not None and old.is_latched:
                 self._latched = old.fault
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
-        """Take over limits and options."""
+        """Apply limits and options."""
         with self._changed:
             if self._supervisor is not None:
                 self._supervisor.set_options(limits, options)
@@ -140,13 +141,13 @@ class SafeCommand:
 
     @property
     def is_commanding(self) -> bool:
-        """Tell whether efforts go out."""
+        """Return whether commands are published."""
         with self._changed:
             return self._supervisor is not None and self._supervisor.is_commanding
 
     @property
     def is_waiting(self) -> bool:
-        """Tell whether efforts may go out, and none has yet."""
+        """Return whether commands are enabled but none has been published yet."""
         with self._lock:
             return self._is_active and self._supervisor is not None and self._supervisor.mode in (
                 Mode.INACTIVE, Mode.WAITING)
@@ -172,27 +173,27 @@ class SafeCommand:
             return self._supervisor is not None and self._supervisor.mode is Mode.FAULT
 
     def has_listeners(self) -> bool:
-        """Tell whether anybody gets the command."""
+        """Return whether the command has subscribers."""
         return bool(
             self._command.get_subscription_count() or self._commands.get_subscription_count())
 
     @property
     def topics(self) -> dict[str, str]:
-        """The full names of the command topics, by the names in the documentation."""
+        """The full names of the command topics by their documented names."""
         return {
             'effort_command': self._command.topic_name, '~/commands': self._commands.topic_name}
 
     # ------------------------------------------------------------------ start and end
 
     def activate(self) -> None:
-        """Let efforts out from the next joint state on."""
+        """Publish commands from the next joint state on."""
         with self._changed:
             self._is_active = True
             if self._supervisor is not None:
                 self._supervisor.activate()
 
     def request_shutdown(self) -> None:
-        """Begin to ramp the effort out."""
+        """Start to ramp the effort to zero."""
         with self._changed:
             self._is_active = False
             self._when_interrupted('the node was deactivated', False)
@@ -201,7 +202,7 @@ class SafeCommand:
             self._changed.notify()
 
     def deactivate(self) -> None:
-        """Ramp the effort out, and return when that is done."""
+        """Ramp the effort to zero, and return at the end of the ramp."""
         with self._changed:
             self.request_shutdown()
             supervisor = self._supervisor
@@ -222,7 +223,7 @@ class SafeCommand:
             return done, words
 
     def close(self) -> None:
-        """Ramp out and end the thread, before the node is destroyed."""
+        """Ramp the effort to zero and end the thread, before the node is destroyed."""
         self.deactivate()
         with self._changed:
             self._ends = True
@@ -236,10 +237,10 @@ class SafeCommand:
         dt: float | None, brake: Brake, fault: Fault | None = None,
     ) -> FloatArray | None:
         """
-        Publish the effort that answers a state dt [s] after the last; return it, if any.
+        Publish the effort for a state dt [s] after the last state; return it, None for none.
 
-        `brake` returns what holds the arm, with damping; `fault` was found with this state.
-        Where no command is wanted any more, the effort ramps out, as at deactivation.
+        `brake` returns the hold torque with damping; `fault` is the fault of this state, if any.
+        If the output has no command, the effort is ramped to zero, as at deactivation.
         """
         with self._lock:
             supervisor = self._supervisor
@@ -264,7 +265,7 @@ class SafeCommand:
             return effort
 
     def repeat(self, stamp: bytes) -> FloatArray | None:
-        """Publish the last effort again, for a state that came again; return it."""
+        """Publish the last effort again for a repeated state; return it."""
         with self._changed:
             effort = None if self._supervisor is None else self._supervisor.repeat()
             self._stamp = stamp
@@ -272,7 +273,7 @@ class SafeCommand:
             return effort
 
     def fail(self, fault: Fault) -> None:
-        """Begin the fault action."""
+        """Start the fault action."""
         with self._changed:
             if self._supervisor is not None:
                 self._supervisor.fail(time.monotonic(), fault)
@@ -290,23 +291,24 @@ class SafeCommand:
         except Exception:
             if self._node.context.ok():
                 raise
-            return  # nothing goes out once the context has ended
+            return  # a context that has ended publishes nothing
         self.counters.published += 1
 
-    # ------------------------------------------------------------------ the watch
+    # ------------------------------------------------------------------ the watchdog
 
     def _watch(self) -> None:
         with self._changed:
             while not self._ends:
                 try:
                     self._changed.wait(self._tick())
-                except Exception as error:  # the watch must not end before the node does
+                except Exception as error:  # the watchdog must outlive all errors
                     self._node.get_logger().error(
-                        f'Command watch: {error!r}', throttle_duration_sec=LOG_PERIOD)
+                        f'Internal error in the command watchdog: {error!r}',
+                        throttle_duration_sec=LOG_PERIOD)
                     self._changed.wait(ACTION_PERIOD)
 
     def _tick(self) -> float:
-        """Do what is due; return in how many seconds to look again."""
+        """Publish what is due; return the time [s] until the next check."""
         supervisor = self._supervisor
         if supervisor is None:
             return IDLE
@@ -320,7 +322,7 @@ class SafeCommand:
         return supervisor.options.state_timeout
 
     def _look_for_faults(self) -> None:
-        """Tell of a fault that began, and of one that is over."""
+        """Log a fault that has begun, and one that has ended."""
         supervisor = self._supervisor
         if supervisor is None:
             return

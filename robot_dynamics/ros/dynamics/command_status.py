@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the diagnostics report about the command: its counters and its status."""
+"""The status and the counters of the command in the diagnostics."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -26,12 +26,12 @@ from robot_dynamics.control.supervisor import Fault, Mode
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 
 TELL_FOR = 1.0
-"""[s] that the diagnostics report an effort that a limit held back."""
+"""[s] for which the diagnostics report an effort that a limit has changed."""
 
 
 @dataclass
 class CommandCounters:
-    """What became of the command since the start."""
+    """Counters of the command since the start."""
 
     published: int = 0
     limited: Counter[str] = field(default_factory=Counter)
@@ -40,7 +40,7 @@ class CommandCounters:
     limited_at: float = -math.inf
 
     def count_limits(self, output: ControlOutput, guarded: GuardedEffort | None) -> None:
-        """Count which limits changed the effort of a state."""
+        """Count the limits that have changed the effort of a state."""
         if output.gain_scale < 1.0:
             self._count_limit('effort rate, by softer gains')
         if any_of(output.clamped):
@@ -58,7 +58,7 @@ class CommandCounters:
 
     @property
     def figures(self) -> dict[str, int]:
-        """The counts by the names that the diagnostics give them."""
+        """The counters by their keys in the diagnostics."""
         return {
             'published': self.published,
             **{f'held back by {name}': n for name, n in sorted(self.limited.items())},
@@ -70,8 +70,9 @@ class CommandCounters:
 def active_words(command: str, states: str, node: str) -> str:
     """Return the line for the log when the node becomes active; `states` is a topic."""
     if command == 'none':
-        return (f'Active with command: none. Nothing is commanded; states on {states} are '
-                f'answered on {node}/gravity_compensation and {node}/computed_torque.')
+        return (f'Active with command: none. Nothing is commanded; the results for the states '
+                f'on {states} are published on {node}/gravity_compensation and '
+                f'{node}/computed_torque.')
     return (f'Active with command: {command}. The command starts with the first valid joint state '
             f'on {states}.')
 
@@ -97,11 +98,11 @@ def _verdict(
     if mode is None:
         return WARN, 'no model yet'
     if mode is Mode.INACTIVE and is_off:
-        return OK, "none, as the parameter command is 'none'"
+        return OK, "none (the parameter command is 'none')"
     if mode is not Mode.RUNNING:
         return WARN, mode.value
     if time.monotonic() - counters.limited_at < TELL_FOR:
         return WARN, 'held back by a limit'
     if counters.incompatible:
-        return WARN, 'a subscriber asks for a QoS that is not offered'
+        return WARN, 'a subscriber requests an incompatible QoS'
     return OK, mode.value

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the control path of `dynamics` counts, for the diagnostics."""
+"""Counters of the control path of `dynamics` for the diagnostics."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -25,17 +25,17 @@ from robot_dynamics.monitoring.replay_hint import ReplayHint
 
 @dataclass
 class ControlCounters:
-    """What the control path did since the start; read by the diagnostics."""
+    """Counters of the control path since the start; the diagnostics read them."""
 
     states: int = 0
     repeated: int = 0
     incomplete: int = 0
-    """Messages with some of the joints that did not complete a state."""
+    """Messages with some of the joints that do not complete a state."""
     missing: tuple[str, ...] = ()
-    """Joints without a sample new enough, at the last message with some of the joints."""
+    """Joints without a sample that is new enough, at the last message with some of the joints."""
     velocities: str = 'measured'
     answered_at: float = -math.inf
-    """[s] of the steady clock, of the last answer."""
+    """Time [s] of the last answer on the steady clock."""
     timing: EventTiming = field(default_factory=lambda: EventTiming(time.monotonic()))
     restarts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
@@ -44,4 +44,4 @@ class ControlCounters:
     following: bool = False
     paused_streams: int = 0
     interruption: str = ''
-    """Why the last reference ended early, until the next one."""
+    """Reason why the last reference ended early, until the next reference."""

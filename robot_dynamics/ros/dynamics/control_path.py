@@ -56,11 +56,11 @@ from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
 EXTERNAL_RECOVERY = 25
-"""Valid states in a row without an excess after which a fault of external effort has ended."""
+"""Valid states in a row without an excess after which the fault external_effort ends."""
 DISCOVERY_TIME = 2.0
-"""[s] after the start in which a publisher of robot_description may still be found."""
+"""[s] after the start within which a publisher of robot_description may be discovered."""
 NEWEST_ONLY = QoSProfile(depth=1)
-"""Reliable, so that both kinds of subscribers match; what is old has no worth."""
+"""Reliable, which matches all subscribers; older messages are of no use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class _Served:
 
 
 class ControlPath:
-    """Answers each joint state with the efforts for it, under the stamp of that state."""
+    """Publishes the efforts for each joint state, with the stamp of this state."""
 
     def __init__(
         self, node: Node, count_publishers: Callable[[], int],
@@ -85,15 +85,15 @@ class ControlPath:
         """
         Publish on the topics of a node.
 
-        `count_publishers` returns how many publishers of joint states there are; `when_changed`
-        is called when a fault begins or ends, and must return soon.
+        `count_publishers` returns the number of publishers of joint states; `when_changed` is
+        called when a fault begins or ends, and must return soon.
         """
         self._node, self._count_publishers = node, count_publishers
         self._served: _Served | None = None
         self._answering = threading.Lock()
         self._state_max_age = self._sample_max_age = 0.0
         self._foreign_joints = ''
-        """Why the embedded arm is not served, empty if it is."""
+        """Reason why the embedded arm is not served, empty if it is."""
         self._awaits_description, self._used_at = False, 0.0
         self.counters = ControlCounters()
         self._log = StateLog(node, self.counters)
@@ -122,14 +122,14 @@ class ControlPath:
         is_embedded: bool = False,
     ) -> None:
         """
-        Serve this arm from the next joint state on, and let `check` look until it is done.
+        Serve this arm from the next joint state on, and run `check` until it is done.
 
         With `is_embedded` nothing is published once the joint states contain other joints.
         """
         names = controller.arm.joint_names
         self.references.note_lost('another model was loaded')
         watch.max_age, watch.has_age = self._state_max_age, self._has_age
-        with self._answering:  # no state is answered by one model and commanded by another
+        with self._answering:  # the same model for both
             self._served = _Served(
                 controller, StateAssembly(names, self._sample_max_age, is_embedded),
                 JointStateReader(names), list(names), effort_template(names),
@@ -155,7 +155,7 @@ class ControlPath:
         external_effort: FloatArray | None = None,
     ) -> None:
         """
-        Take over the largest age of a state, of a joint's sample in it, and the pause of a stream.
+        Set the largest age of a state and of a joint's sample, and the longest pause of a stream.
 
         All in [s]; a `sample_max_age` of 0 is half a period of the messages.
         `external_effort` (n,) is the limit of the external effort [N·m] or [N], None for none.
@@ -169,7 +169,7 @@ class ControlPath:
             self._served.assembly.max_age = sample_max_age
 
     def on_state(self, state: SensedState) -> None:
-        """Publish the efforts for a joint state; whatever is wrong with it drops it alone."""
+        """Publish the efforts for a joint state; an error drops only this state."""
         try:
             with self._answering:
                 self._answer(state)
@@ -190,11 +190,11 @@ class ControlPath:
                     Fault('several_publishers', str(error), recovery=CONTRADICTION))
         except RobotDynamicsError as error:
             self._log.drop('invalid', f'Dropped a joint state: {error}')
-        except Exception as error:  # nothing that arrives may end the control path
+        except Exception as error:  # no message may end the control path
             self._log.drop('internal error', f'Dropped a joint state: {error!r}')
 
     def refuse(self, error: UnreadableMessageError) -> None:
-        """Take note of a joint state that cannot even be read."""
+        """Count and log a joint state that cannot be read."""
         self._log.drop('unreadable', f'Dropped a joint state: {error}')
 
     def _look_for_replay(self, stamp_ns: int) -> None:
@@ -203,7 +203,7 @@ class ControlPath:
             self._log.warn('replay', replay.text)
 
     def _description_is_published(self) -> bool:
-        """Tell whether a description that was not received yet will replace the embedded arm."""
+        """Return whether a description that is not received yet will replace the embedded arm."""
         self._awaits_description = time.monotonic() - self._used_at < DISCOVERY_TIME
         return bool(self._node.count_publishers('robot_description') > 0)
 
@@ -217,7 +217,7 @@ class ControlPath:
         if state is None:
             return
         q, v = served.reader.read(state)
-        verdict = served.watch.judge(  # by a clock that does not stand still with /clock
+        verdict = served.watch.judge(  # by a clock that a paused /clock does not stop
             state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers, steady_ns)
         self._follow_time(served, state, verdict, 1e-9 * steady_ns)
         output = self._computed(served, verdict, q, v)
@@ -240,7 +240,7 @@ class ControlPath:
     def _completed(
         self, served: _Served, received: SensedState, now: float,
     ) -> SensedState | None:
-        """Return the state that a message completes, None if there is none to answer."""
+        """Return the state that a message completes, None if it completes no state."""
         if self._foreign_joints:
             self._log.refuse_embedded(self._foreign_joints)
             return None
@@ -256,7 +256,7 @@ class ControlPath:
     def _follow_time(
         self, served: _Served, state: SensedState, verdict: StateVerdict, now: float,
     ) -> None:
-        """Start time anew if the states do, and end a stream of set-points that has paused."""
+        """Restart if the joint states restart, and end a stream of set-points that has paused."""
         if served.watch.is_other_clock:
             self._look_for_replay(state.stamp_ns)
         elif self.counters.replay.text:
@@ -278,7 +278,7 @@ class ControlPath:
     def _computed(
         self, served: _Served, verdict: StateVerdict, q: FloatArray, v: FloatArray | None,
     ) -> ControlOutput:
-        """Return the efforts for a state; note what its velocities mean for the reference."""
+        """Return the efforts for a state; record the source of its velocities."""
         controller, counters = served.controller, self.counters
         had_reference = v is None and controller.has_reference
         output = controller.answer(verdict.stamp, q, v)
@@ -296,8 +296,8 @@ class ControlPath:
         self, served: _Served, state: SensedState, verdict: StateVerdict, q: FloatArray,
         output: ControlOutput,
     ) -> FloatArray | None:
-        """Return the effort that is published for a state, None for none."""
-        # A simulation in lock-step repeats its state until an effort lets it go on.
+        """Return the effort that is published for a state, None if none is published."""
+        # A simulation in lock-step repeats its state until an effort arrives.
         waits = not verdict.is_new and self.command.is_waiting and served.watch.is_other_clock
         if not (verdict.is_new or waits):
             return self.command.repeat(state.stamp)
@@ -328,7 +328,7 @@ class ControlPath:
         return self._count_publishers() > 1
 
     def _has_age(self) -> bool:
-        """With use_sim_time stamps have no age by the clock of this computer."""
+        """Return whether stamps have an age: with use_sim_time they have none."""
         return not self._node.get_clock().ros_time_is_active
 
     def _publish(self, state: SensedState, served: _Served, output: ControlOutput) -> None:

@@ -37,9 +37,9 @@ from robot_dynamics.control.supervisor import Fault
 from robot_dynamics.ros.rclpy_internals import RclError, subscription_count
 
 LOOK_PERIOD = 0.1
-"""[s] between two looks while a subscriber is unchecked."""
+"""[s] between two checks while a subscriber is unchecked."""
 RECHECK_PERIOD = 1.0
-"""[s] between two looks at subscribers that have been checked."""
+"""[s] between two searches for subscribers if all have been checked."""
 GRACE = 0.5
 """
 [s] for the parameter service of a subscriber to be discovered.
@@ -51,7 +51,7 @@ PATIENCE = 5.0
 
 
 class _Subscriber:
-    """One subscriber of `~/commands`, and the joints that its node has as parameter."""
+    """One subscriber of `~/commands`, and the parameter `joints` of its node."""
 
     def __init__(self, node: Node, info: TopicEndpointInfo) -> None:
         self._node, self._of = node, (info.node_name, info.node_namespace)
@@ -110,7 +110,7 @@ class ControllerOrder:
     ) -> None:
         """`joint_names` returns the commanded joints; `when_wrong` gets each new difference."""
         self.fault: Fault | None = None
-        """The difference, while there is one."""
+        """The difference, as long as it exists."""
         self._node, self._commands, self._joint_names = node, commands, joint_names
         self._when_wrong = when_wrong
         self._count = subscription_count(commands)
@@ -165,7 +165,7 @@ class ControllerOrder:
             self.fault = None
             return
         words = (
-            f'{wrong.name} takes {self._commands.topic_name} for the joints {wrong.joints}, '
+            f'{wrong.name} applies {self._commands.topic_name} to the joints {wrong.joints}, '
             f'expected the order of this node, {names}: set the parameter `joints` of both to '
             'the same order')
         if self.fault is None or self.fault.words != words:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The check of the measured effort beside the control path of `dynamics`, until its verdict."""
+"""The effort check of `dynamics`, which runs after the control path until it has a verdict."""
 
 from rclpy.node import Node
 from robot_dynamics.arrays import FloatArray
@@ -35,15 +35,15 @@ NAME = 'effort check'
 
 class EffortCheck:
     """
-    Watches joint states until one static hold has told who carries the arm.
+    Watches joint states until a static hold shows whether the robot compensates gravity.
 
-    `look` belongs to the thread of the control path; `status` may be asked from any.
+    The thread of the control path calls `look`; any thread may call `status`.
     """
 
     def __init__(
         self, node: Node, arm: ArmModel, semantics: EffortConvention, wanted: bool,
     ) -> None:
-        """Be done at once where the check is not wanted, or there is no effort to look at."""
+        """Finish at once if the check is disabled or there is no measured effort."""
         self._node, self._names, self._semantics = node, arm.joint_names, semantics
         self._check = GravityCheck(
             semantics, arm.friction.at_rest, arm.actuators, arm.is_continuous)
@@ -62,10 +62,10 @@ class EffortCheck:
         v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
     ) -> None:
         """
-        Take a state and the command that answers it, None where nobody gets one.
+        Take a state and the command for it, None if there is no command or no subscriber.
 
-        The command in force at a state is that which answered the state before. Whatever is wrong
-        with the effort never drops the state.
+        The active command at a state is the command for the state before. An invalid effort
+        never drops the state.
         """
         in_force, self._command = self._command, command
         try:
@@ -79,9 +79,9 @@ class EffortCheck:
         try:
             verdict = self._check.add(
                 message.stamp_ns, q, v, effort, in_force, gravity)
-        except Exception as error:  # a check may fail, the control path may not
-            self._node.get_logger().error(f'The effort check ended: {error!r}')
-            self._finish(f'ended: {error!r}')
+        except Exception as error:  # an error of the check must not stop the control path
+            self._node.get_logger().error(f'The effort check failed: {error!r}')
+            self._finish(f'failed: {error!r}')
             return
         if verdict is None:
             self._wait(self._check.waiting)
@@ -89,7 +89,7 @@ class EffortCheck:
             self._conclude(verdict)
 
     def status(self) -> Status:
-        """Return what the check waits for, or its verdict, for the diagnostics."""
+        """Return the condition that the check waits for, or its verdict, for the diagnostics."""
         verdict = self._verdict
         if verdict is None:
             return Status(NAME, OK, self._words, {})

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What `dynamics` estimates from measured efforts beside the control path, for those who listen.
+Estimates of `dynamics` from measured efforts, computed only while there are subscribers.
 
-`~/external_effort` and `~/residual` are computed after the command is out, and only while somebody
-subscribes; each begins anew when its first subscriber comes. They never disturb the control path.
+`~/external_effort` and `~/residual` are computed after the command is published. Each estimator
+resets when its first subscriber connects. An error in them does not affect the control path.
 """
 
 from collections import Counter
@@ -44,9 +44,9 @@ from sensor_msgs.msg import JointState
 DEFAULT_BANDWIDTH = 10.0
 """[Hz]"""
 LONGEST_STEP = 0.1
-"""[s] from one state to the next after which estimates begin anew: it is not known what was."""
+"""[s] between two states after which the estimators reset: the motion between is unknown."""
 NEWEST_ONLY = QoSProfile(depth=1)
-NO_SUBSCRIBERS = 'nobody listens'
+NO_SUBSCRIBERS = 'no subscribers'
 
 ESTIMATE_SPECS = (
     ParameterSpec(
@@ -61,12 +61,12 @@ ESTIMATE_SPECS = (
 
 
 class Estimates:
-    """The estimates of one arm: external effort, then residual, each made where it is wanted."""
+    """The estimates of one arm: external effort, then residual, each only on request."""
 
     def __init__(
         self, controller: Controller, semantics: EffortConvention, values: Values,
     ) -> None:
-        """Estimate with the load in force, at the bandwidths of the parameters."""
+        """Estimate with the active load, at the bandwidths of the parameters."""
         self.semantics, self._controller = semantics, controller
         self.template = effort_template(controller.arm.joint_names)
         self._arm = controller.loaded_arm
@@ -76,19 +76,19 @@ class Estimates:
         self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
 
     def set_bandwidths(self, values: Values) -> None:
-        """Go on from where the estimates are at the bandwidths of the parameters."""
+        """Set the bandwidths of the parameters; the estimates continue without a reset."""
         self._external.set_bandwidth(values['external_effort_bandwidth'])
         self._residual.set_bandwidth(values['residual_bandwidth'])
 
     def restart(self) -> None:
-        """Begin anew with the next state."""
+        """Reset all estimators at the next state."""
         for estimator in self._all:
             estimator.restart()
 
     def joint_effort(
         self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
     ) -> FloatArray:
-        """Return a measured effort (n,) as one at the joints."""
+        """Return the joint effort (n,) for a measured effort (n,)."""
         return joint_from_measured(
             self.semantics.measured_effort, measured, v, robot_gravity,
             self._controller.arm.actuators)
@@ -97,7 +97,7 @@ class Estimates:
         self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
         effort: FloatArray,
     ) -> list[FloatArray | None]:
-        """Return each estimate (n,) that is wanted, and there yet; what is not begins anew."""
+        """Return each requested estimate (n,), None until it exists; reset the others."""
         self._take_load()
         found: list[FloatArray | None] = []
         for is_wanted, estimator in zip(wanted, self._all):
@@ -118,10 +118,10 @@ class Estimates:
 
 
 class LiveEstimates:
-    """Publishes estimates; `look` is for the control path's thread, `status` for any."""
+    """Publishes estimates; the control thread calls `look`, any thread `status`."""
 
     def __init__(self, node: Node, is_external_wanted: Callable[[], bool]) -> None:
-        """`is_external_wanted` tells whether more than subscribers need the external effort."""
+        """`is_external_wanted` returns whether the node itself needs the external effort."""
         self._node, self._is_external_wanted = node, is_external_wanted
         self._publishers = (
             node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
@@ -132,17 +132,17 @@ class LiveEstimates:
         self._words = NO_SUBSCRIBERS
         self._stamp = 0
         self.external_effort: FloatArray | None = None
-        """That of the newest state (n,), where it is estimated."""
+        """External effort of the newest state (n,), None if it is not estimated."""
         self.external_limit: FloatArray | None = None
-        """Limit of the external effort (n,) [N·m] or [N], infinite for none; None for no joint."""
+        """Limit of the external effort (n,) [N·m] or [N], infinite for none; None: no limits."""
         self._restarts: Counter[str] = Counter()
 
     def use(self, estimates: Estimates) -> None:
-        """Make these estimates from the next state on."""
+        """Use these estimators from the next state on."""
         self._estimates, self._is_on = estimates, False
 
     def forget(self) -> None:
-        """Make no estimates."""
+        """Stop to estimate."""
         self._estimates = None
         self._rest()
 
@@ -150,7 +150,7 @@ class LiveEstimates:
         self, reader: JointStateReader, state: SensedState, q: FloatArray,
         v: FloatArray | None, judgement: StateVerdict, robot_gravity: FloatArray,
     ) -> None:
-        """Take a state whose command is out; `robot_gravity` (n,) is g(q) without a load."""
+        """Take a state whose command is published; `robot_gravity` (n,) is g(q) without a load."""
         count_external, count_residual = self._counts
         has_subscribers = count_external() > 0
         is_limited = self.external_limit is not None
@@ -163,11 +163,11 @@ class LiveEstimates:
                 self._take(estimates, wanted, reader, state, q, v, judgement, robot_gravity)
             except RobotDynamicsError as error:
                 self._lack(str(error), has_subscribers or is_limited or wanted[1])
-            except Exception as error:  # an estimate may fail, the control path may not
+            except Exception as error:  # an error of an estimate must not stop the control path
                 self._lack(repr(error), has_subscribers or is_limited or wanted[1])
 
     def excess(self) -> int | None:
-        """Return the joint whose external effort exceeds its limit most, None for none."""
+        """Return the joint whose external effort exceeds its limit most, None if none does."""
         if self.external_limit is None or self.external_effort is None:
             return None
         ratio = np.abs(self.external_effort) / self.external_limit
@@ -195,14 +195,14 @@ class LiveEstimates:
             effort = estimates.joint_effort(measured, v, robot_gravity)
             found = estimates.update(wanted, dt, q, v, effort)
         if not all(estimate is None or all_finite(estimate) for estimate in found):
-            raise InvalidInputError('they are beyond all numbers')
+            raise InvalidInputError('the estimates are not finite')
         self.external_effort = found[0]
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
 
     def _begin_where_needed(self, estimates: Estimates, judgement: StateVerdict) -> float:
-        """Return the time [s] since the state before, which does not count after a restart."""
+        """Return the time [s] since the state before; after a reset it is not used."""
         dt = 1e-9 * (judgement.stamp - self._stamp)
         self._stamp = judgement.stamp
         reason = judgement.restart
@@ -216,7 +216,7 @@ class LiveEstimates:
         return dt
 
     def _lack(self, words: str, has_subscribers: bool) -> None:
-        """Make no estimate of this state, and begin anew with the next; tell who listens."""
+        """Reset at the next state, and log the reason if there are subscribers."""
         self._rest()
         if not has_subscribers:
             return
@@ -225,7 +225,7 @@ class LiveEstimates:
             f'No ~/external_effort and no ~/residual: {words}', throttle_duration_sec=LOG_PERIOD)
 
     def status(self) -> Status:
-        """Return whether estimates are made, for the diagnostics."""
-        restarts = dict(self._restarts)  # a copy in one go, as another thread counts
+        """Return whether estimates are published, for the diagnostics."""
+        restarts = dict(self._restarts)  # an atomic copy, because another thread counts
         return Status('estimates', WARN if self._is_lacking else OK, self._words, {
-            f'begun anew: {reason}': count for reason, count in sorted(restarts.items())})
+            f'reset: {reason}': count for reason, count in sorted(restarts.items())})

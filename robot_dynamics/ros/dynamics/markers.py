@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What RViz draws of `dynamics`: `~/markers`, for those who listen.
+The markers of `dynamics` for RViz: `~/markers`, published while there are subscribers.
 
-The control path leaves the newest state here while somebody subscribes; a timer that runs as long
-draws it in the executor's thread. Without subscribers there is neither.
+While there are subscribers, the control path stores the newest state here and a timer draws it in
+the thread of the executor. Without subscribers, no state is stored and the timer is stopped.
 """
 
 import time
@@ -40,17 +40,17 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 PERIOD = 1.0 / 30.0
-"""[s] between two pictures, on the steady clock."""
+"""[s] between two messages, on the steady clock."""
 TIME_FRACTION = 0.1
-"""Share of the time that drawing may take; arms of many joints are drawn less often."""
+"""Largest fraction of the time for drawing; arms of many joints are drawn less often."""
 LIFETIME = Duration(nanosec=500_000_000)
-"""A mark that is not renewed goes: a payload that was cleared, a state that came no more."""
+"""Lifetime: RViz removes markers of a removed payload, or if no joint states arrive."""
 WARM, HOT = 0.5, 0.9
-"""Shares of the limit from which an effort is drawn in a warning colour."""
+"""Fractions of the effort limit from which an effort is drawn in a warning colour."""
 
 
 class _Seen(NamedTuple):
-    """What is drawn of a state: all (n,)."""
+    """The drawn quantities of a state: all (n,)."""
 
     stamp_ns: int
     q: FloatArray
@@ -59,7 +59,7 @@ class _Seen(NamedTuple):
 
 
 class LiveMarkers:
-    """Publishes markers; `look` is for the control path's thread, the rest for the executor's."""
+    """Publishes markers; the control thread calls `look`, the executor's thread the rest."""
 
     def __init__(self, node: Node) -> None:
         self._controller: Controller | None = None
@@ -68,7 +68,7 @@ class LiveMarkers:
         self._seen: _Seen | None = None
         self._rests_until = 0.0
         self.is_on = False
-        """Whether somebody listens."""
+        """Whether there are subscribers."""
         self._timer = node.create_timer(
             PERIOD, self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
@@ -82,7 +82,7 @@ class LiveMarkers:
             self._timer.reset()
         else:
             self._timer.cancel()
-            self._seen = None  # not to be drawn when somebody comes again
+            self._seen = None  # outdated for the next subscriber
 
     def use(self, controller: Controller, frame: str) -> None:
         """Draw this arm, whose base link is `frame`, from the next state on."""
@@ -96,7 +96,7 @@ class LiveMarkers:
     def look(
         self, stamp_ns: int, q: FloatArray, output: ControlOutput, external: FloatArray | None,
     ) -> None:
-        """Take a state whose command is out, and the estimate of the external effort (n,)."""
+        """Take a state whose command is published, and the estimated external effort (n,)."""
         effort = output.computed_torque
         self._seen = _Seen(
             stamp_ns, q, output.gravity_compensation if effort is None else effort, external)
@@ -107,7 +107,7 @@ class LiveMarkers:
             return
         seen, self._seen = self._seen, None
         arm = controller.loaded_arm
-        if seen is None or len(seen.q) != arm.joint_count:  # of the arm before
+        if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
             return
         if self._marks is None or self._marks[0] is not arm:
             self._marks = arm, ArmMarks(arm)
@@ -125,11 +125,11 @@ def drawn(
     external: FloatArray | None,
 ) -> MarkerArray:
     """
-    Return the marks of an arm at q; all arguments are (n,). Headers are left to the caller.
+    Return the markers of an arm at q; all arguments are (n,). The caller sets the headers.
 
-    A line and a text for the effort of each joint, coloured by its share of the limit; where the
-    external effort is known, a line for it at each joint, and the force on the tool that explains
-    it, if one does; a ball for each payload.
+    There are a line and a text for the effort of each joint, with a colour by its fraction of the
+    limit, and a ball for each payload. If the external effort is known, there are also a line for
+    it at each joint, and the force on the tool that explains it, if one does.
     """
     marks.move(q)
     places, limit = marks.joints(), arm.limits.effort

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The model check of a node: findings are logged, errors refuse the model."""
+"""The model check of a node: findings are logged, and an error rejects the model."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ from robot_dynamics.model_check.finding import CHECKS, refuse_errors
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 
 LARGEST_ARM = 12
-"""Joints up to which the start of a node has time for the quick search, not only a brief one."""
+"""Largest number of joints for the quick search at the start; above it, the brief search runs."""
 IGNORE_CHECKS_SPEC = ParameterSpec(
     'ignore_checks', Type.STRING_ARRAY, [],
         'Names of model checks whose errors are logged as warnings instead of rejecting the '
@@ -33,10 +33,10 @@ IGNORE_CHECKS_SPEC = ParameterSpec(
 
 def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> None:
     """
-    Log what the model check finds; raise ModelError with the first error that is not ignored.
+    Log the findings of the model check; raise ModelError with the first error that is not ignored.
 
-    `arm` is what the parameters `values` made of the URDF `xml`. Meshes are not read, and the
-    search for the worst gravity is a quick one; the tool check_model does both thoroughly.
+    `arm` is the model of the URDF `xml` with the parameters `values`. Meshes are not read, and the
+    search for the worst gravity is quick; the tool check_model reads them and searches fully.
     """
     ignored = values['ignore_checks']
     search = QUICK if arm.joint_count <= LARGEST_ARM else BRIEF

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Where the model of `dynamics` comes from: parameters, a topic, or the embedded arm.
+The source of the model of `dynamics`: parameters, a topic, or the embedded arm.
 
-A description on the topic replaces the embedded arm at once, and another description once no
-efforts are published.
+A description on the topic replaces the embedded arm at once. It replaces another description when
+no command is published.
 """
 
 from collections.abc import Callable
@@ -64,7 +64,7 @@ class ModelSource:
         is_commanding: Callable[[], bool], use: UseModel,
     ) -> None:
         """
-        Take what a model depends on.
+        Take the dependencies of a model.
 
         `values` returns the parameters; `is_commanding` whether efforts are published; `use` is
         called with each new model.
@@ -77,11 +77,11 @@ class ModelSource:
 
     @property
     def has_waiting(self) -> bool:
-        """Whether a model waits until it can be used."""
+        """Whether a new model waits until it can be loaded."""
         return self._waiting is not None
 
     def load(self) -> None:
-        """Use the first model, or wait for one; raise RobotDynamicsError for a wrong one."""
+        """Use the first model, or wait for one; raise RobotDynamicsError for an invalid one."""
         values = self._values()
         xml = description_from_parameters(values)
         if xml is not None:
@@ -90,8 +90,8 @@ class ModelSource:
         obstacle = self._obstacle_of_embedded_arm()
         if obstacle:
             self._node.get_logger().warning(
-                f'{obstacle}. Waiting for a URDF on the topic robot_description; '
-                'robot_description_file may name one.')
+                f'{obstacle}. Waiting for a URDF on the topic robot_description; alternatively '
+                'set robot_description_file.')
         else:
             self._use_embedded_arm()
         if self._subscription is None:
@@ -107,14 +107,14 @@ class ModelSource:
             self._subscription = None
 
     def take_waiting(self) -> None:
-        """Use the model that waits, if that is possible now."""
+        """Use the waiting model, if that is possible now."""
         waiting = self._waiting
         if waiting is None or self._is_commanding() or not self._payloads.suit(waiting.arm):
             return
         self._waiting = None
         try:
             self._take(waiting)
-        except Exception as error:  # parameters that have changed since
+        except Exception as error:  # the parameters may have changed
             self._refuse(error)
 
     def _take(self, model: _Model) -> None:
@@ -127,7 +127,7 @@ class ModelSource:
         try:
             load_arm(embedded_description(), values['joints'], values['gravity'])
         except InvalidInputError:
-            return f'joints is {list(values["joints"])}, of an arm without a description'
+            return f'joints is {list(values["joints"])}, but no robot_description was given'
         if topic != f'{self._node.get_fully_qualified_name()}/commands':
             return f'~/commands is remapped to {topic}, and no robot_description was given'
         return ''
@@ -135,7 +135,7 @@ class ModelSource:
     def _use_embedded_arm(self) -> None:
         xml = embedded_description()
         model = _Model(xml, self._checked_arm(xml), is_embedded=True)
-        if not self._payloads.suit(model.arm):  # they may be of the arm of a description to come
+        if not self._payloads.suit(model.arm):  # they may belong to a later description
             self._waiting = model
             self._node.get_logger().error(f'No model in use: {self._payloads.obstacle}.')
             return
@@ -158,8 +158,8 @@ class ModelSource:
             elif self._is_commanding() and not is_embedded:
                 self._waiting = model
                 self._node.get_logger().error(
-                    'Kept the model in use, as efforts go out by it: the new robot_description '
-                    'is taken once they have ended (no joint states, or ~/change_state).')
+                    'Kept the model in use while commanding: the new robot_description will be '
+                    'loaded after the command stops (no joint states, or ~/change_state).')
             else:
                 self._take(model)
         except Exception as error:
@@ -169,7 +169,7 @@ class ModelSource:
         self._node.get_logger().error(f'Kept the model in use: {describe_error(error)}')
 
     def _checked_arm(self, xml: str) -> ArmModel:
-        """Return the arm of a description; raise RobotDynamicsError if it is unfit."""
+        """Return the arm of a description; raise RobotDynamicsError if it is invalid."""
         values = self._values()
         arm = arm_from_parameters(xml, values)
         check_joint_count(arm)

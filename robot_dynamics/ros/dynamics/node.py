@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node `dynamics`: efforts for joint states, and dynamics as services."""
+"""The node `dynamics`: commands for joint states, and services of robot dynamics."""
 
 from collections.abc import Sequence
 import re
@@ -67,23 +67,23 @@ from trajectory_msgs.msg import JointTrajectory
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
-"""Parameters that decide whether the loop is stable."""
+"""Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class DynamicsNode(GuardedCallbacks, LifecycleNode):
     """
-    Wires parameters, topics and services to the library; computes nothing itself.
+    Connects parameters, topics and services to the library; computes nothing itself.
 
-    Any executor may spin it; it answers joint states from the first spin on. `destroy_node` ramps
-    the effort to zero, if it is called before the context is shut down.
+    Any executor may spin it; it processes joint states from the first spin on. `destroy_node`
+    ramps the effort to zero, if it is called before the context is shut down.
     """
 
     def __init__(self, **node_arguments: Any) -> None:
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
 
-        Raises RobotDynamicsError where the parameters or the URDF cannot be used.
+        Raises RobotDynamicsError if the parameters or the URDF are invalid.
         """
         super().__init__('dynamics', **node_arguments)
         with destroyed_unless_made(self):
@@ -132,11 +132,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.trigger_activate()
 
     def request_shutdown(self) -> None:
-        """Begin to ramp the effort out, while a service may still be at work."""
+        """Start to ramp the effort to zero, also while a service is computing."""
         self._path.command.request_shutdown()
 
     def destroy_node(self) -> None:
-        """Ramp the effort out, stop the control path, then the rest."""
+        """Ramp the effort to zero, stop the control path, and destroy the rest."""
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
         urgent = getattr(self, '_stop_service', None)
         if path is not None:
@@ -150,11 +150,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     # ------------------------------------------------------------------ lifecycle
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Load the model; fail with the reason in the log where that cannot be."""
+        """Load the model; on failure, log the reason."""
         self._configuring_failed = None
         try:
             self._models.load()
-        except Exception as error:  # rclpy would take it for an error of the node
+        except Exception as error:  # rclpy would change to the state ErrorProcessing
             self._configuring_failed = error
             if not self._is_starting:
                 self.get_logger().error(f'Not configured: {describe_error(error)}')
@@ -162,14 +162,14 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let efforts out, from the next joint state on."""
+        """Publish commands from the next joint state on."""
         self._path.command.activate()
         self.get_logger().info(active_words(
             self._settings.values['command'], self._loop.topic, self.get_name()))
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp efforts out; services and the other topics go on."""
+        """Ramp the efforts to zero; services and the other topics stay available."""
         self._path.command.deactivate()
         return TransitionCallbackReturn.SUCCESS
 
@@ -182,12 +182,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp efforts out and forget the model, after a transition that failed unforeseen."""
+        """Ramp the efforts to zero and forget the model after an unexpected error."""
         self._path.command.deactivate()
         return self.on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp efforts out for good."""
+        """Ramp the efforts to zero, and command no more."""
         self._path.command.deactivate()
         return TransitionCallbackReturn.SUCCESS
 
@@ -264,18 +264,18 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _on_trajectory(self, message: JointTrajectory) -> None:
         try:
             if self._controller is None:
-                raise InvalidInputError('no model yet, so that no trajectory can be followed')
+                raise InvalidInputError('no model yet: no trajectory can be followed')
             trajectory = trajectory_from_ros(message, self._controller.arm.joint_names)
             self._path.references.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
-        except Exception as error:  # rclpy ends its spin at anything that is raised here
+        except Exception as error:  # an exception here would end the spin of rclpy
             self._refuse_trajectory(error)
 
     def _refuse_trajectory(self, error: Exception) -> None:
         before, self._refusal = self._refusal, describe_error(error)
         self._refused += 1
-        words = f'Refused a joint trajectory: {self._refusal}'
-        if _NUMBER.sub('', self._refusal) == _NUMBER.sub('', before):  # of a stream
+        words = f'Rejected a joint trajectory: {self._refusal}'
+        if _NUMBER.sub('', self._refusal) == _NUMBER.sub('', before):  # of the same stream
             self.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
         else:
             self.get_logger().error(words)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of `dynamics`, and what they make of its control law."""
+"""The parameters of `dynamics`, and the options of the control law from them."""
 
 import math
 
@@ -39,9 +39,9 @@ from robot_dynamics.ros.payloads import PAYLOAD_SPEC
 from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, DESCRIPTION_SPECS, FRICTION_SPECS
 
 FULL_EFFORT_TIME = 0.1
-"""[s] in which the command may change by the effort limit of a joint, by default."""
+"""Default time [s] in which the command may change by the effort limit of a joint."""
 DEFAULT_EFFORT_RATE = 1000.0
-"""[N·m/s] or [N/s], likewise, of a joint without an effort limit."""
+"""Default rate of change [N·m/s] or [N/s] for a joint without an effort limit."""
 REFERENCE_LOSS = ('hold', 'gravity_compensation')
 INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
@@ -206,7 +206,7 @@ GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
-    """Return checked options; raise InvalidInputError where the parameters do not fit the arm."""
+    """Return checked options; raise InvalidInputError if they do not match the arm."""
     for name in (*GAINS, 'following_error_limit', 'external_effort_limit'):
         check_order_is_given(values, name, arm)
     optional_limits('external_effort_limit', values, arm)
@@ -222,7 +222,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
 
 
 def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
-    """Return a limit per joint (n,), None where the parameter is empty."""
+    """Return a limit per joint (n,), None if the parameter is empty."""
     return per_joint(name, values[name], arm.joint_names) if values[name] else None
 
 
@@ -236,7 +236,7 @@ def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
 
 
 def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
-    """Return the limits of this arm's efforts."""
+    """Return the effort limits of this arm."""
     limits = arm.limits
     return EffortLimits(
         limits.lower, limits.upper, limits.velocity, values['position_margin'],
@@ -244,7 +244,7 @@ def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
 
 
 def safety_options(values: Values) -> SafetyOptions:
-    """Return what the supervisor goes by."""
+    """Return the options of the supervisor."""
     return SafetyOptions(
         values['state_timeout'], values['fault_action'], values['hold_time'],
         values['ramp_time'], values['position_fault_margin'],

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The payloads of `dynamics`: kept over `cleanup` and new models, published when active."""
+"""The payloads of `dynamics`: kept after `cleanup` and for new models; published if active."""
 
 from collections.abc import Callable, Sequence
 
@@ -30,26 +30,27 @@ from robot_dynamics.ros.guarded_callbacks import describe_error
 from robot_dynamics.ros.payloads import changed_payloads, check_all
 
 ALL_PAYLOADS = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Late subscribers receive the payloads of all links, if there are not more than this."""
+"""Number of messages for late subscribers: the largest number of loaded links."""
 
 
 class PayloadKeeper:
     """
-    The payloads that were set with ~/set_payload.
+    The payloads that ~/set_payload has set.
 
-    They outlive the model. A new model that cannot carry them is refused, until they are removed.
+    They persist if the model changes. A new model that cannot carry them is rejected until they
+    are removed.
     """
 
     def __init__(self, node: Node, values: Callable[[], Values]) -> None:
         """
-        Publish on ~/payload: one message per payload, all with one stamp; m = 0 for none.
+        Publish on ~/payload: one message per payload, all with one stamp; m = 0 if there is none.
 
         `values` returns the parameters of the node.
         """
         self._node, self._values = node, values
         self._payloads: tuple[Payload, ...] = ()
         self.obstacle = ''
-        """Why the newest model cannot carry the payloads, '' if it can."""
+        """Reason why the newest model cannot carry the payloads, empty if it can."""
         self._publisher = node.create_publisher(InertiaStamped, '~/payload', ALL_PAYLOADS)
 
     def __bool__(self) -> bool:
@@ -57,18 +58,18 @@ class PayloadKeeper:
         return bool(self._payloads)
 
     def check(self, arm: ArmModel) -> None:
-        """Raise InvalidInputError if an arm cannot carry the payloads that are kept."""
+        """Raise InvalidInputError if an arm cannot carry the kept payloads."""
         try:
             check_all(arm, self._payloads, self._values())
         except RobotDynamicsError as error:
             self.obstacle = (
-                f'the payloads that were set ({describe_payloads(self._payloads)}) do not suit '
-                f'the model {arm.name!r}: {describe_error(error)}; expected a call of '
+                f'the payloads that were set ({describe_payloads(self._payloads)}) are invalid '
+                f'for the model {arm.name!r}: {describe_error(error)}; expected a call of '
                 '~/set_payload that removes them (m = 0)')
             raise InvalidInputError(self.obstacle) from None
 
     def suit(self, arm: ArmModel) -> bool:
-        """Return whether an arm can carry the payloads that are kept."""
+        """Return whether an arm can carry the kept payloads."""
         try:
             self.check(arm)
         except InvalidInputError:
@@ -76,7 +77,7 @@ class PayloadKeeper:
         return True
 
     def use(self, controller: Controller) -> None:
-        """Put the payloads that are kept on an arm that `check` has accepted."""
+        """Attach the kept payloads to an arm that `check` has accepted."""
         self.obstacle = ''
         controller.set_payloads(self._payloads, 0.0, self._in_force)
 
@@ -91,7 +92,7 @@ class PayloadKeeper:
         return payloads
 
     def remove(self, link: str) -> tuple[Payload, ...]:
-        """Remove the payload of a link, of all links if it is empty, without a model."""
+        """Remove the payload of a link, or of all links if `link` is empty, without a model."""
         self._payloads, self.obstacle = with_payload_on(self._payloads, link, None), ''
         self._in_force(self._payloads)
         return self._payloads

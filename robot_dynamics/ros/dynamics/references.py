@@ -25,7 +25,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 
 class References:
-    """Starts and ends the reference of a controller, and keeps the reason of an early end."""
+    """Starts and ends the reference of a controller; stores the reason of an early end."""
 
     def __init__(
         self, counters: ControlCounters, obstacle: Callable[[], str],
@@ -34,8 +34,8 @@ class References:
         """
         Serve no arm yet.
 
-        `obstacle` returns why no reference can be followed now, empty if one can; `is_faulty`
-        returns whether the reason is a fault.
+        `obstacle` returns the reason why no reference can be followed now, empty if one can;
+        `is_faulty` returns whether the reason is a fault.
         """
         self.controller: Controller | None = None
         """The controller of the arm that is served."""
@@ -47,7 +47,7 @@ class References:
         """Follow a trajectory; raise RobotDynamicsError if it cannot be followed."""
         controller = self.controller
         if controller is None:
-            raise InvalidInputError('no model yet, so that no trajectory can be followed')
+            raise InvalidInputError('no model yet: no trajectory can be followed')
         self._check_follows()
         controller.follow(trajectory, stamp_ns)
         try:
@@ -62,7 +62,7 @@ class References:
     def _check_follows(self) -> None:
         obstacle = self._obstacle()
         if obstacle:
-            raise TrajectoryError(f'nothing can be followed now: {obstacle}')
+            raise TrajectoryError(f'no reference can be followed now: {obstacle}')
 
     def stop(self) -> str:
         """Stop along the reference, or from the measured state, and hold; return a report."""
@@ -78,7 +78,7 @@ class References:
         return report
 
     def end_stream(self) -> None:
-        """Stop on the path, as the stream of set-points has paused for too long."""
+        """Stop on the path, because the stream of set-points has paused for too long."""
         self.stream.end()
         if self.controller is not None:
             self.controller.stop_on_path()
@@ -87,7 +87,7 @@ class References:
             'the stream of set-points paused for more than reference_timeout')
 
     def note_lost(self, reason: str) -> None:
-        """Report until the next reference why the present one, if any, ends."""
+        """Store the reason why the present reference ends, if there is one."""
         if self.controller is not None and self.controller.has_reference:
             self._counters.interruption = reason
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The services of `dynamics`: each checks its request, asks the library, and fills the answer."""
+"""The services of `dynamics`: each checks its request, calls the library, fills the response."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,12 +55,12 @@ from robot_dynamics_interfaces.srv import (
 
 Handler = Callable[[Any, Any], None]
 SERVICE_QOS = QoSProfile(depth=100)
-"""Requests, of all clients together, that may wait; one more is lost without a word."""
+"""Largest number of waiting requests of all clients; further requests are lost silently."""
 
 
 @dataclass
 class ServedArm:
-    """What the services answer with: they run in the executor's thread, control in its own."""
+    """The arm of the services, which run in the executor's thread; control has its own thread."""
 
     dynamics: ArmDynamics
     controller: Controller
@@ -70,7 +70,7 @@ class DynamicsServices:
     """
     Offers all services on a node.
 
-    A request that cannot be answered gets success = false and the reason.
+    The response to an invalid request has success = false and the reason.
     """
 
     def __init__(self, node: GuardedCallbacks, payloads: PayloadKeeper) -> None:
@@ -91,11 +91,11 @@ class DynamicsServices:
         offer(SetPayload, 'set_payload', self._set_payload)
 
     def use(self, controller: Controller) -> None:
-        """Answer for this arm from the next request on."""
+        """Use this arm from the next request on."""
         self._served = ServedArm(controller.planning_dynamics, controller)
 
     def forget(self) -> None:
-        """Answer that there is no model."""
+        """Reject requests from now on, because there is no model."""
         self._served = None
 
     def _arm(self) -> ServedArm:
@@ -207,7 +207,7 @@ def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:
         try:
             handler(request, response)
         except RobotDynamicsError as error:
-            # A new one, as the other may be half filled in.
+            # A new response, because the other may be partly filled in.
             return type(response)(success=False, message=describe_error(error))
         response.success = True
         return response
@@ -219,7 +219,7 @@ def _fill_motors(
     response: Any, order: JointOrder, arm: ArmModel, effort: FloatArray, v: FloatArray,
     a: FloatArray,
 ) -> list[str]:
-    """Fill in what an effort asks of the motors, where there are any; return warnings."""
+    """Fill in motor currents and voltages of an effort, if there are motors; return warnings."""
     if arm.actuators is None:
         return []
     load = arm.actuators.load(effort, v, a)

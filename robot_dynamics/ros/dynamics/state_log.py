@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `dynamics` logs and counts of joint states that it cannot answer, or not as usual."""
+"""Logs and counters of `dynamics` for dropped, incomplete and degraded joint states."""
 
 import math
 import time
@@ -25,7 +25,7 @@ from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.message_loop import LOG_PERIOD
 
 COMPLETION_TIME = 1.0
-"""[s] without a complete state after which its missing joints are logged."""
+"""[s] without a complete state after which the missing joints are logged."""
 REMEDIES = {
     'too old': 'synchronise the clocks of driver and computer, or set `state_max_age`',
     'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
@@ -34,14 +34,14 @@ REMEDIES = {
     'stamp jumped ahead': 'stop all but one publisher of the joints of this arm',
     'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
 }
-"""What to do about dropped joint states, by the reason."""
+"""Remedy for dropped joint states, by reason."""
 
 
 class StateLog:
     """
-    Logs at most one line of a kind in LOG_PERIOD.
+    Logs at most one line per kind and LOG_PERIOD.
 
-    rclpy limits the lines of a place in the source, and `warn` is one place for all kinds.
+    rclpy throttles per source line, but `warn` is one source line for all kinds.
     """
 
     def __init__(self, node: Node, counters: ControlCounters) -> None:
@@ -58,7 +58,7 @@ class StateLog:
             self._node.get_logger().warning(words)
 
     def count(self, reason: str) -> None:
-        """Count a dropped state that is not worth a line."""
+        """Count a dropped state without logging it."""
         self._counters.dropped[reason] += 1
         self._counters.last_drop = f'Dropped a joint state: {reason}'
 
@@ -71,7 +71,7 @@ class StateLog:
         self.warn('dropped', words)
 
     def part(self, missing: list[str], seconds: float) -> None:
-        """Note a message that completes no state; log it if none was complete for so long [s]."""
+        """Count a message that completes no state; log it if `seconds` passed without one."""
         self._counters.incomplete += 1
         self._counters.missing = tuple(missing)
         if seconds > COMPLETION_TIME:
@@ -81,7 +81,7 @@ class StateLog:
                 'them on joint_states, or set the parameter joints to the joints in use.')
 
     def refuse_embedded(self, words: str) -> None:
-        """Note a state of another robot than the embedded arm; log the first one."""
+        """Count a state of another robot than the embedded arm; log the first one."""
         self._counters.dropped['not the embedded arm'] += 1
         self._counters.last_drop = f'Nothing is published: {words}'
         if words != self._refused:
@@ -89,9 +89,9 @@ class StateLog:
             self._node.get_logger().error(self._counters.last_drop)
 
     def velocities(self, controller: Controller, v: FloatArray | None) -> None:
-        """Log once that the joint states have no velocities, and what follows from that."""
+        """Log once that the joint states have no velocities, and the effect of that."""
         if v is None and controller.estimates_velocity:
-            return  # the first state, which has nothing to be compared with
+            return  # an estimate needs a second state
         source = 'missing' if v is None else 'estimated from positions'
         if source == self._counters.velocities:
             return
@@ -101,10 +101,10 @@ class StateLog:
             'is followed. Publish velocities, or set require_measured_velocities to false.'
             if v is None else
             'The joint states have no velocities: they are estimated from the positions, over '
-            f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if that is needed.')
+            f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if necessary.')
 
     def bandwidth(self, controller: Controller) -> None:
-        """Log how far the gains are lowered, when that has changed much."""
+        """Log the gain scaling if it has changed much."""
         scale = self.bandwidth_scale = controller.bandwidth_scale
         if not controller.knows_quality or (
                 0.8 < scale / self._reported_scale < 1.25 and scale < 1.0):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `dynamics` says of its joint states on /diagnostics: why some were dropped, and timing."""
+"""The statuses of the joint states on /diagnostics: dropped messages, and timing."""
 
 import time
 
@@ -21,7 +21,7 @@ from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 
 
 class StateReport:
-    """Tells whether joint states arrive, how regularly, and why any were dropped."""
+    """Reports whether joint states arrive, how regularly, and why some were dropped."""
 
     def __init__(self, counters: ControlCounters) -> None:
         self._counters = counters
@@ -30,9 +30,9 @@ class StateReport:
 
     def statuses(self, state_timeout: float) -> list[Status]:
         """
-        Return the statuses now; a drop is told of for a second.
+        Return the present statuses; a drop is reported for 1 s.
 
-        Intervals of more than half of `state_timeout` [s] are worth a warning.
+        An interval of more than half of `state_timeout` [s] is a warning.
         """
         now = time.monotonic()
         timing = self._counters.timing.look(now)
@@ -40,7 +40,7 @@ class StateReport:
 
     def _arrival(self, now: float, rate: float) -> Status:
         counters = self._counters
-        # Copies, made in one go: the control path counts in a thread of its own.
+        # Atomic copies: the control path counts in another thread.
         drops, restarts = dict(counters.dropped), dict(counters.restarts)
         dropped = sum(drops.values()) - drops.get('other joints', 0)
         if dropped > self._dropped_before:
@@ -62,7 +62,7 @@ class StateReport:
             'parts of a state': counters.incomplete,
             'velocities': counters.velocities,
             **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
-            **{f'started anew: {reason}': count for reason, count in sorted(restarts.items())}})
+            **{f'restarted: {reason}': count for reason, count in sorted(restarts.items())}})
 
     def _timing(self, state_timeout: float) -> Status:
         timing, late = self._counters.timing.timing, self._counters.timing.late

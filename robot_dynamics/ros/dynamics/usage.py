@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What `--help` of the node `dynamics` prints."""
+"""The `--help` text of the node `dynamics`."""
 
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.ros.node_arguments import NodeUsage
@@ -20,7 +20,7 @@ from robot_dynamics.ros.node_arguments import NodeUsage
 USAGE = NodeUsage(
     'dynamics_node',
     'Gravity compensation, computed torque and dynamics services for the arm of a URDF. The node '
-    'answers each joint state with the efforts for it.',
+    'publishes a command for each joint state.',
     SPECS,
     ('robot_description_file', 'joints', 'gravity', 'command', 'gains.natural_frequency',
      'gains.damping_ratio', 'effort_scale', 'measured_effort', 'robot_compensates',
@@ -30,8 +30,8 @@ USAGE = NodeUsage(
      ('~/joint_trajectory', 'Subscribed: the reference.'),
      ('effort_command, ~/commands', 'Published: the command, as JointState and as '
       'Float64MultiArray.'),
-     ('~/gravity_compensation, ~/computed_torque', 'Published: what would be commanded, also '
-      'with `command: none`.'),
+     ('~/gravity_compensation, ~/computed_torque', 'Published: the results of both control '
+      'laws, also with `command: none`.'),
      ('/diagnostics', 'Published: joint states, command, faults, reference, model.'),
      ('~/stop, ~/reset_fault, ~/set_payload', 'Services: stop the arm and hold it, reset a '
       'latched fault, set the payload.')))

@@ -15,10 +15,10 @@
 """
 The loops of `simulated_arm`: step the arm, publish its state, take the effort for it.
 
-In wall time a state goes out every period, and the newest effort acts until the next, or until
-none has arrived for too long. In lock-step a state waits for the effort that carries its stamp, so
-that the same efforts meet the same states however fast the processes run; time stands still
-without an effort, so that none can be overdue.
+In wall time a state is published every period. The newest effort acts until the next one arrives,
+or until command_timeout. In lock-step each state waits for the effort with its stamp, so that the
+same efforts act on the same states at any speed of the processes. Without an effort, simulated
+time is paused, so that no effort can be overdue.
 """
 
 from abc import ABC, abstractmethod
@@ -43,19 +43,19 @@ from sensor_msgs.msg import JointState
 
 NEWEST_ONLY = QoSProfile(depth=1)
 MAX_LAG = 0.1
-"""[s] that the simulation may run late before it says so, and lets go of it."""
+"""Lateness [s] above which the simulation discards its backlog and logs a warning."""
 FASTEST_PERIOD = 0.5
-"""Share of the period between two states while the simulation catches up."""
+"""Fraction of the period between two states while the simulation catches up."""
 RESEND_PERIOD = 0.1
 """
-[s] after which a state is published again that lock-step waits with, or that is paused at.
+[s] after which the waiting state of lock-step, or the state of a pause, is published again.
 
-The first time there may have been no subscriber yet.
+The first message may have been published before there was a subscriber.
 """
 
 
 class ArmTopics:
-    """The joint states and the clock of the simulated arm, and the efforts that it takes."""
+    """The joint states and the clock of the simulated arm, and the efforts that it receives."""
 
     def __init__(self, node: Node, joint_names: tuple[str, ...], with_clock: bool) -> None:
         self._node = node
@@ -86,14 +86,14 @@ class ArmTopics:
                 return None
             state = self._decoder.decode(taken[0])
             effort = self._reader.finite_effort(state)
-        except Exception as error:  # nothing that arrives may end the simulation
+        except Exception as error:  # no message may end the simulation
             self._node.get_logger().warning(
-                f'Refused an effort: {describe_error(error)}', throttle_duration_sec=LOG_PERIOD)
+                f'Rejected an effort: {describe_error(error)}', throttle_duration_sec=LOG_PERIOD)
             return None
         return effort, state.stamp_ns
 
     def publish(self, stamp_ns: int, measured: Measured) -> None:
-        """Publish what is measured, after the time that it is of."""
+        """Publish simulated time, then the measured state."""
         if self._clock is not None:
             self._clock.publish(Clock(clock=stamp_to_ros(stamp_ns)))
         template = self._with_effort if len(measured.effort) else self._without_effort
@@ -104,7 +104,7 @@ class ArmTopics:
 
 
 class _Loop(ABC):
-    """A thread that waits for efforts and for being stopped."""
+    """A thread that waits for efforts and for its end."""
 
     def __init__(
         self, node: Node, plant: Plant, topics: ArmTopics, lock: threading.Lock, period: float,
@@ -133,8 +133,8 @@ class _Loop(ABC):
             self._run()
         except Exception as error:
             if self._node.context.ok():
-                self._node.get_logger().fatal(f'The simulation ended: {error!r}')
-                self._node.context.try_shutdown()  # a node without a simulation is none
+                self._node.get_logger().fatal(f'The simulation failed, the node ends: {error!r}')
+                self._node.context.try_shutdown()  # the node is useless without it
 
     @abstractmethod
     def _run(self) -> None:
@@ -144,7 +144,7 @@ class _Loop(ABC):
         return not self._stopping.is_set() and self._node.context.ok()
 
     def _wait_for_effort(self, seconds: float) -> bool:
-        """Return whether an effort can be taken; wait for it at most so long."""
+        """Return whether an effort can be taken; wait at most `seconds` [s] for it."""
         inbox = self._topics.inbox
         inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
         return inbox.is_ready()
@@ -164,25 +164,26 @@ class _Loop(ABC):
             f'efforts clipped so far: {plant.clipped_count}', throttle_duration_sec=LOG_PERIOD)
 
     def _advance(self) -> Measured:
-        """Return what is measured one period on; an arm flung to infinity starts again."""
+        """Return the measured state one period later; reset the arm if the simulation diverges."""
         with self._lock:
             try:
                 self._plant.step(self._period)
             except RobotDynamicsError as error:
                 self._node.get_logger().error(
-                    f'Back to the initial pose: {error}', throttle_duration_sec=LOG_PERIOD)
+                    f'Simulation diverged ({error}); reset to the initial pose.',
+                    throttle_duration_sec=LOG_PERIOD)
                 self._plant.reset()
             return self._plant.measure()
 
 
 class WallTimeLoop(_Loop):
     """
-    A state every period of the wall clock.
+    Publishes one state per period of the wall clock.
 
-    Stamps are whole periods apart, as the simulated time is. A late loop catches up at no more
-    than 1 / FASTEST_PERIOD times real time, so that the controller still answers every state. What
-    it lags behind beyond MAX_LAG it lets go: a time of its own stands still for that long, and by
-    the computer's clock, where a state would soon be too old to be answered, the arm does.
+    Stamps are whole periods apart, as in simulated time. A late loop catches up at no more than
+    1 / FASTEST_PERIOD times real time, so that the controller can still answer every state. A
+    backlog of more than MAX_LAG is discarded: simulated time is paused for that long. Without
+    simulated time the stamps skip it while the arm does not move, because old states are dropped.
     """
 
     def _run(self) -> None:
@@ -204,8 +205,8 @@ class WallTimeLoop(_Loop):
             passed, before = now - before, now
             if before - due > MAX_LAG:
                 self._node.get_logger().warning(
-                    f'{before - due:.3f} s behind the rate of {1.0 / self._period:g} Hz',
-                    throttle_duration_sec=LOG_PERIOD)
+                    f'The simulation was {before - due:.3f} s late at {1.0 / self._period:g} Hz; '
+                    'it discards this backlog.', throttle_duration_sec=LOG_PERIOD)
                 if own_time:
                     start += before - due
                 else:
@@ -214,7 +215,7 @@ class WallTimeLoop(_Loop):
             measured = self._advance()
 
     def _pause(self, stamp_ns: int, measured: Measured) -> float:
-        """Publish the same state while the simulation is paused; return how long [s] it was."""
+        """Publish the same state while the simulation is paused; return the duration [s]."""
         begin = time.monotonic()
         while self.is_paused and self._running():
             self._topics.publish(stamp_ns, measured)
@@ -237,11 +238,11 @@ class WallTimeLoop(_Loop):
         self._apply(effort)
         if had_timed_out:
             self._node.get_logger().info(
-                'Efforts arrive again: the arm goes on from where it is.',
+                'Efforts arrive again: the motion continues from the current state.',
                 throttle_duration_sec=LOG_PERIOD)
 
     def _watch_commands(self, passed: float, stamp_ns: int) -> None:
-        """Hold the arm where efforts have failed to come, and say so; all that came are taken."""
+        """Engage the brakes and log it if efforts time out; received efforts are taken before."""
         plant = self._plant
         with self._lock:
             if not plant.watch_commands(passed, self._period):
@@ -258,9 +259,9 @@ class WallTimeLoop(_Loop):
 
 class LockStepLoop(_Loop):
     """
-    A state, then the effort that carries its stamp, then the next state, in simulated time.
+    Publishes a state, waits for the effort with its stamp, then advances simulated time.
 
-    That time is at most `real_time_factor` times as fast as a clock; infinite for no limit.
+    Simulated time is at most `real_time_factor` times as fast as real time; infinite: no limit.
     """
 
     real_time_factor = math.inf
@@ -278,7 +279,7 @@ class LockStepLoop(_Loop):
             measured = self._plant.measure()
         while self._running():
             stamp_ns = tick * self._period_ns
-            due = max(due + least, time.monotonic())  # what is lost is not caught up with
+            due = max(due + least, time.monotonic())  # a delay is not caught up
             effort = self._ask(stamp_ns, measured)
             while effort is not None and self.is_paused:
                 self._stopping.wait(RESEND_PERIOD)
@@ -291,7 +292,7 @@ class LockStepLoop(_Loop):
             measured = self._advance()
 
     def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:
-        """Publish a state until its effort arrives; return None when told to stop."""
+        """Publish a state until its effort arrives; return None if the loop must stop."""
         self._unanswered.begin(stamp_ns, stamp_ns - self._period_ns)
         while self._running():
             self._topics.publish(stamp_ns, measured)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node `simulated_arm`: answers efforts with the motion that they cause, as joint states."""
+"""The node `simulated_arm`: simulates the motion under efforts, and publishes joint states."""
 
 from collections.abc import Sequence
 import sys
@@ -149,7 +149,7 @@ USAGE = NodeUsage(
 
 class SimulatedArmNode(GuardedCallbacks):
     """
-    Wires parameters, topics and services to the simulation; computes nothing itself.
+    Connects parameters, topics and services to the simulation; computes nothing itself.
 
     Any executor may spin it; simulated time passes from the first spin on.
     """
@@ -158,7 +158,7 @@ class SimulatedArmNode(GuardedCallbacks):
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
 
-        Raises RobotDynamicsError where the parameters or the URDF cannot be used.
+        Raises RobotDynamicsError if the parameters or the URDF are invalid.
         """
         super().__init__('simulated_arm', **node_arguments)
         with destroyed_unless_made(self):
@@ -191,7 +191,7 @@ class SimulatedArmNode(GuardedCallbacks):
         self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
         self.create_timer(
             LOOK_PERIOD, GraphWatch(
-                self, {'joint_states': topics.topic}, 'Stop any that reports joints of this arm.'
+                self, {'joint_states': topics.topic}, 'Stop any publisher of joints of this arm.'
             ).look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
@@ -203,7 +203,7 @@ class SimulatedArmNode(GuardedCallbacks):
         self.call_when_spun(self._loop.start)
 
     def destroy_node(self) -> None:
-        """Stop the simulation, then the rest."""
+        """Stop the simulation, then destroy the node."""
         loop = getattr(self, '_loop', None)
         if loop is not None:
             loop.stop()
@@ -221,11 +221,11 @@ class SimulatedArmNode(GuardedCallbacks):
             self._loop.is_paused = values['paused']
 
     def _on_wrench(self, message: WrenchStamped) -> None:
-        """Take the wrench on this link from now on; all zeros lift it."""
+        """Apply the wrench to its link from now on; zeros remove it."""
         try:
             wrench, = wrenches_from_ros(self._arm, [message])
-        except Exception as error:  # rclpy ends its spin at anything that is raised here
-            self.get_logger().error(f'Refused an external wrench: {describe_error(error)}')
+        except Exception as error:  # an exception here would end the spin of rclpy
+            self.get_logger().error(f'Rejected an external wrench: {describe_error(error)}')
             return
         with self._lock:
             self._plant.wrenches[wrench.link] = wrench
@@ -233,7 +233,7 @@ class SimulatedArmNode(GuardedCallbacks):
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self._plant.reset()
-        response.success, response.message = True, 'back at the initial pose'
+        response.success, response.message = True, 'the arm is at its initial pose'
         return response
 
     def _set_payload(
@@ -245,11 +245,11 @@ class SimulatedArmNode(GuardedCallbacks):
                 self._settings.values)
             if request.transition_time != 0.0:
                 raise InvalidInputError(
-                    f'transition_time is {request.transition_time:g}, expected 0: a load is on '
-                    'the simulated arm, or it is not')
+                    f'transition_time is {request.transition_time:g}, expected 0: the simulated '
+                    'arm changes its load at once')
             with self._lock:
                 self._plant.simulation.set_payloads(payloads)
-        except Exception as error:  # rclpy ends its spin at anything that is raised here
+        except Exception as error:  # an exception here would end the spin of rclpy
             response.success, response.message = False, describe_error(error)
             return response
         response.success = True
@@ -264,8 +264,8 @@ def _check(values: Values) -> None:
     convention_from_parameters(values)
     if values['paused'] and not _has_own_time(values):
         raise InvalidInputError(
-            'paused is true, expected false, or lock_step or publish_clock as well: the time of '
-            'the computer cannot be paused')
+            'paused is true, expected false, or also lock_step or publish_clock: the clock of the '
+            'computer cannot be paused')
 
 
 def _before_efforts(values: Values) -> str:
