@@ -87,7 +87,7 @@ def photograph(page: browser.Page, path: Path) -> None:
     page.wait_for_words('follows a reference')
     page.tab.get_by_label('mass [kg]').fill('5')
     page.press('Attach')
-    page.wait_for_words('the controller knows of 5 kg')
+    page.wait_for_words('payload of the controller: 5 kg')
     page.tab.get_by_label('joint', exact=True).first.click()
     page.tab.get_by_role('option', name='shoulder_lift_joint').click()
     page.drag(FORCE, 0.3)

@@ -13,14 +13,13 @@
 # limitations under the License.
 
 """
-Record topics as the bytes that come over the wire, without decoding them.
+Record topics as serialized bytes, without deserialization.
 
 Only the bytes of the stamp at the beginning of a message are decoded, because decoding a whole
 message costs many times as much, and the recorder shares the processor with the nodes.
 
-The recorder has no thread and no executor: its owner drains it often enough, or waits on it for
-one topic. A drain takes all that has arrived, which costs far less than to be woken for each
-message.
+The recorder has no thread and no executor: its owner drains it often enough, or waits for one
+topic. A drain takes all waiting messages, which costs far less than one wake-up per message.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,17 +40,17 @@ from robot_dynamics.ros.rclpy_internals import message_inbox
 from std_msgs.msg import String
 
 RECEIVE_DEPTH = 2000
-"""Messages of one topic that may wait to be drained: seconds, at the rate of a control loop."""
+"""Queue length of one topic until a drain: seconds at the rate of a control loop."""
 _STAMP_END = 12
-"""[bytes] of the encapsulation and of the stamp, with which a header begins."""
+"""Size [bytes] of the encapsulation and of the stamp at the beginning of a header."""
 
 
 @dataclass(frozen=True)
 class TopicSpec:
     """
-    A topic to record, with what its publisher offers.
+    A topic to record, with the QoS that its publisher offers.
 
-    `stamped` says that its header carries the stamp of the joint state that it belongs to.
+    `stamped`: its header has the stamp of the joint state to which the message belongs.
     """
 
     name: str
@@ -69,10 +68,9 @@ class TopicSpec:
 @dataclass
 class TopicCount:
     """
-    What arrived of a topic.
+    Counters of a topic.
 
-    Messages received, those written to the recording, those lost before them, and the newest
-    stamp [ns], or -1.
+    Numbers of received, recorded and lost messages, and the newest stamp [ns], or -1.
     """
 
     received: int = 0
@@ -82,7 +80,7 @@ class TopicCount:
 
 
 class _Source:
-    """One subscription, and how far its publisher has counted."""
+    """One subscription, and the last sequence number of its publisher."""
 
     def __init__(self, node: Node, spec: TopicSpec) -> None:
         self.spec = spec
@@ -97,18 +95,18 @@ class _Source:
 
 
 class Recorder:
-    """Writes what arrives on some topics to a recording; for one thread."""
+    """Writes the messages of some topics to a recording; not thread-safe."""
 
     def __init__(
         self, node: Node, writer: RecordingWriter, topics: Sequence[TopicSpec],
         time_ns: Callable[[], int] | None = None,
     ) -> None:
         """
-        Subscribe to `topics`; the writer stays the caller's to close.
+        Subscribe to `topics`; the caller closes the writer.
 
-        Messages are recorded under the time of their arrival. With `time_ns`, which says how
-        far a playback is, under that time instead, stamped ones under their stamp. Raises
-        RecordingError where the definition of a type is not known to the writer.
+        Messages are recorded with their time of arrival. With `time_ns`, which returns the time
+        of a playback, they are recorded with this time, and stamped messages with their stamp.
+        Raises RecordingError if the writer has no definition of a type.
         """
         self._writer, self._time_ns = writer, time_ns
         self.span_ns: tuple[float, float] = (-math.inf, math.inf)
@@ -119,7 +117,7 @@ class Recorder:
             writer.add_topic(spec.name, spec.type_name, spec.qos)
 
     def drain(self) -> int:
-        """Record all that has arrived; return how many messages that was."""
+        """Record all waiting messages; return their number."""
         return sum(self._drain(source) for source in self._sources)
 
     def wait(self, topic: str, seconds: float) -> bool:
@@ -129,7 +127,7 @@ class Recorder:
         return source.inbox.is_ready()
 
     def close(self) -> None:
-        """Record what is left, and end the subscriptions."""
+        """Record the waiting messages, and end the subscriptions."""
         self.drain()
         for source in self._sources:
             source.inbox.close()
@@ -170,7 +168,7 @@ def interface_definitions(package: str, names: Sequence[str]) -> dict[str, str]:
     """
     Return the texts of a package's message types by name, for `RecordingWriter`.
 
-    Raises RecordingError where the package is not installed.
+    Raises RecordingError if the package is not installed.
     """
     try:
         directory = Path(get_package_share_directory(package), 'msg')
@@ -189,9 +187,9 @@ def _first_stamp_ns(data: bytes) -> int:
 
 
 def _lost_before(source: _Source, info: Any) -> int:
-    """Return how many messages of its only publisher were skipped before this one."""
+    """Return the number of lost messages of the only publisher before this message."""
     sequence = info['publication_sequence_number']
-    if sequence is None:  # middlewares need not count
+    if sequence is None:  # sequence numbers are optional in a middleware
         return 0
     last, source.sequence = source.sequence, sequence
     return 0 if last is None or sequence <= last else sequence - last - 1

@@ -16,7 +16,7 @@
 Compare the effort of recordings with that of a model: `analyze_bag BAG… --urdf URDF`.
 
 Exit status: 0 done; 1 some recordings failed, which are listed; 2 a mistake in the arguments, or
-none could be analysed; 130 interrupted.
+no recording could be analysed; 130 interrupted.
 """
 
 import argparse
@@ -64,14 +64,14 @@ from robot_dynamics.tools.command_line import (
 )
 
 LONGEST_LIST = 20
-"""Failures that are printed; of more it is said how many."""
+"""Number of printed failures; the others are only counted."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
     interrupted = 'interrupted' + (
-        '; the same command goes on from here' if arguments.output else '')
+        '; run the same command to resume' if arguments.output else '')
     return run_tool('analyze_bag', partial(_run, arguments), interrupted=interrupted)
 
 
@@ -79,21 +79,21 @@ def _parser() -> Parser:
     parser = Parser(
         prog='analyze_bag',
         description='Compare the measured effort of recorded joint states with inverse dynamics '
-                    'of a model:\nresidual at each joint, effort by term, use of limits. '
-                    'Recordings are those of rosbag2,\nsqlite3 or MCAP, also damaged ones.',
+                    'of a model:\nresidual per joint, effort by term, use of limits. '
+                    'Reads rosbag2 recordings\n(sqlite3 or MCAP), also damaged ones.',
         epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
-               'none could be\nanalysed, 130 interrupted')
+               'no recording\ncould be analysed, 130 interrupted')
     add_recordings(parser, 'the description in the recording')
     add_cutoff(parser)
     add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(
         '--output', type=Path, metavar='DIR',
-        help=f'write {REPORT}, {PICTURE}, {TABLE} and the recording {TERMS}/ there; of several '
-             'recordings into a directory each')
+        help=f'Output directory of {REPORT}, {PICTURE}, {TABLE} and the recording {TERMS}/; for '
+             'several recordings, one directory each')
     parser.add_argument(
-        '--parquet', action='store_true', help=f'write {PARQUET} too (extra: parquet)')
+        '--parquet', action='store_true', help=f'Also write {PARQUET} (extra: parquet)')
     parser.add_argument(
-        '--no-report', action='store_true', help=f'write neither {REPORT} nor {PICTURE}')
+        '--no-report', action='store_true', help=f'Write neither {REPORT} nor {PICTURE}')
     add_workers(parser)
     return parser
 
@@ -102,7 +102,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:
-            raise InvalidInputError('--parquet is given without --output, the directory for it')
+            raise InvalidInputError('--parquet is given without --output, the output directory')
     if arguments.dask is not None:
         require_dask()
     bags = find_recordings(arguments.bags, arguments.output)
@@ -133,7 +133,7 @@ def _run_with_progress(
     bags: Sequence[Path], task: AnalysisTask, arguments: argparse.Namespace,
     kept: Path | None, each: Sequence[AnalysisTask] | None,
 ) -> list[TaskOutcome[AnalysisResult]]:
-    """Analyse all, and show how far that is: by recordings, or by the steps of a single one."""
+    """Analyse all recordings with a progress bar, over the steps if there is only one."""
     single = len(bags) == 1 and arguments.dask is None
     steps = len(STEPS) + len(task.outputs) if single else len(bags)
     with Progress(steps, 'steps' if single else 'recordings') as progress:
@@ -169,12 +169,12 @@ def print_one(result: AnalysisResult, is_resumed: bool) -> None:
     if result.written:
         print('\nWritten:\n' + '\n'.join(f'  {path}' for path in result.written))
     if is_resumed:
-        print('(from an earlier run: nothing of it has changed)')
+        print('(cached result from an earlier run)')
 
 
 def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[str]) -> None:
-    """Print a line for each recording that was analysed, and all of an arm together."""
-    rows = [('recording', 'samples', 'lost', 'remarks', 'relative residual of each joint')]
+    """Print a line per analysed recording, and the combined figures per arm."""
+    rows = [('recording', 'samples', 'lost', 'remarks', 'relative residual per joint')]
     arms: dict[tuple[str, ...], list[AnalysisResult]] = {}
     for name, outcome in zip(names, outcomes):
         if outcome.result is None:
@@ -196,7 +196,7 @@ def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[
 
 
 def print_failures(failed: Sequence[tuple[str, str]]) -> None:
-    """Print which recordings failed, and why, to stderr."""
+    """Print the failed recordings and the reasons to stderr."""
     if not failed:
         return
     print(f'analyze_bag: {len(failed)} could not be analysed:', file=sys.stderr)

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Draw a moving picture of a planar chain: forces, moments, energies, and the recursion at work.
+Draw an animation of a planar chain: forces, moments, energies, and the passes of the recursion.
 
-Exit status: 0 drawn; 1 the picture cannot be written; 2 a mistake in the arguments, or a file that
-cannot be used.
+Exit status: 0 drawn; 1 the animation cannot be written; 2 a mistake in the arguments, or a file
+that cannot be used.
 """
 
 import argparse
@@ -47,9 +47,9 @@ LONGEST_DURATION = 600.0
 DEFAULT_RATE = 12.0
 SIMULATED_SPEED, RECORDED_SPEED = 0.5, 1.0
 CUTOFF = 5.0
-"""[Hz] of the filter of recorded motions."""
+"""Cut-off frequency [Hz] of the filter of recorded motions."""
 STILL = 0.1
-"""[rad] or [m] that a joint may move in a recording and still be drawn as locked."""
+"""Largest motion [rad] or [m] of a joint in a recording that is drawn as locked."""
 ROBOT_DESCRIPTION = '/robot_description'
 
 
@@ -62,43 +62,45 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> Parser:
     parser = Parser(
         prog='animate',
-        description='Draw a moving picture of a planar chain: links, the force and the moment at '
-                    'each joint,\nenergies and efforts by term, and, where the motion stops, both '
-                    'passes of the Newton-Euler\nrecursion. Without arguments: a double pendulum, '
-                    'lifted by its motors and let go of.',
-        epilog='exit status: 0 drawn, 1 the picture cannot be written, 2 a mistake in the '
+        description='Draw an animation of a planar chain: links, the force and the moment at each '
+                    'joint,\nenergies, efforts by term, and at pauses of the motion both passes '
+                    'of the Newton-Euler\nrecursion. Without arguments: a double pendulum that '
+                    'is lifted by its motors and released.',
+        epilog='exit status: 0 drawn, 1 the animation cannot be written, 2 a mistake in the '
                'arguments, or a file\nthat cannot be used')
     parser.add_argument(
         'bag', nargs='?', type=Path, metavar='BAG',
-        help='a recording with joint states of the chain, to be drawn instead of a simulation')
-    parser.add_argument('--topic', metavar='NAME', help='of the joint states in the recording')
+        help='Recording with joint states of the chain, drawn instead of a simulation')
+    parser.add_argument(
+        '--topic', metavar='NAME', help='Topic of the joint states in the recording')
     parser.add_argument(
         '--urdf', metavar='FILE',
-        help='the arm: a path, or package://PACKAGE/PATH (default: the description in the '
-             'recording, else the planar two-link arm)')
+        help='URDF of the arm: a path, or package://PACKAGE/PATH (default: the description in '
+             'the recording, or else the planar two-link arm)')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
-        help='joints that turn about parallel axes (default: all); the rest is locked')
+        help='Joints with parallel axes (default: all); the other joints are locked')
     parser.add_argument(
         '--from', type=float, default=0.0, metavar='S', dest='start',
-        help='where in the recording to begin [s]')
+        help='Start time in the recording [s]')
     parser.add_argument(
         '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
-        help='of the motion [s] (default: %(default)g)')
+        help='Duration of the motion [s] (default: %(default)g)')
     parser.add_argument(
         '--speed', type=float, metavar='X',
-        help=f'how fast to show it (default: {SIMULATED_SPEED:g} times as fast as it is, a '
-             f'recording {RECORDED_SPEED:g})')
+        help='Playback speed as a multiple of real time (default: '
+             f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})')
     parser.add_argument(
         '--rate', type=float, default=DEFAULT_RATE, metavar='HZ',
-        help='frames a second (default: %(default)g)')
+        help='Frame rate [Hz] (default: %(default)g)')
     parser.add_argument(
         '--stop', type=float, nargs='*', metavar='S',
-        help='when the passes of the recursion are shown [s]; none without a value (default: '
-             'once)')
+        help='Times of the pauses that show the passes of the recursion [s]; no pause without a '
+             'value (default: one pause)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
-        help='a .gif, or a .mp4 where there is ffmpeg (default: out/<name of the arm>.gif)')
+        help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
+             'arm>.gif)')
     return parser
 
 
@@ -110,7 +112,8 @@ def _run(arguments: argparse.Namespace) -> int:
         RECORDED_SPEED if recorded else SIMULATED_SPEED)
     speed = check_scalar('--speed', speed, 0.01, 100.0)
     if arguments.topic is not None and not recorded:
-        raise InvalidInputError('--topic is given without a recording, which has the topic')
+        raise InvalidInputError(
+            '--topic is given without a recording; it is a topic of the recording')
     if arguments.output is not None:
         check_format(arguments.output)
     motion = _recorded_motion(arguments, duration, rate / speed) if recorded else (
@@ -131,7 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _simulated_motion(arguments: argparse.Namespace, duration: float, rate: float) -> ArmMotion:
     arm = load_arm(read_robot(arguments.urdf), arguments.joints)
-    PlanarView(arm)  # before the work, as it may refuse the arm
+    PlanarView(arm)  # before the work, because it may reject the arm
     return simulate_motion(arm, duration, rate)
 
 
@@ -162,22 +165,22 @@ def _recorded_motion(arguments: argparse.Namespace, duration: float, rate: float
 
 
 def _check_joints(arm: ArmModel, series: JointSeries, path: Path) -> None:
-    """Raise RecordingError where joints are missing, or those move that the picture locks."""
+    """Raise RecordingError if joints are missing, or if joints move that are drawn as locked."""
     missing = [name for name in arm.joint_names if name not in series.joint_names]
     if missing:
         raise RecordingError(
             f'recording {str(path)!r} has the joints {list(series.joint_names)}, expected '
             f'{missing} of {arm.name!r} too, or other names in --joints or another --urdf')
     if series.position is None:
-        return  # what is measured tells
+        return  # locked joints cannot be checked
     for name, value in arm.locked_joints.items():
         if name in series.joint_names:
             away = np.abs(series.position[:, series.joint_names.index(name)] - value).max()
             if away > STILL:
                 raise RecordingError(
                     f'recording {str(path)!r} moves the joint {name!r} up to {away:.2f} away '
-                    f'from {value:g}, where it is locked: the picture would be of another arm; '
-                    'expected it to stand still, or to be among --joints')
+                    f'from {value:g}, where it is locked: the animation would be wrong; '
+                    'expected a joint at rest, or its name in --joints')
 
 
 if __name__ == '__main__':

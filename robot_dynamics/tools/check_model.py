@@ -34,8 +34,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run the tool, and return its exit status.
 
-    0: no error is left; 1: errors; 2: the file or the arguments cannot be used, which one line on
-    stderr explains.
+    0: no errors; 1: errors; 2: the file or the arguments are invalid. One line on stderr has the
+    reason.
     """
     parser = _parser()
     arguments = parser.parse_args(argv)
@@ -48,20 +48,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> Parser:
     parser = Parser(
         prog='check_model',
-        description='Check the model in a URDF before trusting what is computed with it.\n'
-                    'Errors are what dynamics_node refuses; warnings are suspicious.',
+        description='Check the model in a URDF before its use.\n'
+                    'dynamics_node rejects a model with errors; warnings are suspicious values.',
         epilog='checks:\n' + '\n'.join(f'  {name:20} {what}' for name, what in CHECKS.items())
-               + '\n\nexit status: 0 no errors, 1 errors, 2 the file or arguments cannot be used')
+               + '\n\nexit status: 0 no errors, 1 errors, 2 the file or the arguments are invalid')
     parser.add_argument(
         'urdf', nargs='?', type=Path, metavar='URDF',
-        help='a file; .xacro is expanded where xacro is installed')
+        help='URDF file; a .xacro file is expanded if xacro is installed')
     parser.add_argument(
         '--ignore', nargs='+', default=[], metavar='NAME', choices=tuple(CHECKS),
-        help='checks whose errors do not count')
+        help='Names of checks whose errors are ignored')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
-        help='the actuated joints, as the parameter joints (default: all); the rest is locked')
-    parser.add_argument('--json', action='store_true', help='write the findings as JSON')
+        help='Actuated joints, like the parameter joints (default: all); the others are locked')
+    parser.add_argument('--json', action='store_true', help='Print the findings as JSON')
     return parser
 
 

@@ -40,7 +40,7 @@ class ToolError(RobotDynamicsError):
 
 
 class Parser(argparse.ArgumentParser):
-    """Keeps the line breaks of its texts, and reports a mistake in one line with MISTAKE."""
+    """Keeps the line breaks of texts, and reports a mistake in one line with MISTAKE."""
 
     def __init__(self, **options: Any) -> None:
         options.setdefault('formatter_class', argparse.RawDescriptionHelpFormatter)
@@ -96,16 +96,16 @@ def add_recordings(parser: argparse.ArgumentParser, urdf_default: str | None) ->
     """Add BAG…, --urdf, which is required without a default, --topic and --map."""
     parser.add_argument(
         'bags', nargs='+', type=Path, metavar='BAG',
-        help='a directory of rosbag2, a file .mcap or .db3, or a folder with any of these')
+        help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these')
     add_robot(parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE')
     parser.add_argument(
         '--topic', metavar='NAME_OR_TYPE',
-        help='of the joint states: a topic, or sensor_msgs/msg/JointState where only one has it '
-             '(default: /joint_states, or the only one)')
+        help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
+             'has it (default: /joint_states, or the only topic of this type)')
     parser.add_argument(
         '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
-        help='two names of one joint, in the recording and in the URDF, in either order; may be '
-             'given again')
+        help='Two names of one joint, in the recording and in the URDF, in any order; may be '
+             'repeated')
 
 
 def add_robot(
@@ -114,7 +114,7 @@ def add_robot(
     """Add the option that names the robot, which is required without a default."""
     parser.add_argument(
         option, required=default is None, metavar=metavar,
-        help='a path, or package://PACKAGE/PATH; .xacro too'
+        help='URDF or .xacro file of the robot: a path, or package://PACKAGE/PATH'
              + ('' if default is None else f' (default: {default})'))
 
 
@@ -122,31 +122,32 @@ def add_cutoff(parser: argparse.ArgumentParser) -> None:
     """Add --cutoff."""
     parser.add_argument(
         '--cutoff', type=float, metavar='HZ',
-        help='of the filter [Hz] (default: chosen from the data, and printed)')
+        help='Cut-off frequency of the low-pass filter [Hz] (default: chosen from the data, and '
+             'printed)')
 
 
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
-    """Add --parameters, of which `used` names those that count."""
+    """Add --parameters; `used` names the parameters that have an effect."""
     parser.add_argument(
         '--parameters', type=Path, metavar='FILE',
-        help=f'parameters of dynamics_node: {used}')
+        help=f'Parameter file of dynamics_node; used: {used}')
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add --jobs and --dask."""
     parser.add_argument(
-        '--jobs', type=_count, metavar='N', help='processes (default: one for each core)')
+        '--jobs', type=_count, metavar='N', help='Number of processes (default: one per core)')
     parser.add_argument(
         '--dask', metavar='SCHEDULER',
-        help='share the recordings among the workers of this Dask scheduler, as '
+        help='Address of a Dask scheduler whose workers process the recordings, such as '
              'tcp://host:8786 (extra: dask)')
 
 
 def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
     """
-    Return what the options of recordings ask for.
+    Return the settings of the options for recordings.
 
-    Raises ModelError and InvalidInputError where the URDF or the parameters cannot be read.
+    Raises ModelError or InvalidInputError if the URDF or the parameters cannot be read.
     """
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
     parameters = read_parameters(arguments.parameters)
@@ -156,7 +157,7 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
 
 
 def read_parameters(path: Path | None) -> Mapping[str, Any]:
-    """Return the parameters in a file, none without one; raise InvalidInputError."""
+    """Return the parameters in a file, if there is one; raise InvalidInputError."""
     from robot_dynamics.model.arm_parameters import read_parameter_file
     return {} if path is None else read_parameter_file(path)
 
@@ -165,7 +166,7 @@ def read_robot(text: str | None) -> str:
     """
     Return the URDF of a path, or of file:// or package://; the default arm for None.
 
-    xacro is expanded; only package:// needs ROS. Raises ModelError where there is none.
+    xacro is expanded; only package:// needs ROS. Raises ModelError if there is no URDF.
     """
     if text is None:
         from robot_dynamics.planar.urdf import default_arm_urdf
@@ -181,7 +182,7 @@ def _pair(text: str) -> tuple[str, str]:
     first, separator, second = text.partition('=')
     if not (first and separator and second):
         raise argparse.ArgumentTypeError(
-            f'{text!r}, expected two names as fer_joint1=panda_joint1')
+            f'{text!r}, expected two names such as fer_joint1=panda_joint1')
     return first, second
 
 

@@ -49,7 +49,7 @@ DEFAULT_LEAD = 3.0
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # Before numpy is loaded: threads make matrices of this size slower.
+    # Before numpy is loaded: threads slow down operations on matrices of this size.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     return run_tool('excite', partial(_run, arguments))
 
@@ -57,37 +57,38 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> Parser:
     parser = Parser(
         prog='excite',
-        description='Find a trajectory that tells the parameters of an arm, for identify: a '
-                    'Fourier series from\nrest to rest within the limits of the arm, whose '
-                    'condition number is small.',
+        description='Find a trajectory that excites all parameters of an arm, for identify: a '
+                    'Fourier series\nfrom rest to rest within the limits of the arm, with a small '
+                    'condition number.',
         epilog='exit status: 0 done, 2 a mistake in the arguments or no motion can be found, 130 '
                'interrupted')
     add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     parser.add_argument(
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
-        help='the trajectory_msgs/JointTrajectory (default: %(default)s)')
+        help='Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)')
     add_parameters(parser, 'joints, gravity, friction, motors')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
-        help='the joints to move, as the parameter joints (default: all); the rest is locked')
+        help='Joints to move, like the parameter joints (default: all); the others are locked')
     parser.add_argument(
         '--start', nargs='+', type=float, metavar='Q',
-        help='where the motion starts and ends, one a joint [rad] or [m] (default: a pose well '
-             'within the limits)')
+        help='Joint positions at the start and the end of the motion, one per joint [rad] or [m] '
+             '(default: a pose well within the limits)')
     parser.add_argument(
         '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
-        help='of the motion [s] (default: %(default)g)')
+        help='Duration of the motion [s] (default: %(default)g)')
     parser.add_argument(
         '--harmonics', type=int, default=DEFAULT_HARMONICS, metavar='N',
-        help='of the series; the fastest is N / duration [Hz] (default: %(default)d)')
+        help='Number of harmonics of the series; the highest frequency is N / duration [Hz] '
+             '(default: %(default)d)')
     parser.add_argument(
         '--lead', type=float, default=DEFAULT_LEAD, metavar='S',
-        help='time to reach the start in [s], before the motion (default: %(default)g)')
+        help='Time to reach the start before the motion [s] (default: %(default)g)')
     for name, default, words in (
-            ('position-margin', 0.05, 'share of each range to keep free at either end'),
-            ('velocity-scale', 0.6, 'share of the velocity limits to use'),
-            ('effort-scale', 0.8, 'share of the effort limits to use'),
-            ('acceleration', 6.0, 'largest acceleration [rad/s^2] or [m/s^2]')):
+            ('position-margin', 0.05, 'Fraction of each position range to keep free at each end'),
+            ('velocity-scale', 0.6, 'Fraction of the velocity limits to use'),
+            ('effort-scale', 0.8, 'Fraction of the effort limits to use'),
+            ('acceleration', 6.0, 'Largest acceleration [rad/s^2] or [m/s^2]')):
         parser.add_argument(
             f'--{name}', type=float, default=default, metavar='X',
             help=f'{words} (default: %(default)g)')
@@ -152,8 +153,8 @@ def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajector
           f'parameters, friction and rotors; of {len(random)} random series within the same '
           f'limits:\n                   median {np.median(random):.1f}, best {random.min():.1f}')
     print(f'Motion             {found.lead:g} s to the start, then {excitation.duration:g} s; '
-          f'{len(found.trajectory.points)} points, interpolated to '
-          f'{found.interpolation_error:.1e} of the series')
+          f'{len(found.trajectory.points)} points, interpolation '
+          f'error {found.interpolation_error:.1e} of the series')
 
 
 def _effort(effort: float, limit: float, kind: str) -> str:

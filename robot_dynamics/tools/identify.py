@@ -52,42 +52,43 @@ _WIDTH = 110
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # Small matrices, one after another: more threads than one only wait for each other.
+    # The matrices are small and processed in sequence: more than one thread is slower.
     for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
         os.environ.setdefault(name, '1')
     return run_tool(
         'identify', partial(_run, arguments),
-        interrupted='interrupted; the same command goes on from here')
+        interrupted='interrupted; run the same command to resume')
 
 
 def _parser() -> Parser:
     parser = Parser(
         prog='identify',
         description='Identify masses, inertias, rotors and friction of an arm from recorded joint '
-                    'states with\neffort. Writes a URDF, parameters that dynamics_node loads as '
-                    'they are, and a report.',
+                    'states with\neffort. Writes a URDF, a parameter file for dynamics_node, '
+                    'and a report.',
         epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
                'nothing could\nbe identified, 130 interrupted')
     add_recordings(parser, None)
     parser.add_argument(
         '--train-fraction', type=_fraction, default=0.6, metavar='SHARE',
-        help='of the samples, from the first on, to train with; the rest tests the model '
-             '(default: 0.6)')
+        help='Fraction of the samples, from the first on, that is used for training; the others '
+             'test the model (default: 0.6)')
     add_cutoff(parser)
     parser.add_argument(
         '--effort', choices=('auto', 'torque', 'current'), default='auto',
-        help='what recorded effort is: torque or force, or current, whose gains are then '
-             'identified with the masses of the URDF, and of payloads, as reference (default: '
-             'auto, which is torque unless most joints differ in their gains)')
+        help='Meaning of the recorded effort: torque (or force), or current. For current, the '
+             'drive gains are identified with the masses of the URDF and of payloads as '
+             'reference (default: auto, which is torque unless most joints have different '
+             'gains)')
     parser.add_argument(
         '--payload', action='append', default=[], type=_payload, metavar='LINK=KG[,X,Y,Z]',
-        help='a load that the arm carries in all recordings: its mass [kg] and centre of mass '
-             '[m] in the frame of the link; it is not identified, and no part of what is '
-             'written; may be given again')
+        help='Load that the arm carries in all recordings: mass [kg] and centre of mass [m] in '
+             'the frame of the link. It is neither identified nor part of the output; may be '
+             'repeated')
     add_parameters(parser, 'joints, gravity, motors, measured_effort')
     parser.add_argument(
         '--output', type=Path, default=OUTPUT, metavar='DIR',
-        help=f'write there (default: {OUTPUT})')
+        help=f'Output directory (default: {OUTPUT})')
     add_workers(parser)
     return parser
 
@@ -100,7 +101,7 @@ def _payload(text: str) -> tuple[str, tuple[float, ...]]:
         values = ()
     if not link or len(values) not in (1, 4):
         raise argparse.ArgumentTypeError(
-            f'{text!r}, expected LINK=KG or LINK=KG,X,Y,Z as tool0=1.2,0,0,0.05')
+            f'{text!r}, expected LINK=KG or LINK=KG,X,Y,Z such as tool0=1.2,0,0,0.05')
     return link, values
 
 
@@ -138,7 +139,7 @@ def _run(arguments: argparse.Namespace) -> int:
         settings, arguments.train_fraction,
         tuple(make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0))
               for link, values in arguments.payload))
-    identification.arm(())  # a mistake is told before anything is read
+    identification.arm(())  # report a mistake before the recordings are read
     kept = arguments.output / KEPT if len(bags) > 1 else None
     if kept is not None:
         kept.mkdir(parents=True, exist_ok=True)
@@ -160,7 +161,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def print_identification(found: 'BagIdentification', paths: Sequence[Path]) -> None:
-    """Print what was found, and where it was written."""
+    """Print the results and the paths of the files."""
     from robot_dynamics.identification.summary import (
         fact_rows,
         friction_rows,
@@ -173,7 +174,7 @@ def print_identification(found: 'BagIdentification', paths: Sequence[Path]) -> N
     identification = found.identification
     print(text_table([], fact_rows(found)))
     _print_list('Recordings:', recording_lines(found))
-    print('\nResidual on samples that were not trained with, RMS relative to the effort:')
+    print('\nResidual on samples that were not used for training, RMS relative to the effort:')
     print(quantity_table(residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
     print(quantity_table(friction_rows(identification)))

@@ -36,8 +36,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run the tool, and return its exit status.
 
-    0: written; 1: the file cannot be written; 2: the arm cannot be built. A status other than 0
-    comes with one line on stderr.
+    0: written; 1: the file cannot be written; 2: the arm cannot be built. For status 1 and 2, one
+    line on stderr has the reason.
     """
     arguments = _parser().parse_args(argv)
     return run_tool('planar_urdf', partial(_run, arguments))
@@ -47,12 +47,12 @@ def _parser() -> Parser:
     parser = Parser(
         prog='planar_urdf', formatter_class=argparse.HelpFormatter,
         description='Write the URDF of a planar arm, with one value per link, base first. '
-                    'Without arguments: the two-link arm that everything runs on by default.')
+                    'Without arguments: the default two-link arm of this package.')
     own = PlanarChain.from_two_link(PlanarTwoLink())
     for flag, values, unit, meaning in (
         ('--masses', own.masses, 'kg', 'mass'),
         ('--lengths', own.lengths, 'm', 'length'),
-        ('--com-distances', own.com_distances, 'm', 'centre of mass, from the joint'),
+        ('--com-distances', own.com_distances, 'm', 'centre of mass: distance from the joint'),
         ('--inertias', own.inertias, 'kg·m²', 'moment of inertia about the centre of mass'),
     ):
         _add_numbers(parser, flag, unit, f'{meaning} (default: {_in_words(values)})')
@@ -60,15 +60,16 @@ def _parser() -> Parser:
     _add_numbers(parser, '--coulomb', 'N·m', 'Coulomb friction (default: 0)')
     _add_numbers(
         parser, '--effort-limits', 'N·m',
-        f'(default: {_in_words(DEFAULT_EFFORT_LIMITS)} for the default links, '
+        f'effort limits (default: {_in_words(DEFAULT_EFFORT_LIMITS)} for the default links, '
         f'{GENEROUS_EFFORT_LIMIT:g} for others)')
     _add_numbers(
         parser, '--velocity-limits', 'rad/s',
-        f'(default: {_in_words(DEFAULT_VELOCITY_LIMITS)} for the default links, '
+        f'velocity limits (default: {_in_words(DEFAULT_VELOCITY_LIMITS)} for the default links, '
         f'{GENEROUS_VELOCITY_LIMIT:g} for others)')
-    parser.add_argument('--name', default='planar_arm', help='of the robot (default: %(default)s)')
     parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE', help='where to write (default: stdout)')
+        '--name', default='planar_arm', help='name of the robot (default: %(default)s)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE', help='output file (default: stdout)')
     return parser
 
 
@@ -94,7 +95,7 @@ def _urdf(arguments: argparse.Namespace) -> str:
     own = PlanarChain.from_two_link(PlanarTwoLink())
     given = (arguments.masses, arguments.lengths, arguments.com_distances, arguments.inertias)
     effort_limits, velocity_limits = arguments.effort_limits, arguments.velocity_limits
-    # The limits of the default arm say nothing about links that somebody else describes.
+    # The limits of the default arm do not apply to links of the user.
     if all(values is None for values in given):
         effort_limits = effort_limits or DEFAULT_EFFORT_LIMITS
         velocity_limits = velocity_limits or DEFAULT_VELOCITY_LIMITS

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-Draw efforts or inertias of an arm over two of its joints, or where it cannot hold itself.
+Draw efforts or inertias of an arm over two joints, or where its effort limits are too small.
 
-Exit status: 0 drawn; 1 the picture cannot be written; 2 a mistake in the arguments, or a file that
+Exit status: 0 drawn; 1 the figure cannot be written; 2 a mistake in the arguments, or a file that
 cannot be used.
 """
 
@@ -62,60 +62,60 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> Parser:
     parser = Parser(
         prog='torque_map',
-        description='Draw over the positions of two joints, with the pose of the arm here and '
-                    'there:\n'
-                    '  gravity    the effort g(q) that holds the arm still, and where it is too '
-                    'much\n'
+        description='Draw over the positions of two joints, with the arm in some poses:\n'
+                    '  gravity    the gravity-compensation torque g(q), and where it exceeds the '
+                    'limits\n'
                     '  inertia    the diagonal of the mass matrix, M_ii(q)\n'
                     '  motion     the effort of --velocity and --acceleration\n'
                     'or over the whole workspace:\n'
-                    '  workspace  where gravity cannot be held',
-        epilog='exit status: 0 drawn, 1 the picture cannot be written, 2 a mistake in the '
+                    '  workspace  positions at which gravity exceeds the effort limits',
+        epilog='exit status: 0 drawn, 1 the figure cannot be written, 2 a mistake in the '
                'arguments, or a file\nthat cannot be used')
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
-        help='(default: %(default)s)')
+        help='Drawn quantity (default: %(default)s)')
     parser.add_argument(
         '--urdf', metavar='FILE',
-        help='the arm: a path, or package://PACKAGE/PATH (default: the planar two-link arm)')
+        help='URDF of the arm: a path, or package://PACKAGE/PATH (default: the planar two-link '
+             'arm)')
     parser.add_argument(
         '--joints', nargs=2, default=[], metavar='JOINT',
-        help='the joints along the axes (default: the two at which gravity can be largest)')
+        help='Joints along the axes (default: the two joints with the largest gravity torque)')
     parser.add_argument(
         '--at', nargs='+', default=[], metavar='JOINT',
-        help='the joints whose effort or inertia is drawn (default: those along the axes)')
+        help='Joints whose effort or inertia is drawn (default: the joints along the axes)')
     parser.add_argument(
         '--position', nargs='+', type=float, default=[], metavar='X',
-        help='of all joints [rad] or [m]; where those stay that are not along an axis (default: '
-             '0, or the limit nearest to it)')
+        help='Positions of all joints [rad] or [m], for the joints that are not along an axis '
+             '(default: 0, or the nearest limit)')
     for flag, unit in (('--velocity', '[rad/s] or [m/s]'), (
             '--acceleration', '[rad/s²] or [m/s²]')):
         parser.add_argument(
             flag, nargs='+', type=float, default=[], metavar='X',
-            help=f'of all joints {unit}, for the motion (default: 0)')
+            help=f'{flag[2:].capitalize()} of all joints {unit}, for motion (default: 0)')
     parser.add_argument(
         '--payload', type=float, default=0.0, metavar='KG',
-        help='mass at the origin of --link [kg] (default: none)')
+        help='Mass at the origin of --link [kg] (default: none)')
     parser.add_argument(
         '--link', metavar='NAME',
-        help='which carries the payload, and whose workspace is drawn (default: the last one)')
+        help='Link that carries the payload and whose workspace is drawn (default: the last link)')
     parser.add_argument(
         '--pose', nargs=2, type=float, action='append', metavar='X',
-        help='positions along the axes at which the arm is drawn, repeatable (default: '
-             f'{POSES} × {POSES} even ones)')
+        help='Positions along the axes at which the arm is drawn; may be repeated (default: '
+             f'{POSES} × {POSES} evenly spaced poses)')
     parser.add_argument(
         '--samples', type=int, default=SAMPLES, metavar='N',
-        help='positions of each of the two joints (default: %(default)d)')
+        help='Number of positions of each of the two joints (default: %(default)d)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
-        help=f'one of {", ".join(FORMATS)} (default: out/<name of the arm>_<what>.png)')
+        help=f'Output file: {", ".join(FORMATS)} (default: out/<name of the arm>_<what>.png)')
     return parser
 
 
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and arguments.output.suffix.lower() not in FORMATS:
         raise InvalidInputError(
-            f'the picture is {str(arguments.output)!r}, expected a name that ends in one of '
+            f'the figure is {str(arguments.output)!r}, expected a name that ends in one of '
             f'{list(FORMATS)}')
     if arguments.what != MOTION and (arguments.velocity or arguments.acceleration):
         raise InvalidInputError(
@@ -158,9 +158,9 @@ def _map(arguments: argparse.Namespace, arm: ArmModel, load: str) -> tuple[Any, 
 def _values(
     arguments: argparse.Namespace, arm: ArmModel, grid: PositionGrid,
 ) -> tuple[FloatArray, str]:
-    """Return what is drawn for all joints (l, k, n), and its name."""
+    """Return the drawn values of all joints (l, k, n), and their name."""
     if arguments.what == GRAVITY:
-        return gravity_efforts(arm, grid), 'effort that holds the arm still, g(q)'
+        return gravity_efforts(arm, grid), 'gravity-compensation torque g(q)'
     if arguments.what == INERTIA:
         return inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
     zero = np.zeros(arm.joint_count)

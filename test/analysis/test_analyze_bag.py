@@ -206,7 +206,7 @@ def test_outputs_inside_the_folder_are_no_recordings(directory, capsys, tmp_path
     (['{bags}/whole', '--parquet'], '--parquet is given without --output'),
     (['{bags}/nothing'], "'.*nothing' does not exist, expected a file .mcap or .db3"),
     (['{bags}/deep/empty'], 'is empty'),
-    (['{bags}/whole', '--map', 'a'], "'a', expected two names as fer_joint1=panda_joint1"),
+    (['{bags}/whole', '--map', 'a'], "'a', expected two names such as fer_joint1=panda_joint1"),
     (['{bags}/whole', '--map', 'a=b'], '--map a=b matches no joint'),
     (['{bags}/whole', '--cutoff', '500'], 'cutoff is 500 Hz, expected at most'),
     (['{bags}/whole', '--topic', '/x'], r"no topic '/x', expected one of \['/joint_states'\]"),

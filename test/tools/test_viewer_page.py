@@ -128,7 +128,7 @@ def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp
             address = wait_for_line(demo, r'Open (http://127\.0\.0\.1:\d+) in a browser')[1]
             with Page(browser, address):
                 wait_for_line(demo, 'Following')
-                wait_for_line(demo, 'The arm is yours')
+                wait_for_line(demo, 'Move the arm with the sliders')
             demo.send_signal(signal.SIGINT)
             out, err = demo.communicate(timeout=4 * TIMEOUT)
         except BaseException:
@@ -206,9 +206,9 @@ def test_a_load_is_attached_and_taken_off(default_arm, client):
         page.press('Attach')
         attached = payloads.wait_for(lambda payload: payload.inertia.m == 1.0)
         assert attached.header.frame_id == 'tool0'
-        page.wait_for_words('the controller knows of 1 kg on tool0')
+        page.wait_for_words('payload of the controller: 1 kg on tool0')
         payloads.clear()
-        page.press('Take off')
+        page.press('Detach')
         payloads.wait_for(lambda payload: payload.inertia.m == 0.0)
 
 
@@ -243,6 +243,6 @@ def test_the_arcs_have_the_colour_of_their_ratio_to_the_limit(default_arm):
     assert not page.has(page.picture(), VERMILION)
     page.tab.get_by_label('mass [kg]').fill('6')
     page.press('Attach')
-    page.wait_for_words('the controller knows of 6 kg on tool0')
+    page.wait_for_words('payload of the controller: 6 kg on tool0')
     assert page.shows(VERMILION)
-    page.press('Take off')
+    page.press('Detach')

@@ -275,7 +275,7 @@ def one_link(name):
 
 def test_the_arm_is_that_of_dynamics_and_changes_with_it():
     with watched('/viewed') as page:
-        page.wait_for('no arm yet', 'no node dynamics', 'nobody publishes joint_states')
+        page.wait_for('no arm yet', 'no node dynamics', 'joint_states has no publisher')
         simulated = NodeProcess(SIMULATED_ARM, {
             'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
             namespace='/viewed')
@@ -283,7 +283,7 @@ def test_the_arm_is_that_of_dynamics_and_changes_with_it():
             page.wait_for('**planar_arm**, 2 joints', 'gravity compensation',
                           without=('no node', 'no joint states'))
             wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
-        page.wait_for('**planar_arm**', 'no node dynamics', 'nobody publishes joint_states')
+        page.wait_for('**planar_arm**', 'no node dynamics', 'joint_states has no publisher')
         parameters = {'robot_description_file': str(robot_path('ur10'))}
         with NodeProcess(DYNAMICS, parameters, namespace='/viewed'):
             page.wait_for('**ur10**, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
@@ -316,7 +316,8 @@ def test_without_dynamics_the_arm_is_that_of_the_topic(client):
     with described(client, '/topical') as publish:
         publish(one_link('first'))
         with watched('/topical') as page:
-            page.wait_for('**first**, 1 joint', 'no node dynamics', 'nobody publishes')
+            page.wait_for(
+                '**first**, 1 joint', 'no node dynamics', 'joint_states has no publisher')
             publish(one_link('second'))
             page.wait_for('**second**', without=['first'])
             publish('<robot name="broken"')
@@ -462,7 +463,7 @@ def test_beyond_this_computer_there_is_a_warning_on_stderr():
     only_errors = ('sh', '-c', 'exec "$@" >/dev/null', 'sh')
     arguments = ('--port', '0', '--host', '0.0.0.0')
     with NodeProcess(VIEWER, namespace='/ended', arguments=arguments, prefix=only_errors,
-                     ready=re.compile('others can reach this page')) as viewer:
+                     ready=re.compile('other computers can reach this page')) as viewer:
         pass
     assert viewer.log.count('\n') == 1
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Show the package at work: `demo` closes a loop, `demo --replay` compares with a robot.
+Demonstrate the package: `demo` runs a closed loop, `demo --replay` compares with a recording.
 
 Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a
 mistake in the arguments, a file that cannot be used, or a library that is not installed; 130
@@ -57,7 +57,7 @@ LONGEST_DURATION = 3600.0
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # Whatever ends the demo ends its nodes too, and keeps what was recorded.
+    # A signal that ends the demo also ends its nodes; the recording is kept.
     for name in ('SIGTERM', 'SIGHUP'):
         signal.signal(getattr(signal, name), _interrupt)
     return run_tool('demo', partial(_run, arguments))
@@ -70,8 +70,8 @@ def _interrupt(*_: object) -> None:
 def _parser() -> Parser:
     parser = Parser(
         prog='demo',
-        description='A simulated arm follows a trajectory under computed torque, both nodes as '
-                    'processes of\ntheir own; or, with --replay, the model is compared with the '
+        description='A simulated arm follows a trajectory under computed torque, with both nodes '
+                    'as separate\nprocesses. With --replay, the model is compared with the '
                     'efforts of a recording.',
         epilog='exit status: 0 done and tracked, 1 not tracked or a node failed, 2 a mistake in '
                'the arguments,\n130 interrupted')
@@ -80,34 +80,35 @@ def _parser() -> Parser:
         'the planar two-link arm, or with --replay the description in the recording', 'URDF')
     parser.add_argument(
         '--duration', type=_number(1.0, LONGEST_DURATION), metavar='S',
-        help=f'of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play only the '
-             'first S seconds')
+        help=f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play '
+             'only the first S seconds')
     parser.add_argument(
         '--rate', type=_number(1.0, 10000.0), metavar='HZ',
-        help=f'joint states a second (default: {DEFAULT_RATE:g}); with --replay: at most so many '
-             '(default: as fast as they are answered)')
+        help=f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: largest '
+             'rate (default: as fast as the node responds)')
     parser.add_argument(
         '--trajectory', type=Path, metavar='FILE',
-        help='follow this trajectory_msgs/JointTrajectory in YAML, as excite writes it')
+        help='YAML file with the trajectory_msgs/JointTrajectory to follow, in the format of '
+             'excite')
     parser.add_argument(
         '--parameters', type=Path, metavar='FILE',
-        help='parameters for both nodes, as friction, motors and noise')
+        help='Parameter file for both nodes, for example with friction, motors and noise')
     parser.add_argument(
         '--replay', type=Path, metavar='BAG',
-        help='play the joint states of this recording to the node instead: a directory of '
-             'rosbag2, a file .mcap or .db3')
+        help='Recording whose joint states are played to the node instead of a simulation: a '
+             'rosbag2 directory, or a .mcap or .db3 file')
     parser.add_argument(
         '--topic', metavar='NAME',
-        help='of sensor_msgs/msg/JointState in the recording (default: /joint_states, or the '
-             'only one)')
+        help='Topic of the joint states in the recording (default: /joint_states, or the only '
+             'topic of type sensor_msgs/msg/JointState)')
     parser.add_argument(
         '--out', type=Path, metavar='DIR',
-        help='where picture, recording and logs go (default: out/demo-<time>)')
+        help='Directory of the figure, the recording and the logs (default: out/demo-<time>)')
     parser.add_argument(
         '--viewer', type=port_number, nargs='?', const=DEFAULT_PORT, metavar='PORT',
-        help='show the arm in a browser, where sliders move it; runs until Ctrl-C (default port: '
-             f'{DEFAULT_PORT})')
-    parser.add_argument('--no-plot', action='store_true', help='make no picture')
+        help='Show the arm in a browser, where sliders move it, until Ctrl-C; port of the page '
+             f'(default: {DEFAULT_PORT})')
+    parser.add_argument('--no-plot', action='store_true', help='Do not draw the figure')
     return parser
 
 
@@ -128,7 +129,7 @@ def _number(low: float, high: float) -> 'type[float]':
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and arguments.replay is None:
         raise InvalidInputError(
-            '--topic is given without --replay, whose recording has the topic')
+            '--topic is given without --replay; it is a topic of the recording')
     for option, other in (('trajectory', 'replay'), ('trajectory', 'duration'),
                           ('parameters', 'replay'), ('viewer', 'replay')):
         if None not in (getattr(arguments, option), getattr(arguments, other)):
@@ -152,7 +153,7 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
     optional('yaml', 'demo')
     optional('rosbags', 'demo')
     if not arguments.no_plot:
-        optional('matplotlib', 'the picture of demo (--no-plot makes none)')
+        optional('matplotlib', 'the figure of demo (not needed with --no-plot)')
     if arguments.viewer is not None:
         optional('viser', 'demo --viewer')
 
@@ -178,7 +179,7 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
         if not run.interrupted:
             raise ToolError(str(error)) from None
     if run.interrupted:
-        print(f'demo: interrupted; what there is, is in {directory}', file=sys.stderr)
+        print(f'demo: interrupted; partial results are in {directory}', file=sys.stderr)
         return INTERRUPTED
     if report.missed:
         raise ToolError(f'did not track: RMS error too large at {", ".join(report.missed)}')
@@ -224,7 +225,7 @@ def _replay(arguments: argparse.Namespace, directory: Path) -> int:
 
 
 def _description(robot: str | None, directory: Path, recorded: str | None = None) -> str:
-    """Return the URDF, which `directory` gets too."""
+    """Return the URDF, and write it into `directory`."""
     from robot_dynamics.ros.robot_description import embedded_description, read_description_file
     from robot_dynamics.tools.demo.session import DESCRIPTION
     if robot is not None:
@@ -236,7 +237,7 @@ def _description(robot: str | None, directory: Path, recorded: str | None = None
 
 
 def _make_directory(wanted: Path | None) -> Path:
-    """Return a new or empty directory: the one wanted, or one of its own in it or in out/."""
+    """Return a new or empty directory: the requested one, or a new one in it or in out/."""
     if wanted is not None:
         wanted.mkdir(parents=True, exist_ok=True)
         if not any(wanted.iterdir()):

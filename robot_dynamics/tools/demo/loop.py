@@ -56,9 +56,9 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 LEAD_TIME = 0.1
 """[s] of simulated time from the state at which the trajectory is sent to its start."""
 STATE_TIMEOUT = 60.0
-"""[s] without a new state that is a fault: long, as the simulation pauses and may be slow."""
+"""`state_timeout` [s]: long, because the simulation pauses and may be slow."""
 STEP_BY_STEP = {'lock_step': True, 'real_time_factor': 1.0}
-"""Default of the simulated arm: a slow machine makes the motion slow, and not less accurate."""
+"""Default of the simulated arm: a slow machine makes the motion slow, not inaccurate."""
 ANSWER_TIMEOUT = 10.0
 """[s] within which the answers to the last states arrive; there may be none after a fault."""
 HOLD_TIME = 0.3
@@ -66,7 +66,7 @@ HOLD_TIME = 0.3
 
 
 class Page(NamedTuple):
-    """The viewer beside the loop: its port, and the file of the URDF, whose meshes it finds."""
+    """The viewer of the loop: its port, and the file of the URDF for its meshes."""
 
     port: int
     robot: str | None
@@ -77,7 +77,7 @@ class LoopRun:
     """
     Result of one run; `start_ns` is the stamp at which the motion starts, 0 before it is sent.
 
-    `received` and `lost` are the numbers of messages that the recorder has written, and missed.
+    `received` and `lost` are the numbers of messages that the recorder has written and dropped.
     """
 
     motion: ReferenceMotion
@@ -99,8 +99,8 @@ def run_closed_loop(
     """
     Let the arm follow a motion at `rate` [Hz], and record it in `directory`.
 
-    Both nodes read the file `parameters` too, where there is one. An interrupt ends it early,
-    with what was recorded until then. Simulated time is paused until `dynamics` has the
+    Both nodes also read the file `parameters`, if there is one. An interrupt ends the run early;
+    the recording up to then is kept. Simulated time is paused until `dynamics` has the
     trajectory, so that the recording contains the motion and little else. With a `page` the motion
     waits until that is open, and the loop continues after the motion until an interrupt. Raises
     DemoError if the loop does not close, ModelError if the arm cannot be simulated.
@@ -138,11 +138,11 @@ def run_closed_loop(
 
 
 def _open_page(session: Session, page: Page) -> None:
-    """Start the viewer, tell its address, and record until a browser has the page."""
+    """Start the viewer, print its address, and record until a browser opens the page."""
     viewer = session.nodes.start('viewer', VIEWER, {}, arguments=(
         '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))
     session.wait_for(lambda: _address(viewer) is not None, 'the page of the viewer')
-    print(f'\n  Open {_address(viewer)} in a browser: the motion begins when the page is there.\n',
+    print(f'\n  Open {_address(viewer)} in a browser: the motion begins when the page is open.\n',
           flush=True)
     while PAGE_OPEN not in viewer.text():
         session.record(DRAIN_PERIOD)
@@ -154,9 +154,9 @@ def _address(viewer: NodeProcess) -> str | None:
 
 
 def _go_on(session: Session) -> None:
-    """Record until an interrupt, which ends this alone."""
+    """Record until an interrupt, which ends only the recording."""
     session.recorder.span_ns = (session.recorder.span_ns[0], math.inf)
-    print('\n  The arm is yours: sliders, loads and pushes are on the page. Ctrl-C ends.\n',
+    print('\n  Move the arm with the sliders, loads and pushes on the page. Ctrl-C ends.\n',
           flush=True)
     try:
         while True:
@@ -190,7 +190,7 @@ def _close_the_loop(session: Session, run: LoopRun) -> None:
 
 
 class _Standstill:
-    """True when a topic has repeated its newest stamp: no simulated time passes."""
+    """True when a topic has repeated its newest stamp: simulated time is paused."""
 
     def __init__(self, count: TopicCount) -> None:
         self._count = count
@@ -208,7 +208,7 @@ def _set_paused(session: Session, paused: bool) -> None:
 
 
 def _follow(session: Session, run: LoopRun) -> None:
-    """Record until the motion is over and held for a moment."""
+    """Record until shortly after the end of the motion."""
     duration = run.motion.trajectory.duration
     print(f'Following a trajectory of {duration:g} s ...', flush=True)
     counts, last_ns = session.recorder.counts, run.end_ns + round(1e9 * HOLD_TIME)
@@ -223,7 +223,7 @@ def _follow(session: Session, run: LoopRun) -> None:
                 raise DemoError(
                     f'{START_TIMEOUT:g} s passed without an effort on effort_command.\n'
                     f'{session.nodes.logs()}')
-    # On a busy machine the answers to the last states arrive later than these states.
+    # On a busy machine the efforts for the last states arrive later than these states.
     deadline = time.monotonic() + ANSWER_TIMEOUT
     while time.monotonic() < deadline and min(
             counts[topic].stamp_ns for topic in (EFFORT_COMMAND, COMPUTED_TORQUE)) < last_ns:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Play recorded joint states to a node, one by one, each when the one before has its answer."""
+"""Play recorded joint states to a node, each after the response to the state before."""
 
 from collections.abc import Callable
 import time
@@ -27,13 +27,13 @@ from robot_dynamics.ros.recorder import Recorder
 from sensor_msgs.msg import JointState
 
 RESEND_PERIOD = 0.5
-"""[s] after which a state is said again: subscriptions to joint states are best effort."""
+"""[s] after which a state is retransmitted: subscriptions to joint states are best effort."""
 TIMEOUT = 10.0
-"""[s] for which an answer is waited for."""
+"""Longest wait [s] for a response."""
 
 
 class PlaybackResult(NamedTuple):
-    """How many states were played, how often one had to be said again, and how long it took."""
+    """Number of played states, number of retransmissions, and duration [s]."""
 
     played: int
     resent: int
@@ -41,20 +41,20 @@ class PlaybackResult(NamedTuple):
 
 
 class Playback:
-    """Plays the samples of a series as a robot would publish them, with their own stamps."""
+    """Publishes the samples of a series as a robot does, with their recorded stamps."""
 
     def __init__(
         self, node: Node, recorder: Recorder, topic: str, answer_topic: str,
         series: JointSeries,
     ) -> None:
-        """Take a recorder of `answer_topic`, whose stamps tell which state was answered."""
+        """Take a recorder of `answer_topic`, whose stamps are those of the answered states."""
         self._recorder, self._answers = recorder, answer_topic
         self._series = series
         self._publisher = node.create_publisher(JointState, topic, QoSProfile(depth=1))
 
     @property
     def found(self) -> bool:
-        """Whether somebody listens, beside the recorder."""
+        """Whether there is a subscriber in addition to the recorder."""
         return bool(self._publisher.get_subscription_count() >= 2)
 
     def play(
@@ -62,10 +62,10 @@ class Playback:
         check: Callable[[], None],
     ) -> PlaybackResult:
         """
-        Play all samples, at most `rate` a second [Hz] (None: as fast as they are answered).
+        Play all samples, at most at `rate` [Hz] (None: as fast as the node responds).
 
-        `on_progress` gets how many are done; `check` is called while an answer is waited for,
-        and may raise. Raises RecordingError where a state gets no answer.
+        `on_progress` receives the number of played samples; `check` is called during the wait for
+        a response, and may raise. Raises RecordingError if a state gets no response.
         """
         start, resent = time.monotonic(), 0
         for i in range(len(self._series.stamps_ns)):
@@ -81,7 +81,7 @@ class Playback:
             self._recorder.drain()
 
     def _ask(self, i: int, check: Callable[[], None]) -> int:
-        """Publish a state until it is answered; return how often it was said again."""
+        """Publish a state until it is answered; return the number of retransmissions."""
         stamp = int(self._series.stamps_ns[i])
         state, count = self._message(i), self._recorder.counts[self._answers]
         give_up = time.monotonic() + TIMEOUT

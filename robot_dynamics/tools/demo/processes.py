@@ -34,24 +34,24 @@ SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 VIEWER = 'robot_dynamics.tools.viewer'
 
 STOP_TIMEOUT = 30.0
-"""[s] that a node has to exit before it is killed; a busy machine may take seconds."""
+"""[s] within which a node must exit before it is killed; a busy machine may take seconds."""
 LOG_LINES = 12
 
 _PR_SET_PDEATHSIG = 1  # of prctl(2), linux/prctl.h
 
-_DOMAINS = range(1, 102)  # the ports of higher ones are those that the system gives out
+_DOMAINS = range(1, 102)  # higher domains use the ephemeral ports of the system
 
 
 class DemoError(ToolError):
-    """The demo cannot go on; the message says why, with the last lines of a log."""
+    """The demo cannot continue; the message has the reason and the last lines of a log."""
 
 
 def choose_domain(environment: Mapping[str, str]) -> dict[str, str]:
     """
-    Return what to add to the environment, so that the demo hears only itself.
+    Return the environment variables that isolate the demo from other ROS nodes.
 
-    What the user has set stays. A domain is free where nobody has the port of its first
-    participant (7410 + 250 × domain, OMG DDSI-RTPS 2.3, section 9.6.1).
+    Variables of the user are not changed. A domain is free if the port of its first participant
+    is unused (7410 + 250 × domain, OMG DDSI-RTPS 2.3, section 9.6.1).
     """
     added = {}
     if not environment.get('ROS_DOMAIN_ID'):
@@ -74,10 +74,10 @@ def _is_free(domain: int) -> bool:
 
 def _ends_with_parent() -> Callable[[], None] | None:
     """
-    Return what a new process calls so that it gets SIGTERM when this process ends, on Linux.
+    Return a function for a new process: SIGTERM ends it when this process ends, on Linux.
 
-    Not even SIGKILL of the demo then leaves a node behind. The signal is sent when the thread ends
-    that started the process, so that is to be the main thread.
+    Thus no node remains even if the demo is killed. The signal is sent when the thread that has
+    started the process ends, therefore it must be the main thread.
     """
     if sys.platform != 'linux':
         return None
@@ -85,14 +85,14 @@ def _ends_with_parent() -> Callable[[], None] | None:
 
     def end_with_parent() -> None:
         prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
-        if os.getppid() != parent:  # it ended before the call
+        if os.getppid() != parent:  # the parent ended before the call
             os._exit(1)
 
     return end_with_parent
 
 
 class NodeProcess:
-    """A node with its parameters in a file, and its log in another."""
+    """A node with a parameter file and a log file."""
 
     def __init__(
         self, name: str, module: str, parameters: Mapping[str, Any], directory: Path,
@@ -100,7 +100,7 @@ class NodeProcess:
         defaults: Mapping[str, Any] | None = None,
     ) -> None:
         """
-        Start the node; `directory` gets its parameters, `<name>.yaml`, and its log, `<name>.log`.
+        Start the node; its parameters `<name>.yaml` and log `<name>.log` are in `directory`.
 
         The file `others` takes precedence over `defaults`, and `parameters` over both.
         """
@@ -121,7 +121,7 @@ class NodeProcess:
                 preexec_fn=_ends_with_parent())
 
     def check(self) -> None:
-        """Raise DemoError where the process has ended."""
+        """Raise DemoError if the process has ended."""
         status = self._process.poll()
         if status is not None:
             raise DemoError(
@@ -137,12 +137,12 @@ class NodeProcess:
         return '\n'.join(f'  {line}' for line in lines[-LOG_LINES:]) or '  (nothing)'
 
     def interrupt(self) -> None:
-        """Ask the process to leave, as Ctrl-C does."""
+        """Ask the process to exit, as Ctrl-C does."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
 
     def wait(self, deadline: float) -> None:
-        """Wait until the process has left; past the deadline (monotonic) end it."""
+        """Wait until the process has exited; kill it after the deadline (monotonic)."""
         try:
             self._process.wait(max(deadline - time.monotonic(), 0.0))
         except subprocess.TimeoutExpired:
@@ -159,7 +159,7 @@ def _written(file: Path, parameters: Mapping[str, Any]) -> Path:
 
 
 class Nodes:
-    """All processes of the demo, for use in `with`: none outlives the statement."""
+    """All processes of the demo; the end of the `with` statement ends them."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -176,7 +176,7 @@ class Nodes:
         return process
 
     def check(self) -> None:
-        """Raise DemoError where a node has ended."""
+        """Raise DemoError if a node has ended."""
         for process in self._processes:
             process.check()
 

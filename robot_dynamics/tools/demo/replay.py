@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A recording of a real arm, played to `dynamics`, and the model's efforts beside the measured."""
+"""Playback of a recording to `dynamics`, and comparison of modelled and measured effort."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ SERVICE = '/dynamics/inverse_dynamics_batch'
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What is played: all joints of a topic, and the URDF in the recording, if any."""
+    """The played data: all joints of a topic, and the URDF in the recording, if any."""
 
     path: Path
     topic: str
@@ -64,9 +64,9 @@ class Recorded:
 @dataclass(frozen=True, eq=False)
 class Replay:
     """
-    What the node answered. All are (m, n) [N·m or N] in the order of `arm.joint_names`.
+    The responses of the node. All are (m, n) [N·m or N] in the order of `arm.joint_names`.
 
-    `motion` is what was asked for; `terms` are the efforts of inverse dynamics for it, by name.
+    `motion` is the requested motion; `terms` are its efforts of inverse dynamics, by name.
     """
 
     arm: ArmModel
@@ -78,14 +78,14 @@ class Replay:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Model and measured efforts, and what the compensation of gravity alone would leave."""
+    """Modelled and measured efforts, and the residual of gravity compensation only."""
 
     arm: ArmModel
     motion: FilteredMotion
     terms: Mapping[str, FloatArray]
 
     def residual(self, term: str) -> FloatArray | None:
-        """Return measured less modelled effort (m, n), None where nothing was measured."""
+        """Return measured minus modelled effort (m, n), None without measured effort."""
         measured = self.motion.effort
         return None if measured is None else measured - self.terms[term]
 
@@ -111,7 +111,7 @@ def read_recording(path: Path, topic: str | None, seconds: float | None) -> Reco
         if getattr(series, field) is not None)
     print(f'  {name}: {len(series.stamps_ns)} states of {len(series.joint_names)} joints, '
           f'{series.times[-1]:.2f} s, with {measured or "nothing"}'
-          + (f'; {series.passed_over} messages passed over' if series.passed_over else ''))
+          + (f'; {series.passed_over} messages skipped' if series.passed_over else ''))
     return Recorded(path, name, series, urdf)
 
 
@@ -119,9 +119,9 @@ def play_recording(
     recorded: Recorded, urdf: str, rate: float | None, directory: Path,
 ) -> Replay:
     """
-    Play the recorded states to the node, ask it for inverse dynamics, and record all of it.
+    Play the recorded states to the node, request inverse dynamics from it, and record all topics.
 
-    Raises RobotDynamicsError where arm and recording do not fit, DemoError where the node fails.
+    Raises RobotDynamicsError if arm and recording do not match, DemoError if the node fails.
     """
     arm = _recorded_arm(urdf, recorded.series)
     series = recorded.series.of_joints(arm.joint_names)
@@ -136,11 +136,11 @@ def play_recording(
         session.nodes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
             'joints': list(arm.joint_names),
-            'state_max_age': 0.0,  # recorded just now or years ago
+            'state_max_age': 0.0,  # a recording may have any age
             'effort_check': False})  # no command of this node held the recorded arm
         playback = Playback(session.node, session.recorder, JOINT_STATES, GRAVITY, series)
         session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
-        print('Playing the recorded states, each after the answer to the one before ...',
+        print('Playing the recorded states, each after the response to the state before ...',
               flush=True)
         with Progress(len(series.stamps_ns), 'states') as progress:
             def on_progress(done: int) -> None:
@@ -151,46 +151,46 @@ def play_recording(
                 played = playback.play(rate, on_progress, session.nodes.check)
             except RecordingError as error:
                 raise DemoError(f'{error}.\n{session.nodes.logs()}') from None
-        print(f'Asking {SERVICE} at the measured motion ...', flush=True)
+        print(f'Calling {SERVICE} for the measured motion ...', flush=True)
         terms = _ask_terms(session, arm, motion)
         lost = sum(count.lost for count in session.recorder.counts.values())
     return Replay(arm, played, motion, terms, lost)
 
 
 def compare(replay: Replay) -> Comparison:
-    """Return the comparison of what was measured with what the model says."""
+    """Return the comparison of measured and modelled effort."""
     return Comparison(replay.arm, replay.motion, replay.terms)
 
 
 def print_comparison(comparison: Comparison, recorded: Recorded, replay: Replay) -> None:
-    """Print the efforts per joint, measured and left over."""
+    """Print measured effort and residual per joint."""
     motion, played = comparison.motion, replay.played
     print(f'\n{played.played} states played in {played.seconds:.1f} s, all answered '
-          f'({played.resent} said again); {replay.lost} messages lost on the way to the recording')
-    print(f'Acceleration: derivative of the velocity; velocity and measured effort through a '
-          f'Butterworth filter\nof order {FILTER_ORDER}, {motion.cutoff_hz:g} Hz, forwards and '
-          f'backwards, at {motion.sample_rate_hz:.1f} Hz\n')
+          f'({played.resent} retransmitted); {replay.lost} messages dropped by the recorder')
+    print(f'Acceleration: derivative of the velocity. Filter of velocity and measured effort: '
+          f'Butterworth,\norder {FILTER_ORDER}, {motion.cutoff_hz:g} Hz, forward and backward, '
+          f'at a sampling rate of {motion.sample_rate_hz:.1f} Hz\n')
     if motion.effort is None:
-        print(f'{recorded.topic} has no measured effort: the efforts are those of the model '
-              'alone.\n')
+        print(f'{recorded.topic} has no measured effort: the table has only modelled '
+              'efforts.\n')
     print(quantity_table(_rows(comparison)))
     if motion.effort is not None:
-        print('\nresidual: measured less the inverse dynamics of the model at the measured '
-              'motion; relative: its RMS by that of\nthe measured effort; gravity only: the same '
-              'for g(q) instead of the inverse dynamics.')
+        print('\nresidual: measured effort minus the inverse dynamics of the model for the '
+              'measured motion;\nrelative: RMS of the residual divided by the RMS of the measured '
+              'effort; gravity only: the same\nwith g(q) as the model.')
     print()
 
 
 def save_comparison(comparison: Comparison, path: Path) -> None:
-    """Write the picture: measured and model effort, and the model's by term; raise OSError."""
+    """Write the figure: measured and modelled effort, and terms; raise OSError."""
     arm, motion, terms = comparison.arm, comparison.motion, comparison.terms
     panels: list[Panel] = []
     residual = comparison.residual('effort')
-    title = f'{arm.name}: effort of the model at the recorded motion'
+    title = f'{arm.name}: modelled effort of the recorded motion'
     if motion.effort is not None and residual is not None:
         panels.append(effort_panel('Measured effort and model', motion.times, {
             'measured': motion.effort, 'model': terms['effort'], 'residual': residual}))
-        title = f'{arm.name}: measured effort, and that of the model at the recorded motion'
+        title = f'{arm.name}: measured and modelled effort of the recorded motion'
     by_term = {name: terms[name] for name in ('gravity', 'inertial', 'coriolis', 'effort')}
     if np.any(terms['friction']):
         by_term['friction'] = terms['friction']
@@ -244,7 +244,7 @@ def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
     if len(joints) == arm.joint_count:
         return arm
     locked = [name for name in arm.joint_names if name not in joints]
-    print(f'  not recorded, and so locked: {locked}')
+    print(f'  not recorded, therefore locked: {locked}')
     return load_arm(urdf, joints)
 
 
@@ -252,8 +252,8 @@ def _ask_terms(session: Session, arm: ArmModel, motion: FilteredMotion) -> dict[
     """
     Return the effort of the motion and its terms, each (m, n).
 
-    The service gives efforts alone. Without acceleration the inertial term is missing; of what
-    is left, C(q, v) v + g(q) is even in v, and friction odd.
+    The service returns only total efforts. Without acceleration there is no inertial term; of the
+    other terms, C(q, v) v + g(q) is even in v, and friction is odd.
     """
     q, v, a = motion.position, motion.velocity, motion.acceleration
     zero = np.zeros_like(q)
@@ -267,7 +267,7 @@ def _ask_terms(session: Session, arm: ArmModel, motion: FilteredMotion) -> dict[
 
 
 class _BatchClient:
-    """Asks the node for the inverse dynamics of many samples, a part at a time."""
+    """Requests the inverse dynamics of many samples from the node, in batches."""
 
     def __init__(self, session: Session, arm: ArmModel) -> None:
         self._session, self._arm = session, arm
@@ -291,10 +291,10 @@ class _BatchClient:
             self._session.record(0.0)
             if time.monotonic() > deadline:
                 raise DemoError(
-                    f'10 s passed without an answer of {SERVICE}.\n{self._session.nodes.logs()}')
+                    f'no response of {SERVICE} within 10 s.\n{self._session.nodes.logs()}')
         answer: Any = future.result()
         if not answer.success:
-            raise DemoError(f'{SERVICE} refused: {answer.message}')
+            raise DemoError(f'{SERVICE} rejected the request: {answer.message}')
         return np.array(answer.effort).reshape(q.shape)
 
     def close(self) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a recording of the closed loop says about it: errors, rates, and a picture."""
+"""The evaluation of a recording of the closed loop: errors, rates, and a figure."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,21 +35,21 @@ from robot_dynamics.tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERM
 from robot_dynamics.trajectories.demo_motion import sample_trajectory
 
 LARGEST_RMS = 0.01
-"""[rad] or [m]: what counts as tracked, at the default gains."""
+"""Largest RMS error [rad] or [m] of a tracked joint, at the default gains."""
 FEW_ANSWERS = 0.8
-"""Share of the states; below, the rate is said to be too high for the machine."""
+"""Fraction of answered states below which the report suggests a lower rate."""
 TERM_NAMES = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
 
 
 @dataclass(frozen=True, eq=False)
 class LoopReport:
     """
-    How the motion went, at the stamps of the measured states in it.
+    Result of the motion, at the stamps of its measured states.
 
     `times` (m,) [s] from its start; `reference` and `measured` (m, n) [rad or m], and `error`,
-    their difference, the short way round at continuous joints. `term_times` and `terms` are the
-    command by term [N·m or N]. `answered` is the share of the states with a command;
-    `efforts_per_second` is by the clock on the wall, which `wall_seconds` are too.
+    their difference: the shortest angular distance for continuous joints. `term_times` and
+    `terms` are the command by term [N·m or N]. `answered` is the fraction of the states with a
+    command; `efforts_per_second` and `wall_seconds` are measured on the wall clock.
     """
 
     joint_names: tuple[str, ...]
@@ -71,7 +71,7 @@ class LoopReport:
 
     @property
     def largest(self) -> FloatArray:
-        """Largest size of the error, (n,)."""
+        """Largest absolute error, (n,)."""
         return np.asarray(np.abs(self.error).max(axis=0))
 
     @property
@@ -81,7 +81,7 @@ class LoopReport:
 
 
 def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport:
-    """Read a recording of `run`; raise RecordingError where it has no state of the motion."""
+    """Read a recording of `run`; raise RecordingError if it has no state of the motion."""
     with Recording(recording_path) as recording:
         states = recording.joint_series(JOINT_STATES, arm.joint_names)
         commands = recording.joint_series(EFFORT_COMMAND, arm.joint_names)
@@ -129,14 +129,14 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
         print('                 The recording is incomplete: try a lower real_time_factor or a '
               'lower --rate.')
     if report.answered < FEW_ANSWERS:
-        print('                 This machine did not keep up: expect larger errors, or try a '
-              'lower --rate.')
-    print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit, planned, '
-          f'at {motion.worst_joint}')
+        print('                 This machine is too slow for the rate: errors may be larger; try '
+              'a lower --rate.')
+    print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit at '
+          f'{motion.worst_joint} (planned)')
 
 
 def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
-    """Write the picture: positions, errors, and the effort by term; raise OSError."""
+    """Write the figure: positions, errors, and the effort by term; raise OSError."""
     title = f'{arm.name}: reference and measured position, and the commanded effort by term'
     lines = {name: values for name, values in report.terms.items()
              if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What both kinds of demo share: the directory, the arm, a node that records, an end in order."""
+"""Code of both kinds of demo: the topics, the nodes, a recorder, and an orderly shutdown."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -65,11 +65,11 @@ TOPICS = (
     TopicSpec(TRAJECTORY, JointTrajectory),
     TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)),
 )
-"""What `dynamics` says of its command, with the joint states that it answers."""
+"""The recorded topics: commands of `dynamics`, and the joint states for them."""
 CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
 
 START_TIMEOUT = 60.0
-"""[s] within which the nodes have to be up, and from one effort to the next on a busy machine."""
+"""[s] for the start of the nodes, and between two efforts on a busy machine."""
 ANSWER_PERIOD = 1.0
 """[s] after which a request without a response is sent again."""
 DRAIN_PERIOD = 0.01
@@ -86,7 +86,7 @@ class Session:
     directory: Path
 
     def wait_for(self, condition: Callable[[], bool], what: str) -> None:
-        """Record until `condition` holds; raise DemoError after START_TIMEOUT or a node's end."""
+        """Record until `condition` holds; raise DemoError at START_TIMEOUT or if a node ends."""
         deadline = time.monotonic() + START_TIMEOUT
         while not condition():
             self.record(DRAIN_PERIOD)
@@ -98,7 +98,7 @@ class Session:
         """
         Return the response of a service that may be called twice, and record meanwhile.
 
-        Raises DemoError after START_TIMEOUT or a node's end.
+        Raises DemoError after START_TIMEOUT or if a node ends.
         """
         client = self.node.create_client(service_type, name)
         executor = SingleThreadedExecutor()
@@ -123,7 +123,7 @@ class Session:
             self.node.destroy_client(client)
 
     def record(self, seconds: float) -> None:
-        """Record what has arrived, then let so much time pass; raise DemoError as above."""
+        """Record the waiting messages, then wait; raise DemoError if a node has ended."""
         self.nodes.check()
         self.recorder.drain()
         time.sleep(seconds)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controls of the viewer ask of the nodes: references, pushes, loads, a reset."""
+"""Actions of the controls of the viewer: references, pushes, loads, a reset."""
 
 import time
 from typing import NamedTuple
@@ -30,7 +30,7 @@ from trajectory_msgs.msg import JointTrajectory
 SEND_PERIOD = 0.1
 """[s] between two references while a slider is moved."""
 LOAD_TIME = 0.5
-"""[s] over which the controller takes a load, so that its effort does not step."""
+"""Transition time [s] of a load in the controller, to avoid a step of the effort."""
 
 
 class Shown(NamedTuple):
@@ -49,7 +49,7 @@ class _Push(NamedTuple):
 
 
 class PageActions:
-    """Does what the panel of one arm asks for, a turn at a time; `close` ends what goes on."""
+    """Performs the actions of the panel of one arm in each cycle; `close` ends active actions."""
 
     def __init__(self, node: ViewerNode, shown: Shown) -> None:
         self._node, self._shown = node, shown
@@ -57,20 +57,20 @@ class PageActions:
         self._push: _Push | None = None
         self._q: FloatArray | None = None
         self.is_wished = False
-        """Whether a slider was moved, and no reference has gone out yet."""
+        """Whether a slider was moved and the reference for it is not published yet."""
         self.is_own = False
-        """Whether the newest reference is of this page."""
+        """Whether the newest reference is from this page."""
         self.sent_time = -np.inf
-        """When a reference went out last [s], on the monotonic clock."""
+        """Time [s] of the last published reference on the monotonic clock."""
         self.answer = ''
-        """What came of the newest action, in words."""
+        """Text about the result of the newest action."""
         panel = shown.panel
         panel.on_reference, panel.on_hold = self._wish, self._hold
         panel.on_push, panel.on_reset = self._begin_push, self._reset
         panel.on_attach, panel.on_detach = self._attach, self._detach
 
     def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
-        """Go on with what was begun; the arm is at q, v (n,), if that is known."""
+        """Continue the active actions; the arm is at q, v (n,), None if unknown."""
         now, self._q = time.monotonic(), q
         if self.is_wished and now - self.sent_time >= SEND_PERIOD:
             self._send_reference(q, v)
@@ -78,7 +78,7 @@ class PageActions:
             self._go_on_pushing(self._push, now)
 
     def close(self) -> None:
-        """Leave nothing behind that acts on the arm."""
+        """End all actions on the arm."""
         if self._push is not None:
             self._node.push(force_on(self._push.link, np.zeros(3), np.eye(3)))
             self._push = None
@@ -86,7 +86,7 @@ class PageActions:
     # ------------------------------------------------------------------ references
 
     def receive(self, trajectory: JointTrajectory) -> None:
-        """Take a reference that went out, of this page or of others."""
+        """Note a published reference, from this page or from others."""
         self.is_own = trajectory.header.frame_id == self._sender
 
     def _wish(self) -> None:
@@ -102,7 +102,7 @@ class PageActions:
         arm, panel = self._shown.arm, self._shown.panel
         goal = panel.take_goal()
         if q is None:
-            self.answer = 'there are no joint states to start from'
+            self.answer = 'no joint states: the start of the reference is unknown'
             return
         seconds = motion_time(arm, q, goal, panel.speed, v)
         self._node.send_trajectory(reference_to(arm, goal, seconds, self._sender))
@@ -113,7 +113,7 @@ class PageActions:
 
     def _begin_push(self) -> None:
         if not self._node.has_simulated_arm:
-            self.answer = f'{self._node.simulated_arm} is not there; a real arm is pushed by hand'
+            self.answer = f'node {self._node.simulated_arm} not found; push a real arm by hand'
             return
         force, link, seconds = self._shown.panel.push
         self.close()
@@ -141,7 +141,7 @@ class PageActions:
 
     def _set_load(self, load: InertiaStamped) -> None:
         is_for_controller, is_carried = self._shown.panel.load_is_for
-        if is_for_controller:  # both at once if a simulated arm is to carry it, without a ramp
+        if is_for_controller:  # without a ramp if the simulated arm gets the load, too
             self._node.set_payload(
                 self._node.dynamics, load, 0.0 if is_carried else LOAD_TIME, self._take_answer)
         if is_carried:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The viewer at work: a page of one arm, kept up to what its nodes say, and what the page asks for.
+The viewer: a page of one arm, updated from the topics of its nodes, and the actions of the page.
 
-All of it happens in one thread, PERIOD by PERIOD; the page's own threads only put into a queue
-what was asked.
+One thread does all of this, once per PERIOD. The threads of the page only put requests into a
+queue.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,28 +40,28 @@ from robot_dynamics.tools.viewer.source import ArmSource, Description
 from sensor_msgs.msg import JointState
 
 CAMERA = (0.95, -1.45, 0.65)
-"""Where the page looks from, in reaches of the arm."""
+"""Position of the camera, in multiples of the reach of the arm."""
 FIELD_OF_VIEW = 0.8
 """[rad]"""
 PERIOD = 0.05
-"""[s] between two pictures."""
+"""[s] between two updates of the arm."""
 PLOT_PERIOD = 0.2
-"""[s] between two pictures of the plots and the words."""
+"""[s] between two updates of the plots and the text."""
 SILENCE = 1.0
-"""[s] without a message after which what it said no longer holds."""
+"""[s] without a message after which its content is outdated."""
 LARGEST_LAG = 0.01
-"""[s] from a reference to the state it is compared with; its velocity carries it there."""
+"""Longest time [s] between a reference and the compared state; it is extrapolated."""
 
 
 class Viewer:
-    """A page on a server of viser, beside the nodes that `node` hears."""
+    """A page on a viser server, for the nodes to which `node` subscribes."""
 
     def __init__(
         self, server: Any, node: ViewerNode, robot: str | None = None,
         mesh_paths: Sequence[Path] = (),
     ) -> None:
         """
-        Show the arm of the URDF in the file `robot`, else that of `dynamics`, or of a topic.
+        Show the arm of the URDF in the file `robot`, or else of `dynamics` or of a topic.
 
         `mesh_paths` are directories in which meshes of a URDF from a topic may be opened.
         """
@@ -82,7 +82,7 @@ class Viewer:
         self._mesh_paths = mesh_paths
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Keep the page up to date until it is over."""
+        """Update the page until the end."""
         while not is_over():
             began = time.monotonic()
             self._take(self._node.receive())
@@ -98,14 +98,14 @@ class Viewer:
                     self._arm_problem = str(error)
 
     def close(self) -> None:
-        """Leave nothing behind that acts on the arm."""
+        """End all actions on the arm."""
         if self._actions is not None:
             self._actions.close()
 
     # ------------------------------------------------------------------ the arm
 
     def _use(self, description: Description) -> None:
-        """Show this arm; where it cannot be, keep the one before and say so."""
+        """Show this arm; if that fails, keep the arm before and show the reason."""
         xml, directory, joints = description
         try:
             arm = load_arm(xml, joints)
@@ -191,7 +191,7 @@ class Viewer:
                     error = math.remainder(error, 2.0 * math.pi)
                 panel.plot_error(1e-9 * stamp_from_ros(state.header.stamp), error)
 
-    # ------------------------------------------------------------------ what is done each turn
+    # ------------------------------------------------------------------ one cycle
 
     def _turn(self) -> None:
         now = time.monotonic()
@@ -217,18 +217,19 @@ class Viewer:
         now, node = time.monotonic(), self._node
         if now - self._state_time > SILENCE:
             lines.append('no joint states' + (
-                ' arrive' if node.has_states else ': nobody publishes joint_states'))
+                ' received' if node.has_states else ': joint_states has no publisher'))
         if not node.has_dynamics:
-            lines.append(f'no node {node.dynamics}: `ros2 run robot_dynamics dynamics_node`')
+            lines.append(
+                f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
         elif now - self._reference_time < SILENCE:
             lines.append('follows a reference')
         else:
             lines.append('no reference: gravity compensation')
         if self._load:
-            lines.append(f'the controller knows of {self._load}')
+            lines.append(f'payload of the controller: {self._load}')
         if self._shown is not None and self._shown.scene.missing:
             missing = self._shown.scene.missing
-            lines.append(f'{len(missing)} meshes are not drawn; the first: {missing[0]}')
+            lines.append(f'{len(missing)} meshes are not drawn; the first one: {missing[0]}')
         lines += [f'⚠ {words}' for words in (
             *self._warnings, self._source.problem, self._arm_problem, self._state_problem)
             if words]
@@ -240,7 +241,7 @@ class Viewer:
 
 
 def values_of(arm: ArmModel, message: JointState, field: str = 'position') -> FloatArray | None:
-    """Return a field of joint states in the order of an arm (n,), None where a joint lacks."""
+    """Return a field of joint states in the order of an arm (n,), None if a joint is missing."""
     values = dict(zip(message.name, getattr(message, field)))
     if any(name not in values for name in arm.joint_names):
         return None
@@ -249,7 +250,7 @@ def values_of(arm: ArmModel, message: JointState, field: str = 'position') -> Fl
 
 
 def lacking(arm: ArmModel, state: JointState) -> str:
-    """Return which joints of an arm have no position in joint states, in words."""
+    """Return a text about the joints of an arm without a position in the joint states."""
     given = dict(zip(state.name, state.position))
     missing = [name for name in arm.joint_names if name not in given]
     if missing:
@@ -259,5 +260,5 @@ def lacking(arm: ArmModel, state: JointState) -> str:
 
 
 def _plain(line: str) -> str:
-    """Return a line without what Markdown or HTML would make something else of."""
+    """Return a line without characters that Markdown or HTML would interpret."""
     return line.replace('<', '‹').replace('>', '›')

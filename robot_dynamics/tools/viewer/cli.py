@@ -46,33 +46,34 @@ def _parser() -> Parser:
     parser = Parser(
         prog='viewer',
         description='Shows an arm in 3-D in a browser with its efforts, external forces, payload '
-                    'and live\nplots; sliders move it, buttons load and push it. Runs beside '
-                    'dynamics_node.',
-        epilog='Names are relative: -r __ns:=/left after --ros-args looks at /left/dynamics.')
+                    'and live\nplots. Sliders move the arm, buttons attach a load and push it. '
+                    'Requires a running\ndynamics_node.',
+        epilog='Names are relative: with -r __ns:=/left after --ros-args, the node is '
+               '/left/dynamics.')
     parser.add_argument(
         '--host', default=DEFAULT_HOST, metavar='ADDRESS',
-        help='where the page is served (default: %(default)s, this computer alone). Whoever '
-             'reaches it moves the arm')
+        help='Address at which the page is served (default: %(default)s, this computer only). Any '
+             'client that can connect can move the arm')
     parser.add_argument(
         '--port', type=port_number, default=DEFAULT_PORT, metavar='N',
-        help='(default: %(default)s; 0 for a free one)')
+        help='Port of the page; 0 for any free port (default: %(default)s)')
     add_robot(
-        parser, '--robot', 'that of the dynamics node, or of the topic robot_description', 'URDF')
+        parser, '--robot', 'URDF of the dynamics node, or of the topic robot_description', 'URDF')
     parser.add_argument(
         '--mesh-path', action='append', default=[], type=Path, metavar='DIR',
-        help='Directory with meshes of a description that comes over a topic, besides the share '
+        help='Directory with meshes for a description from a topic, in addition to the share '
              'directories of packages; may be repeated')
     parser.add_argument(
         '--dynamics', default='dynamics', metavar='NAME',
-        help='the node to look at (default: %(default)s)')
+        help='Name of the dynamics node (default: %(default)s)')
     parser.add_argument(
         '--simulated-arm', default='simulated_arm', metavar='NAME',
-        help='the node to push and to load (default: %(default)s)')
+        help='Name of the node for pushes and loads (default: %(default)s)')
     return parser
 
 
 def port_number(text: str) -> int:
-    """Return the port that an argument says."""
+    """Return the port of an argument; raise ArgumentTypeError if it is invalid."""
     if not text.isdecimal() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f'{text!r}, expected a number from 0 to 65535')
     return int(text)
@@ -108,7 +109,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
         print(f'{AT} {address_of(server)} (Ctrl-C ends)', flush=True)
         if not is_loopback(arguments.host):
-            print('viewer: others can reach this page, and move the arm with it', file=sys.stderr)
+            print('viewer: other computers can reach this page and move the arm', file=sys.stderr)
         viewer.run(is_over.is_set)
         viewer.close()
     finally:

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What the viewer hears and says on ROS: the newest of each topic, and requests that do not wait.
+The topics and services of the viewer: the newest message per topic, and asynchronous requests.
 
-Everything happens in the thread that calls `receive`. Topics are read a few times a second, and
-keep only their newest message, so that states of any rate cost the same.
+All callbacks run in the thread that calls `receive`. Topics are read a few times per second, and
+only their newest message is kept, so that the load does not depend on the rate of the states.
 """
 
 from collections.abc import Callable
@@ -42,13 +42,13 @@ NEWEST = QoSProfile(depth=1)
 NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MOST_TURNS = 40
-"""Messages and answers that are taken at a time."""
+"""Messages and responses that are taken in one call."""
 DESCRIBING = ('robot_description', 'robot_description_file', 'joints')
 
 
 @dataclass
 class Received:
-    """The newest message of each topic that arrived since the last look; None where none did."""
+    """The newest message of each topic since the last call; None if there is none."""
 
     state: JointState | None = None
     terms: DynamicsTerms | None = None
@@ -62,7 +62,7 @@ class Received:
 
 @dataclass(frozen=True)
 class Described:
-    """The parameters of `dynamics` that say which arm it is."""
+    """The parameters of `dynamics` that define its arm."""
 
     xml: str
     file: str
@@ -70,7 +70,7 @@ class Described:
 
 
 class ViewerNode:
-    """The node `viewer`, beside a `dynamics` and a `simulated_arm` node of these names."""
+    """The node `viewer`, for a `dynamics` and a `simulated_arm` node with these names."""
 
     def __init__(self, node: Node, dynamics: str, simulated_arm: str) -> None:
         self.node = node
@@ -103,7 +103,7 @@ class ViewerNode:
         def keep(message: Any) -> None:
             self._turned = True
             if field == 'diagnostics' and not self._is_of_dynamics(message):
-                return  # of another node
+                return  # from another node
             setattr(self._received, field, message)
 
         return keep
@@ -114,7 +114,7 @@ class ViewerNode:
         return any(status.name.startswith(f'{full_name}: ') for status in message.status)
 
     def receive(self) -> Received:
-        """Return what has arrived; answers of services are handed on meanwhile."""
+        """Return the received messages, and pass on the responses of services."""
         for _ in range(MOST_TURNS):
             self._turned = False
             self._executor.spin_once(timeout_sec=0.0)
@@ -128,27 +128,27 @@ class ViewerNode:
         self._executor.shutdown()
         self.node.destroy_node()
 
-    # ------------------------------------------------------------------ what is there
+    # ------------------------------------------------------------------ other nodes
 
     @property
     def has_dynamics(self) -> bool:
-        """Tell whether a `dynamics` node answers."""
+        """Return whether a `dynamics` node is available."""
         return bool(self._parameters.service_is_ready())
 
     @property
     def has_simulated_arm(self) -> bool:
-        """Tell whether a `simulated_arm` listens, which can be pushed."""
+        """Return whether a `simulated_arm` node, which can be pushed, subscribes."""
         return bool(self._wrench.get_subscription_count())
 
     @property
     def has_states(self) -> bool:
-        """Tell whether anybody publishes joint states."""
+        """Return whether joint_states has a publisher."""
         return bool(self.node.count_publishers('joint_states'))
 
     # ------------------------------------------------------------------ requests
 
     def ask_description(self, report: Callable[[Described], None]) -> None:
-        """Ask `dynamics` for its arm; `report` is called in a later `receive`."""
+        """Request the arm of `dynamics`; a later `receive` calls `report`."""
         def answered(values: dict[str, Any]) -> None:
             joints = values.get('joints') or ()
             report(Described(
@@ -163,10 +163,10 @@ class ViewerNode:
     def set_payload(
         self, name: str, payload: InertiaStamped, seconds: float, report: Callable[[str], None],
     ) -> None:
-        """Put a load on the arm of node `name`, or of m = 0 take it off; `report` the answer."""
+        """Set the load on the arm of node `name`, m = 0 to remove it; `report` the response."""
         client = self._payloads[name]
         if not client.service_is_ready():
-            report(f'{name} is not there')
+            report(f'node {name} not found')
             return
         future = client.call_async(
             SetPayload.Request(payload=payload, transition_time=seconds))
@@ -174,9 +174,9 @@ class ViewerNode:
             done, lambda response: report(f'{name}: {response.message or "done"}')))
 
     def reset_simulated_arm(self, report: Callable[[str], None]) -> None:
-        """Put the simulated arm back to where it began; `report` the answer."""
+        """Reset the simulated arm to its initial pose; `report` the response."""
         if not self._reset.service_is_ready():
-            report(f'{self.simulated_arm} is not there')
+            report(f'node {self.simulated_arm} not found')
             return
         self._reset.call_async(Trigger.Request()).add_done_callback(
             lambda done: self._hand_on(done, lambda response: report(

@@ -15,8 +15,8 @@
 """
 The controls of the viewer for one arm: sliders for a reference, a load, a push, the live plots.
 
-Callbacks of the page come in threads of their own; all they do is to put what was asked into a
-queue, which the viewer's own thread empties.
+Callbacks of the page run in separate threads. They only put requests into a queue, which the
+thread of the viewer empties.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ from robot_dynamics.ros.dynamics.markers import HOT, WARM
 from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
 
 Ask = Callable[[Callable[[], None]], None]
-"""Has something done in the viewer's own thread."""
+"""Queues a call for the thread of the viewer."""
 
 DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
     '+x': (1.0, 0.0, 0.0), '-x': (-1.0, 0.0, 0.0), '+y': (0.0, 1.0, 0.0), '-y': (0.0, -1.0, 0.0),
@@ -40,17 +40,17 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
 SLIDER_STEP = 0.001
 """[rad] or [m]"""
 UNLIMITED = {'prismatic': 1.0}
-"""Reach of the slider of a joint without limits [m]; of one that turns, half a turn."""
+"""Range of the slider of a joint without limits [m]; of a revolute joint, half a turn."""
 DEFAULT_SPEED = 30.0
 """[%]"""
 LEAST_ERROR = 0.1
-"""[mrad] or [mm]: height of the picture of errors that are smaller."""
+"""Smallest height of the plot of errors [mrad] or [mm]."""
 PLOT_WIDTH = 360
 """[px]"""
 
 
 class ArmPanel:
-    """The controls for one arm; `close` takes them away."""
+    """The controls for one arm; `close` removes them."""
 
     def __init__(self, gui: Any, arm: ArmModel, ask: Ask) -> None:
         self._gui, self._arm, self._ask = gui, arm, ask
@@ -72,7 +72,7 @@ class ArmPanel:
         self._plots = self._make_plots()
 
     def close(self) -> None:
-        """Take all away."""
+        """Remove all controls."""
         for part in (*self._folders, self._plot_panel):
             part.remove()
 
@@ -86,12 +86,12 @@ class ArmPanel:
         with self._gui.add_folder('Reference') as folder:
             self._speed = self._gui.add_slider(
                 'speed [%]', 5.0, 100.0, 5.0, DEFAULT_SPEED,
-                hint='Of the velocity limits of the joints')
+                hint='Percentage of the velocity limits of the joints')
             self._sliders = []
             for name, kind, low, high in zip(
                     self._arm.joint_names, self._arm.joint_kinds, limits.lower, limits.upper):
                 reach = UNLIMITED.get(kind, math.pi)
-                if not np.isfinite(high - low) or low == high == 0.0:  # as where none is given
+                if not np.isfinite(high - low) or low == high == 0.0:  # also without a limit
                     low, high = -reach, reach
                 low, high, step = slider_range(float(low), float(high))
                 unit = 'm' if kind == 'prismatic' else 'rad'
@@ -110,9 +110,9 @@ class ArmPanel:
 
     def take_goal(self) -> FloatArray:
         """
-        Return where the sliders want the arm, (n,); `follow` may move them until one is moved.
+        Return the joint positions of the sliders (n,).
 
-        Where a slider was not moved, that is where `follow` or the last goal had the joint.
+        For a slider that was not moved, this is the position of `follow` or of the last goal.
         """
         values = [slider.value for slider in self._sliders]
         self._goal = np.where(np.not_equal(values, self._known), values, self._goal)
@@ -121,13 +121,13 @@ class ArmPanel:
 
     @property
     def speed(self) -> float:
-        """Share of the velocity limits."""
+        """Fraction of the velocity limits."""
         return float(self._speed.value) / 100.0
 
     def follow(self, q: FloatArray) -> None:
-        """Let the sliders show q (n,), unless somebody moves one just now."""
+        """Move the sliders to q (n,), unless the user is moving one."""
         if self._known != [slider.value for slider in self._sliders]:
-            return  # which will be told soon
+            return  # the callback of this slider follows
         self._goal = q.copy()
         for i, (slider, kind, value) in enumerate(zip(self._sliders, self._arm.joint_kinds, q)):
             if kind == 'continuous':
@@ -154,19 +154,19 @@ class ArmPanel:
 
     @property
     def shown_joint(self) -> int:
-        """The joint whose plots are shown, by its place."""
+        """Index of the joint whose plots are shown."""
         return self._arm.joint_names.index(self._joint.value)
 
     def plot_terms(self, time: float, values: Mapping[str, float]) -> None:
-        """Take the effort of the shown joint by term at a time [s]."""
+        """Add the effort of the shown joint by term at a time [s]."""
         self._plots[0].add(time, [values[name] for name in TERMS])
 
     def plot_error(self, time: float, error: float) -> None:
-        """Take the tracking error of the shown joint [rad] or [m]."""
+        """Add the tracking error of the shown joint [rad] or [m]."""
         self._plots[1].add(time, [1e3 * error])
 
     def show_plots(self, now: float) -> None:
-        """Draw what the plots have taken, up to now [s]."""
+        """Draw the added values up to `now` [s]."""
         for plot in self._plots:
             plot.show(now)
 
@@ -178,11 +178,11 @@ class ArmPanel:
             self._load_link = self._gui.add_dropdown(
                 'link', self._arm.link_names, initial_value=hand_of(self._arm))
             self._is_for_controller = self._gui.add_checkbox(
-                'the controller knows', True, hint='Calls set_payload of dynamics')
+                'in the controller model', True, hint='Calls set_payload of dynamics')
             self._is_carried = self._gui.add_checkbox(
-                'the simulated arm carries it', True, hint='Calls set_payload of simulated_arm')
+                'on the simulated arm', True, hint='Calls set_payload of simulated_arm')
             self._button('Attach', lambda: self.on_attach())
-            self._button('Take off', lambda: self.on_detach())
+            self._button('Detach', lambda: self.on_detach())
         return folder
 
     @property
@@ -208,7 +208,7 @@ class ArmPanel:
 
     @property
     def push(self) -> tuple[FloatArray, str, float]:
-        """Force (3,) [N] in the base frame, the link, and how long [s]."""
+        """Force (3,) [N] in the base frame, the link, and the duration [s]."""
         force = float(self._force.value) * np.array(DIRECTIONS[self._direction.value])
         return force, str(self._push_link.value), float(self._seconds.value)
 
@@ -235,7 +235,7 @@ def slider_range(low: float, high: float) -> tuple[float, float, float]:
 
 
 def hand_of(arm: ArmModel) -> str:
-    """Return the link at the end of an arm; of a gripper, the hand that has the fingers."""
+    """Return the link at the end of an arm; of a gripper, the link that carries the fingers."""
     link = tool_link(arm)
     grips = {name for mimic in arm.mimic_joints for name in (mimic.name, mimic.leader)}
     model = arm.pinocchio_model

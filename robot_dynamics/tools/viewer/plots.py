@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live plots of the viewer: effort by term and tracking error of a joint, in seconds past."""
+"""The live plots of the viewer: effort by term and tracking error of a joint."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ TERMS = ('effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')
 HEIGHT = 230
 """[px]"""
 MARGIN = 0.1
-"""Of the span of the values, above and below."""
+"""Margin above and below the values, as a fraction of their span."""
 X_SCALE = {'x': {'time': False, 'range': (-SHOWN, 0.0)}}
 
 
@@ -38,7 +38,7 @@ class LivePlot:
     def __init__(
         self, gui: Any, title: str, names: Sequence[str], least_span: float = 1.0,
     ) -> None:
-        """`title` has the unit of all lines; the picture is no less than `least_span` high."""
+        """`title` has the unit of all lines; the axis spans at least `least_span`."""
         self._least_span = least_span
         self._rows: deque[tuple[float, ...]] = deque()
         series: list[dict[str, Any]] = [{'label': 't [s]'}]
@@ -57,7 +57,7 @@ class LivePlot:
             legend={'show': len(names) > 1})
 
     def add(self, time: float, values: Sequence[float]) -> None:
-        """Take the values of all lines at a time [s], which begins anew where it goes back."""
+        """Add the values of all lines at a time [s]; if it goes back, clear the chart."""
         if self._rows and time <= self._rows[-1][0]:
             if time == self._rows[-1][0]:
                 return
@@ -65,7 +65,7 @@ class LivePlot:
         self._rows.append((time, *values))
 
     def show(self, now: float) -> None:
-        """Draw what is not older than SHOWN at `now` [s]."""
+        """Draw the values that are not older than SHOWN at `now` [s]."""
         while self._rows and self._rows[0][0] < now - SHOWN:
             self._rows.popleft()
         rows: FloatArray = np.array(self._rows).reshape(-1, self._width)
@@ -81,5 +81,5 @@ class LivePlot:
         return middle - half, middle + half
 
     def remove(self) -> None:
-        """Take the chart away."""
+        """Remove the chart."""
         self._handle.remove()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the controls of the viewer ask of the nodes, as messages."""
+"""The messages that the controls of the viewer send to the nodes."""
 
 import math
 
@@ -26,15 +26,15 @@ from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 DENSITY = 2000.0
-"""[kg/m^3] of the ball that stands for a load."""
+"""Density [kg/m^3] of the ball that represents a load."""
 SHORTEST_MOTION = 0.5
 """[s]"""
 RISE_TIME = 0.25
-"""[s] in which a joint may come to its speed."""
+"""Shortest time [s] in which a joint reaches its speed."""
 UNLIMITED_SPEED = {'prismatic': 0.25}
-"""Velocity of a joint without a limit [m/s]; of one that turns, 1 rad/s."""
+"""Velocity of a prismatic joint without a limit [m/s]; of a revolute joint, 1 rad/s."""
 HELD = 3600.0
-"""[s] to the second point of a reference, at which it stays."""
+"""[s] to the second point of a reference, which is held."""
 
 # Of a quintic from rest to rest over D in T: the largest velocity is 15/8 D/T, the largest
 # acceleration 10/sqrt(3) D/T^2; from a velocity v to rest where it is, about 4 v/T.
@@ -45,10 +45,10 @@ def motion_time(
     arm: ArmModel, q: FloatArray, goal: FloatArray, speed: float, v: FloatArray | None = None,
 ) -> float:
     """
-    Return how long a motion from q to a goal, both (n,), takes [s].
+    Return the duration [s] of a motion from q to a goal, both (n,).
 
-    From rest, no joint is faster than `speed`, a share of its velocity limit. From a velocity v
-    (n,) there is time to lose it, so that a goal that is dragged along is followed smoothly.
+    From rest, no joint is faster than `speed`, a fraction of its velocity limit. With an initial
+    velocity v (n,) the duration allows to stop, so that a moving goal is followed smoothly.
     """
     default = np.array([UNLIMITED_SPEED.get(kind, 1.0) for kind in arm.joint_kinds])
     limit = arm.limits.velocity
@@ -63,10 +63,10 @@ def motion_time(
 
 def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -> JointTrajectory:
     """
-    Return the reference that arrives at a goal (n,) in a time, and stays there.
+    Return the reference that reaches a goal (n,) after a time, and holds it.
 
-    With velocity and acceleration it is a quintic from the reference in force. Of two points,
-    the last one is held; one alone would be a sample of a stream. `sender` is in `frame_id`.
+    With velocity and acceleration it is a quintic from the active reference. Of two points, the
+    last one is held; a single point would be a sample of a stream. `sender` is in `frame_id`.
     """
     rest = floats_to_ros(np.zeros(arm.joint_count))
     message = JointTrajectory(joint_names=list(arm.joint_names), points=[
@@ -78,7 +78,7 @@ def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -
 
 
 def ball(link: str, mass: float) -> InertiaStamped:
-    """Return the load of a ball [kg] about the origin of a link; of mass 0, none."""
+    """Return the load of a ball [kg] at the origin of a link; mass 0 removes the load."""
     radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
     message = payload_to_ros(make_payload(
         link, mass, (0.0, 0.0, 0.0), 0.4 * mass * radius**2 * np.eye(3)))

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The 3-D view of the viewer: the links of an arm, and what `~/markers` says acts on it.
+The 3-D view of the viewer: the links of an arm, and the efforts and forces of `~/markers`.
 
-A link is drawn by the visuals of the URDF, with the meshes that are found; one that has nothing to
-draw is a bone from joint to joint, so that every arm is seen.
+A link is drawn with the visuals of the URDF and the meshes that are found. A link without visuals
+is drawn as a bone from joint to joint, so that every arm is visible.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,27 +38,27 @@ from visualization_msgs.msg import Marker
 
 LINK_COLOUR = (0.72, 0.74, 0.78, 1.0)
 COLOURED = ('.dae', '.glb', '.gltf', '.obj')
-"""Mesh files that have colours of their own."""
+"""Formats of mesh files that define colours."""
 _BONE = 0.35
-"""Radius of a bone, as a share of that of the arcs of effort."""
+"""Radius of a bone, as a fraction of the radius of the arcs of effort."""
 _LABEL_GAP = 0.12
-"""Smallest distance between two labels, as a share of the reach."""
+"""Smallest distance between two labels, as a fraction of the reach."""
 _STILL = 1e-6
-"""[m] and of a quaternion; what moves less is not sent."""
+"""Smallest motion that is sent [m], also of the components of a quaternion."""
 
 _Key = tuple[str, int, int]
 """Namespace, number and type of a mark."""
 
 
 class _Part(NamedTuple):
-    """A link that is drawn: its frame in Pinocchio, and the handle of the node that has it."""
+    """A drawn link: its Pinocchio frame, and the handle of its scene node."""
 
     frame: int
     handle: Any
 
 
 class ArmScene:
-    """One arm in the scene of a server of viser; `close` takes it away."""
+    """One arm in the scene of a viser server; `close` removes it."""
 
     def __init__(
         self, server: Any, arm: ArmModel, xml: str, directory: Path | None,
@@ -67,8 +67,8 @@ class ArmScene:
         """
         Draw an arm.
 
-        `directory` is that of the URDF, None for a URDF that came over a topic, whose meshes are
-        opened only in packages and below `mesh_paths`.
+        `directory` is the directory of the URDF, None for a URDF from a topic. Meshes of such a
+        URDF are opened only in packages and below `mesh_paths`.
         """
         self._server, self._scene = server, server.scene
         self._arm, self._data = arm, arm.pinocchio_model.createData()
@@ -88,7 +88,7 @@ class ArmScene:
         self._parts = self._draw_links(xml)
 
     def close(self) -> None:
-        """Take all away."""
+        """Remove the arm."""
         for handle in (self._grid, *(part.handle for part in self._parts), *self._marks.values()):
             handle.remove()
         self._parts, self._marks = [], {}
@@ -107,7 +107,7 @@ class ArmScene:
                 _set(handle, 'position', np.array(place.translation))
 
     def rotation(self, link: str) -> FloatArray:
-        """Return the rotation (3, 3) of a link in the base frame, where it was shown last."""
+        """Return the rotation (3, 3) of a link in the base frame, as it was shown last."""
         frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
         return np.array(self._data.oMf[frame].rotation)
 
@@ -126,7 +126,7 @@ class ArmScene:
         return parts
 
     def _draw_visual(self, node: str, visual: Visual) -> bool:
-        """Draw one shape; return whether that could be done."""
+        """Draw one shape; return whether that was possible."""
         x, y, z, w = pin.Quaternion(visual.rotation).coeffs().tolist()
         pose = {'wxyz': (w, x, y, z), 'position': tuple(visual.place.tolist())}
         colour, shape = visual.colour or LINK_COLOUR, visual.shape
@@ -156,7 +156,7 @@ class ArmScene:
             check_mesh_file(path)
             scene = trimesh.load_scene(path)
             if scene.is_empty or not scene.triangles.size:
-                raise ValueError('it has no triangles')
+                raise ValueError('the mesh has no triangles')
             if path.suffix.lower() in COLOURED:
                 self._scene.add_mesh_trimesh(node, scene, scale=scale, **pose)
                 return True
@@ -164,13 +164,13 @@ class ArmScene:
             colour = visual.colour or LINK_COLOUR
             self._scene.add_mesh_simple(
                 node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
-        except Exception as error:  # whatever a reader of meshes raises
+        except Exception as error:  # any error of a mesh reader
             self.missing.append(f'{mesh.name}: {error}')
             return False
         return True
 
     def _mesh_file(self, name: str) -> Path:
-        """Return the file of a mesh; raise ModelError if there is none or it is not opened."""
+        """Return the file of a mesh; raise ModelError if it is missing or not allowed."""
         if self._directory is None:
             return find_untrusted_mesh(name, self._mesh_paths)
         path = find_mesh(name, self._directory)
@@ -186,10 +186,10 @@ class ArmScene:
                 self._scene.add_mesh_simple(
                     f'{node}/bone{k}', bone.vertices, bone.faces, color=LINK_COLOUR[:3])
 
-    # ------------------------------------------------------------------ what acts on it
+    # ------------------------------------------------------------------ efforts and forces
 
     def mark(self, markers: Sequence[Marker]) -> None:
-        """Show these marks, and no other; labels get the names of the joints, and are spread."""
+        """Show only these markers; labels get the names of the joints, and are spread."""
         named = {
             (marker.ns, marker.id, marker.type): marker for marker in markers
             if _can_be_drawn(marker)}

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-The web server of the viewer: on this computer alone, and for its own page alone.
+The web server of the viewer: only on this computer, and only for its own page.
 
-Who reaches the page moves the arm. A browser lets any page of any site open a connection to this
-computer, and states in the headers Host and Origin (RFC 9110, section 7.2; RFC 6454) which server
-it means and from which page the request comes: requests for another server or from another page
-are refused.
+Any client that can connect can move the arm. A browser lets any page of any site open a
+connection to this computer. The headers Host and Origin (RFC 9110, section 7.2; RFC 6454) of a
+request contain the server and the page: requests for another server or from another page are
+rejected.
 """
 
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ _HTTP_PORT = 80
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether only this computer reaches an address."""
+    """Return whether only this computer can reach an address."""
     if host == 'localhost':
         return True
     try:
@@ -50,26 +50,26 @@ def is_loopback(host: str) -> bool:
 
 def start_server(host: str, port: int, title: str) -> Any:
     """
-    Return a running server of viser.
+    Return a running viser server.
 
-    Raises MissingDependencyError without viser, InvalidInputError where the port cannot be had.
+    Raises MissingDependencyError without viser, InvalidInputError if the port is unavailable.
     """
     viser = optional('viser', 'the viewer')
     _check_port(host, port)
     _tolerate_races()
-    with redirect_stdout(io.StringIO()):  # it greets
+    with redirect_stdout(io.StringIO()):  # viser prints a greeting
         with _own_pages_alone(is_loopback(host)):
             server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     server.gui.main_panel.dock_right()
-    # Shadows take most of the time where a browser has no graphics card to draw with.
+    # Without a graphics card, shadows take most of the time of a browser.
     server.scene.configure_default_lights(cast_shadow=False)
     _never_share(server)
     return server
 
 
 def stop_server(server: Any) -> None:
-    """Stop a server, which would say so."""
+    """Stop a server without its message on stdout."""
     with redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -81,7 +81,7 @@ def address_of(server: Any) -> str:
 
 
 def _check_port(host: str, port: int) -> None:
-    """Raise InvalidInputError where nobody can listen, as viser tries other ports for ever."""
+    """Raise InvalidInputError for an unavailable port; viser would try others without end."""
     try:
         family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -97,9 +97,9 @@ def _check_port(host: str, port: int) -> None:
 @contextmanager
 def _own_pages_alone(is_local: bool) -> Iterator[None]:
     """
-    Refuse requests of other pages, for servers that start in the statement.
+    Reject requests of other pages, for servers that start in the `with` statement.
 
-    viser gives its server of WebSockets no such check, so that it is added to its call.
+    The WebSocket server of viser has no such check; it is added to the call that starts it.
     """
     from websockets.asyncio import server as sockets
     serve = sockets.serve
@@ -110,7 +110,7 @@ def _own_pages_alone(is_local: bool) -> Iterator[None]:
             if not _is_own(request.headers, port, is_local):
                 return connection.respond(
                     HTTPStatus.FORBIDDEN,
-                    f'Refused: expected a request of the page of this viewer at port {port}.\n')
+                    f'Rejected: expected a request from the page of this viewer at port {port}.\n')
             return process_request(connection, request)
 
         return serve(*arguments, process_request=checked, **options)
@@ -124,7 +124,7 @@ def _own_pages_alone(is_local: bool) -> Iterator[None]:
 
 def _is_own(headers: Any, port: int, is_local: bool) -> bool:
     """
-    Tell whether a request is for this server, and from its page or from a program.
+    Return whether a request is for this server, and from its page or from a program.
 
     Programs send no Origin. If others can reach the server (`is_local` is false), its name is
     unknown: then Origin must be the same as Host.
@@ -139,7 +139,7 @@ def _is_own(headers: Any, port: int, is_local: bool) -> bool:
 
 
 def _is_own_address(address: str, port: int) -> bool:
-    """Tell whether HOST:PORT is this server; a browser leaves out the port of HTTP."""
+    """Return whether HOST:PORT is this server; browsers omit the default port of HTTP."""
     end = f':{port}'
     name = address.removesuffix(end)
     return (name != address or port == _HTTP_PORT) and bool(_THIS_COMPUTER.fullmatch(name))
@@ -147,12 +147,12 @@ def _is_own_address(address: str, port: int) -> bool:
 
 def _tolerate_races() -> None:
     """
-    Let viser finish what a race between its threads interrupts.
+    Complete a call of viser that a race between its threads interrupts.
 
     viser puts a message into a buffer and then calls `asyncio.Event.set` in the thread that sends
     it. That raises RuntimeError ("deque mutated during iteration") if the thread of the event loop
-    begins to wait at the same moment, which ended the viewer on a busy computer. The message is in
-    the buffer by then: the thread of the event loop sets the event again, which wakes all waiters.
+    begins to wait at the same moment, which ended the viewer on a busy computer. The message is
+    already in the buffer: the thread of the event loop sets the event again and wakes all waiters.
     """
     from viser.infra._async_message_buffer import AsyncMessageBuffer
     push = AsyncMessageBuffer.push
@@ -167,13 +167,13 @@ def _tolerate_races() -> None:
             buffer.event_loop.call_soon_threadsafe(wake, buffer.message_event)
 
     def wake(event: Any) -> None:
-        event.clear()  # else `set` does nothing
+        event.clear()  # otherwise `set` has no effect
         event.set()
 
     AsyncMessageBuffer.push = push_and_wake
 
 
 def _never_share(server: Any) -> None:
-    """Let no page ask for a public address of this server, which viser would give it."""
+    """Disable the request of a page for a public address of this server through viser."""
     import viser._messages as messages
     server._websock_server.unregister_handler(messages.ShareUrlRequest)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which arm the viewer shows: that of a file, of `dynamics`, or of the topic robot_description."""
+"""The arm in the viewer: from a file, from `dynamics`, or from the topic robot_description."""
 
 from pathlib import Path
 import time
@@ -27,11 +27,11 @@ from robot_dynamics.tools.viewer.node import Described, ViewerNode
 from robot_dynamics.urdf.description_file import read_description
 
 ASK_PERIOD = 1.0
-"""[s] between two questions for the arm."""
+"""[s] between two requests for the arm."""
 
 
 class Description(NamedTuple):
-    """A URDF, the directory of its file (None: it came over a topic), and the actuated joints."""
+    """A URDF, the directory of its file (None: from a topic), and the actuated joints."""
 
     xml: str
     directory: Path | None
@@ -39,10 +39,10 @@ class Description(NamedTuple):
 
 
 class ArmSource:
-    """Finds the arm, and notices when it is another one."""
+    """Finds the arm, and detects a new one."""
 
     def __init__(self, node: ViewerNode, robot: str | None) -> None:
-        """`robot` is the file of a URDF, or None; raise ModelError where it cannot be read."""
+        """`robot` is the file of a URDF, or None; raise ModelError if it is unreadable."""
         self._node, self._robot = node, robot
         self._described: Described | None = None
         self._topic_xml = ''
@@ -50,18 +50,18 @@ class ArmSource:
         self._last: Description | None = None
         self._found = None if robot is None else _of_file(robot, '--robot')
         self.problem = ''
-        """Why the arm of `dynamics` cannot be shown."""
+        """Reason why the arm of `dynamics` cannot be shown."""
 
     def take_topic(self, xml: str) -> None:
-        """Take what the topic robot_description says."""
+        """Store a URDF from the topic robot_description."""
         self._topic_xml = xml
         if self._described is not None:
             self._take(self._described)
 
     def news(self) -> Description | None:
-        """Return the arm to show where it is another than the one before; ask for it meanwhile."""
+        """Return the arm if it is a new one, else None; request it from `dynamics`."""
         if not self._node.has_dynamics:
-            self._described, self.problem = None, ''  # it may come back with another arm
+            self._described, self.problem = None, ''  # the node may restart with another arm
             if self._topic_xml and self._robot is None:
                 self._found = Description(self._topic_xml, None, ())
         elif self._described is None and time.monotonic() - self._asked_time >= ASK_PERIOD:
@@ -73,7 +73,7 @@ class ArmSource:
         return self._found
 
     def _take(self, described: Described) -> None:
-        """Take what `dynamics` says of its arm."""
+        """Store the arm from the response of `dynamics`."""
         self._described, self.problem = described, ''
         if self._found is not None and self._robot is not None:
             self._found = self._found._replace(joints=described.joints)
@@ -82,10 +82,10 @@ class ArmSource:
             try:
                 self._found = _of_file(described.file, 'robot_description_file', described.joints)
                 return
-            except RobotDynamicsError as error:  # a file of another computer
+            except RobotDynamicsError as error:  # a file on another computer
                 if not self._topic_xml:
                     self.problem = (
-                        f'{error}; expected it here too, or on the topic robot_description')
+                        f'{error}; expected the file also here, or on the topic robot_description')
                     return
         xml = described.xml or self._topic_xml or embedded_description()
         self._found = Description(xml, None, described.joints)
