@@ -55,7 +55,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         os.sched_setaffinity(0, {min(cores)})
         print(f'{SAMPLES} samples of {JOINTS} joints, one process on one core, medians of '
-              f'{ROUNDS}; µs of processor time a sample:')
+              f'{ROUNDS}; µs of processor time per sample:')
         print(f'{"":22}{"read":>7}{"filter":>8}{"terms":>7}{"whole":>7}   samples/s')
         try:
             for name, form in FORMATS.items():

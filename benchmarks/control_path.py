@@ -189,7 +189,7 @@ def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     for name, values in trips.items():
         p99 = float(np.percentile(values, 99))
         print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, '
-              f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs a message; '
+              f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs per message; '
               f'{ROUNDS * MESSAGES - len(values)} lost; of the echo: '
               f'{medians[name] / medians["bare echo"]:.2f}, '
               f'{per_message[name] / per_message["bare echo"]:.2f}')

@@ -33,7 +33,7 @@ ROUNDS = 9
 INVERSE_DYNAMICS = 'inverse dynamics'
 
 Times = Mapping[str, FloatArray]
-"""Seconds a call by quantity, one for each of JOINTS."""
+"""Time per call [s] by quantity, one value per number in JOINTS."""
 
 
 class LinearFit(NamedTuple):

@@ -61,7 +61,7 @@ def test_the_manifest_is_valid_and_complete(path: Path) -> None:
 
 
 def test_placeholders_say_so_and_are_in_the_checklist() -> None:
-    """An address that does not exist says that it is to be replaced."""
+    """An address that does not exist contains the request to replace it."""
     texts = [(path / 'package.xml').read_text(encoding='utf-8') for path in PATHS]
     found = {name for text in texts for name in re.findall(r'[\w.:/@-]+\.invalid[\w/-]*', text)}
     assert len(found) == 2  # the address and the URL

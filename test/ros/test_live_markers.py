@@ -193,7 +193,7 @@ def test_the_display_shows_all_that_is_drawn() -> None:
     assert shown['Arm']['Description Topic']['Durability Policy'] == 'Transient Local'
 
 
-def test_markers_are_off_until_somebody_listens(client: RosClient) -> None:
+def test_markers_are_off_without_subscribers(client: RosClient) -> None:
     markers = LiveMarkers(client.node)
     assert not markers.is_on
     assert markers._timer.is_canceled()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A colcon workspace of its own with a copy of this repository, for tests of the ROS tools."""
+"""A separate colcon workspace with a copy of this repository, for tests of the ROS tools."""
 
 from collections.abc import Iterator, Mapping
 import json

@@ -374,7 +374,7 @@ def test_sliders_of_a_joint_that_hardly_moves_are_within_its_limits(server, low,
         assert low <= panel._sliders[0].min <= panel._sliders[0].max <= high
 
 
-def test_sliders_follow_the_arm_until_somebody_moves_one(server):
+def test_sliders_follow_the_arm_until_one_is_moved(server):
     with panel_of(server, arm_called('ur10')) as panel:
         def shown():
             return [slider.value for slider in panel._sliders]

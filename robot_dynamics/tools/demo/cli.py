@@ -153,7 +153,7 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
     optional('yaml', 'demo')
     optional('rosbags', 'demo')
     if not arguments.no_plot:
-        optional('matplotlib', 'the figure of demo (not needed with --no-plot)')
+        optional('matplotlib', 'the figure of demo (omit it with --no-plot)')
     if arguments.viewer is not None:
         optional('viser', 'demo --viewer')
 
