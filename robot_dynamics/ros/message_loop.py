@@ -139,7 +139,7 @@ class MessageLoop:
                 self._refuse(error)
 
     def _take(self) -> bytes | None:
-        """Return the next message as bytes, None if there is none."""
+        """Return the next message as bytes, None without a message."""
         try:
             taken = self._take_next()
         except Exception as error:  # no message may end the thread

@@ -64,7 +64,7 @@ def arm(bench: FaultBench) -> Iterator[FaultBench]:
         yield one
 
 
-# --- trajectories that are sent while nothing can be followed ------------------------------------
+# --- trajectories that are sent while no reference can be followed ------------------------------
 
 @fault(GROUP, 'a trajectory and a set-point during a timeout of the joint states',
        f'rejected with the fault as the reason; after recovery {HELD}')

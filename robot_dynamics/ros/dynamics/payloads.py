@@ -43,7 +43,7 @@ class PayloadKeeper:
 
     def __init__(self, node: Node, values: Callable[[], Values]) -> None:
         """
-        Publish on ~/payload: one message per payload, all with one stamp; m = 0 if there is none.
+        Publish on ~/payload: one message per payload, all with one stamp; m = 0 without a payload.
 
         `values` returns the parameters of the node.
         """

@@ -48,7 +48,7 @@ DESCRIBING = ('robot_description', 'robot_description_file', 'joints')
 
 @dataclass
 class Received:
-    """The newest message of each topic since the last call; None if there is none."""
+    """The newest message of each topic since the last call; None without a message."""
 
     state: JointState | None = None
     terms: DynamicsTerms | None = None
