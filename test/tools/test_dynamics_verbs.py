@@ -114,7 +114,7 @@ def test_joints_left_out_have_the_rest() -> None:
     ('a=1', 'position leaves out b, expected every joint: a, b'),
     ('a=1 c=2', "position has joint 'c', expected one of: a, b"),
     ('a=1 a=2', "position has joint 'a' twice"),
-    ('a=1 2', "position has '2' beside 'a=1', expected numbers alone, or NAME=NUMBER"),
+    ('a=1 2', "position has '2' and 'a=1', expected only numbers, or NAME=NUMBER"),
     ('1 x', "position is 'x', expected a number"),
     ('a=nan b=1', "position of a is 'nan', expected a number"),
 ])
@@ -261,7 +261,7 @@ def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
     (['inverse', '0.1'], 'position has 1 value, expected 2: joint1, joint2'),
     (['equation', '0.1', '0.2', '-v', 'joint3=1'], "velocity has joint 'joint3', expected one of"),
     (['payload', 'tool0'], "LINK is 'tool0' without a MASS"),
-    (['payload', 'tool0', '1', '--clear'], "LINK is 'tool0' beside --clear"),
+    (['payload', 'tool0', '1', '--clear'], "LINK is 'tool0' together with --clear"),
     (['payload', 'hand', '1'], "is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '-1'], 'payload.inertia.m is -1, expected a number in'),
 ])

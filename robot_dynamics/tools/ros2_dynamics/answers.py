@@ -156,7 +156,7 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
 def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return the active payloads, after a change if one is requested."""
     if arguments.clear and arguments.link:
-        raise InvalidInputError(f'LINK is {arguments.link!r} beside --clear, expected one of both')
+        raise InvalidInputError(f'LINK is {arguments.link!r} together with --clear, expected only one')
     if arguments.link and arguments.mass is None:
         raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
     if arguments.link or arguments.clear:
@@ -210,7 +210,7 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
 def _motion(
     client: DynamicsClient, arguments: Namespace, fields: Sequence[str],
 ) -> tuple[list[str], dict[str, list[float]]]:
-    """Return the joints, and what was typed of their motion in the same order."""
+    """Return the joints, and the motion of the arguments in the same order."""
     names = client.joint_names()
     motion = {'position': joint_values('position', arguments.position, names)}
     for field in fields[1:]:

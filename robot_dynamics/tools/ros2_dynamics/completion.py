@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What a shell may complete of `ros2 dynamics`: nodes, joints and links of what runs.
+Shell completion of `ros2 dynamics`: names of running nodes, and their joints and links.
 
-These are completers of argcomplete, which calls them with the beginning of a word and what was
-typed before. A completer has nobody to tell of an error, and offers nothing then.
+These are completers of argcomplete, which calls them with the beginning of a word and the
+arguments before it. A completer cannot report an error, and then offers no names.
 """
 
 from argparse import Namespace
@@ -27,7 +27,7 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 
 _TIMEOUT = 2.0
-"""[s] that somebody waits for a completion."""
+"""Longest time [s] for a completion."""
 
 
 def _asking(ask: Callable[[DynamicsClient], list[str]], arguments: Namespace) -> list[str]:

@@ -25,7 +25,7 @@ def joint_values(
     rest: float | Mapping[str, float] | None = None,
 ) -> list[float]:
     """
-    Return a value for each of `names` out of what was typed.
+    Return a value for each of `names` from the arguments.
 
     Numbers alone are in the order of `names`, one each; NAME=NUMBER in any order, where `rest` is
     the value of joints left out, one for all or by name (None: none may be). Raises
@@ -42,7 +42,7 @@ def joint_values(
     if len(named) < len(texts):
         plain = next(text for text in texts if '=' not in text)
         raise InvalidInputError(
-            f'{field} has {plain!r} beside {named[0]!r}, expected numbers alone, or NAME=NUMBER '
+            f'{field} has {plain!r} and {named[0]!r}, expected only numbers, or NAME=NUMBER '
             f'for each joint: {_in_words(names)}')
     given = _by_name(field, named, names)
     missing = [name for name in names if name not in given]
