@@ -156,7 +156,8 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
 def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return the active payloads, after a change if one is requested."""
     if arguments.clear and arguments.link:
-        raise InvalidInputError(f'LINK is {arguments.link!r} together with --clear, expected only one')
+        raise InvalidInputError(
+            f'LINK is {arguments.link!r} together with --clear, expected only one')
     if arguments.link and arguments.mass is None:
         raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
     if arguments.link or arguments.clear:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A client that finds a running `dynamics` node, calls its services and subscribes to its topics."""
+"""A client that finds a `dynamics` node, calls its services and subscribes to its topics."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
