@@ -264,8 +264,8 @@ def _check(values: Values) -> None:
     convention_from_parameters(values)
     if values['paused'] and not _has_own_time(values):
         raise InvalidInputError(
-            'paused is true, expected false, or also lock_step or publish_clock: the clock of the '
-            'computer cannot be paused')
+            'paused is true, expected false, or lock_step or publish_clock as well: the clock of '
+            'the computer cannot be paused')
 
 
 def _before_efforts(values: Values) -> str:

@@ -20,7 +20,9 @@ from datetime import datetime
 import importlib
 import math
 from pathlib import Path
+import signal
 import sys
+import threading
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -88,19 +90,18 @@ def _record(
 
     Return the topics of several publishers, which count their messages separately.
     """
-    several: set[str] = set()
+    stop = threading.Event()
+    # KeyboardInterrupt could end a drain between a message and its count.
+    before = signal.signal(signal.SIGINT, lambda *_: stop.set())
     try:
         print(message, file=sys.stderr, flush=True)
         end = math.inf if seconds is None else time.monotonic() + seconds
-        while time.monotonic() < end:
+        while time.monotonic() < end and not stop.wait(DRAIN_PERIOD):
             recorder.drain()
-            time.sleep(DRAIN_PERIOD)
-    except KeyboardInterrupt:
-        pass
+        return {name for name in recorder.counts if client.node.count_publishers(name) > 1}
     finally:
-        several |= {name for name in recorder.counts if client.node.count_publishers(name) > 1}
         recorder.close()
-    return several
+        signal.signal(signal.SIGINT, before)
 
 
 def _report(
