@@ -19,10 +19,12 @@ The imports of numpy, Pinocchio and rclpy take most of a second. An interrupt du
 ends the process with status 0 and without a traceback, as an interrupt later does.
 """
 
+from collections.abc import Callable
 import importlib
 import os
 import signal
 import sys
+from typing import NoReturn
 
 
 def dynamics_node() -> int:
@@ -38,7 +40,10 @@ def simulated_arm() -> int:
 def _run(module: str) -> int:
     for end_signal in (signal.SIGINT, signal.SIGTERM):
         signal.signal(end_signal, _leave)
-    return int(importlib.import_module(module).main())
+    status = int(importlib.import_module(module).main())
+    leave: Callable[[int], NoReturn] = importlib.import_module(
+        'robot_dynamics.ros.shutdown').leave
+    leave(status)
 
 
 def _leave(*_: object) -> None:

@@ -27,6 +27,7 @@ import os
 import signal
 import sys
 import threading
+from typing import NoReturn
 
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 LONGEST_END = 10.0
@@ -49,6 +50,17 @@ def ends_in_time(seconds: float = LONGEST_END) -> Iterator[None]:
         yield
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+def leave(status: int) -> NoReturn:
+    """
+    Exit after an orderly shutdown, without the end of the interpreter.
+
+    Threads of the middleware may still run then, and crash while libraries are unloaded.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 class ShutdownRequest:

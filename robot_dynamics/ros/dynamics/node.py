@@ -16,7 +16,6 @@
 
 from collections.abc import Sequence
 import re
-import sys
 from typing import Any
 
 import numpy as np
@@ -58,6 +57,7 @@ from robot_dynamics.ros.guarded_callbacks import (
 )
 from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop, MOST_WAITING
 from robot_dynamics.ros.running import run_node
+from robot_dynamics.ros.shutdown import leave
 from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.urdf.parser import parse_urdf
 from sensor_msgs.msg import JointState
@@ -324,4 +324,4 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    leave(main())

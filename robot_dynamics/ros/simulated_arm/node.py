@@ -15,7 +15,6 @@
 """The node `simulated_arm`: simulates the motion under efforts, and publishes joint states."""
 
 from collections.abc import Sequence
-import sys
 import threading
 from typing import Any
 
@@ -45,6 +44,7 @@ from robot_dynamics.ros.robot_description import (
     FRICTION_SPECS,
 )
 from robot_dynamics.ros.running import run_node
+from robot_dynamics.ros.shutdown import leave
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics.simulation.plant import InnerController, Plant
@@ -289,4 +289,4 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    leave(main())
