@@ -97,8 +97,8 @@ def wait_arrived(states: Collector, goal: np.ndarray) -> None:
 
 
 def wait_active(states: Collector) -> None:
-    """Wait for 0.1 s of simulated time: the first state is repeated until the node is active."""
-    states.wait_for(lambda m: m.header.stamp.nanosec > 100_000_000, LONG)
+    """Wait for 1 s of simulated time: the first state is repeated until the node is active."""
+    states.wait_for(lambda m: m.header.stamp.sec >= 1, LONG)
 
 
 def wait_held(
@@ -139,7 +139,7 @@ def test_a_set_point_is_reached_within_the_limits(
     q, v = (np.array([getattr(m, field) for m in messages]) for field in ('position', 'velocity'))
     moved = np.abs(goal - start)
     assert (np.abs(v) <= limits.velocity).all()
-    assert np.abs(v).max() > 1e-3
+    assert np.abs(q - start).max() > 0.9 * moved.max()  # a starved observer may miss the motion
     past = np.maximum(q - np.maximum(start, goal), np.minimum(start, goal) - q)
     assert (past <= np.maximum(0.05 * moved, 0.01)).all()
 

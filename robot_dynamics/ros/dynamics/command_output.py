@@ -20,10 +20,12 @@ effect. If a state is overdue, and while the effort is ramped to zero, it publis
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 import threading
 import time
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
@@ -37,10 +39,12 @@ from robot_dynamics.ros.diagnostics import Status
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.rclpy_internals import raw_publish
+from robot_dynamics.ros.rclpy_internals import raw_publish, RclError
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+LONGEST_ACKNOWLEDGEMENT = 0.5
+"""[s] in which subscribers must acknowledge the last command before the node ends."""
 ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
 END_SLACK = 5.0
@@ -229,6 +233,9 @@ class SafeCommand:
             self._ends = True
             self._changed.notify()
         self._thread.join()
+        for publisher in (self._command, self._commands):  # a lost sample delays the last ones
+            with suppress(RclError):  # the context may have ended
+                publisher.wait_for_all_acked(Duration(seconds=LONGEST_ACKNOWLEDGEMENT))
 
     # ------------------------------------------------------------------ efforts
 
