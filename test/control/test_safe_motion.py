@@ -97,8 +97,8 @@ def wait_arrived(states: Collector, goal: np.ndarray) -> None:
 
 
 def wait_active(states: Collector) -> None:
-    """Wait for 1 s of simulated time: the first state is repeated until the node is active."""
-    states.wait_for(lambda m: m.header.stamp.sec >= 1, LONG)
+    """Wait for 0.1 s of simulated time: the first state is repeated until the node is active."""
+    states.wait_for(lambda m: m.header.stamp.nanosec > 100_000_000, LONG)
 
 
 def wait_held(
