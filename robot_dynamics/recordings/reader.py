@@ -38,11 +38,11 @@ from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.message_types import MessageTypes
 from robot_dynamics.recordings.storage import open_stored_file, StoredFile
 from robot_dynamics.recordings.topics import JOINT_STATE, RecordedTopic, TopicQos
-from robot_dynamics.recordings.writer import RecordingWriter, uninterrupted
+from robot_dynamics.recordings.writer import RecordingWriter
 
 __all__ = [
     'JOINT_STATE', 'JointSeries', 'Loss', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
-    'stamp_ns', 'TopicQos', 'uninterrupted',
+    'stamp_ns', 'TopicQos',
 ]
 
 

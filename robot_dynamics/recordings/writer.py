@@ -19,19 +19,15 @@ Messages are written as the bytes that were received, with the definitions of th
 not re-encoded, and any reader can decode them.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-import signal
-import threading
 from types import TracebackType
 from typing import Any
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.topics import qos_to_rosbags, TopicQos
-
-_ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 class RecordingWriter:
@@ -96,27 +92,3 @@ class RecordingWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """
-    Delay signals until the end of the block, so that no incomplete record is left in a file.
-
-    Signals interrupt only the main thread; in other threads this has no effect.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    arrived: list[tuple[int, Any]] = []
-    before = {
-        number: signal.signal(number, lambda *call: arrived.append(call)) for number in _ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for signum, frame in arrived[:1]:
-            handler = before[signal.Signals(signum)]
-            if callable(handler):
-                handler(signum, frame)

@@ -34,6 +34,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.recordings.topics import common_types
 from robot_dynamics.ros.rclpy_internals import message_inbox
@@ -117,8 +118,9 @@ class Recorder:
             writer.add_topic(spec.name, spec.type_name, spec.qos)
 
     def drain(self) -> int:
-        """Record all waiting messages; return their number."""
-        return sum(self._drain(source) for source in self._sources)
+        """Record all waiting messages, without an interrupt in between; return their number."""
+        with uninterrupted():
+            return sum(self._drain(source) for source in self._sources)
 
     def wait(self, topic: str, seconds: float) -> bool:
         """Wait until a message of this topic can be drained; return whether one can."""

@@ -29,6 +29,7 @@ from typing import Any
 import children
 import numpy as np
 import pytest
+from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
@@ -41,6 +42,7 @@ from ros_harness import (
     TIMEOUT,
     wait_until,
 )
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 COMMAND = """
@@ -173,6 +175,23 @@ def test_an_interrupt_stops_the_arm(ask: Ask) -> None:
         '/dynamics: interrupted, called ~/stop: stopping along the reference, then holding')
     checks = json.loads(ask('status', '--json')[1])['checks']
     assert 'ended early: ~/stop was called' in [check['message'] for check in checks]
+
+
+def test_an_interrupt_waits_for_the_end_of_a_callback(client: DynamicsClient) -> None:
+    completed = []
+
+    def interrupt(_: JointState) -> None:
+        signal.raise_signal(signal.SIGINT)
+        completed.append(True)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with client.subscribed((JointState, '/joint_states', interrupt, qos_profile_sensor_data)):
+            with pytest.raises(KeyboardInterrupt):
+                client.wait(lambda: False)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert completed == [True]
 
 
 def test_a_motion_that_ends_early(ros: RosClient) -> None:

@@ -26,6 +26,7 @@ from robot_dynamics.analysis.motion_filter import filter_motion_below, FILTER_OR
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
@@ -287,7 +288,8 @@ class _BatchClient:
             velocity=floats_to_ros(v), acceleration=floats_to_ros(a)))
         deadline = time.monotonic() + 10.0
         while not future.done():
-            self._executor.spin_once(timeout_sec=0.1)
+            with uninterrupted():
+                self._executor.spin_once(timeout_sec=0.1)
             self._session.record(0.0)
             if time.monotonic() > deadline:
                 raise DemoError(

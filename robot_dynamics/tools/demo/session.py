@@ -28,6 +28,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.ros.recorder import (
     interface_definitions,
@@ -111,7 +112,8 @@ class Session:
             if time.monotonic() > due and client.service_is_ready():
                 futures.append(client.call_async(request))
                 due = time.monotonic() + ANSWER_PERIOD
-            executor.spin_once(timeout_sec=0.0)
+            with uninterrupted():
+                executor.spin_once(timeout_sec=0.0)
             return any(future.done() for future in futures)
 
         try:

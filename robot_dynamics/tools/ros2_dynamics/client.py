@@ -28,6 +28,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from std_msgs.msg import String
 
@@ -214,7 +215,8 @@ class DynamicsClient:
         while not is_so():
             if time.monotonic() > deadline:
                 return False
-            self._executor.spin_once(timeout_sec=_TURN)
+            with uninterrupted():
+                self._executor.spin_once(timeout_sec=_TURN)
         return True
 
     # ------------------------------------------------------------------ the arm

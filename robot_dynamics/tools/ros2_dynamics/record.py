@@ -20,9 +20,7 @@ from datetime import datetime
 import importlib
 import math
 from pathlib import Path
-import signal
 import sys
-import threading
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -90,18 +88,17 @@ def _record(
 
     Return the topics of several publishers, which count their messages separately.
     """
-    stop = threading.Event()
-    # KeyboardInterrupt could end a drain between a message and its count.
-    before = signal.signal(signal.SIGINT, lambda *_: stop.set())
     try:
         print(message, file=sys.stderr, flush=True)
         end = math.inf if seconds is None else time.monotonic() + seconds
-        while time.monotonic() < end and not stop.wait(DRAIN_PERIOD):
+        while time.monotonic() < end:
+            time.sleep(DRAIN_PERIOD)
             recorder.drain()
-        return {name for name in recorder.counts if client.node.count_publishers(name) > 1}
+    except KeyboardInterrupt:
+        pass
     finally:
         recorder.close()
-        signal.signal(signal.SIGINT, before)
+    return {name for name in recorder.counts if client.node.count_publishers(name) > 1}
 
 
 def _report(
