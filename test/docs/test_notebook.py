@@ -12,9 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The notebook prints its stored output; each stored figure is drawn."""
+"""Each notebook prints its stored output and draws its figures; its numbers match theory."""
 
+import base64
 import json
+from math import exp, radians, sin, sqrt
 import os
 from pathlib import Path
 import re
@@ -22,11 +24,13 @@ import subprocess
 import sys
 from typing import Any
 
+import backlash_theory
 import pytest
 import robots
 
-NOTEBOOK = Path(__file__).parents[2] / 'docs' / 'notebooks' / 'first_steps.ipynb'
-CELLS = json.loads(NOTEBOOK.read_text(encoding='utf-8'))['cells']
+NOTEBOOKS = sorted((Path(__file__).parents[2] / 'docs' / 'notebooks').glob('*.ipynb'))
+LARGEST_FIGURE = 60_000
+"""[bytes]"""
 
 # Executes the cells of the list on stdin in order; writes the output and figures of each as JSON.
 RUNNER = """
@@ -47,37 +51,99 @@ for number, source in enumerate(json.load(sys.stdin)):
 json.dump(results, sys.stdout)
 """
 
+# The parameters of the notebooks, and from them in closed form the numbers that they print.
+F_V, F_C, F_S, V_S = 0.4, 0.8, 1.5, 0.1
+K_T, RATIO, RESISTANCE, EFFICIENCY, VOLTAGE, INERTIA = 0.05, 100.0, 0.8, 0.8, 24.0, 0.6 + 0.2
+TORQUE, HALF_GAP, MOTOR, LINK = 1.0, 0.01, 0.2, 0.6
+REDUCED, APPROACH = MOTOR * LINK / (MOTOR + LINK), sqrt(2.0 * TORQUE * HALF_GAP / MOTOR)
+CYCLE = backlash_theory.predicted_cycle()
+CLOSED_FORMS = [
+    ('friction', r' 0\.10 rad/s: library (\S+)', F_V * 0.1 + F_C + (F_S - F_C) * exp(-1.0), 1e-4),
+    ('friction', r'half the sum +(\S+)', -3.0 * 0.4 * 9.81 * sin(radians(75.0)), 1e-3),
+    ('friction', r'half the difference +(\S+)', F_V * 0.2 + F_C, 1e-3),
+    ('friction', r'break-away at (\S+)', F_S, 0.01),
+    ('friction', r'stop at +(\S+)', 2.0 * F_C - F_S, 0.01),
+    ('friction', r'stick takes +(\S+)', 2.0 * (F_S - F_C) / (20.0 * 0.2), 0.01),
+    ('motors', r'no-load speed: .* = (\S+)', VOLTAGE / (RATIO * K_T), 0.01),
+    ('motors', r'lift : current +(\S+)', 40.0 / (EFFICIENCY * RATIO * K_T), 0.01),
+    ('motors', r'lower: .* voltage +(\S+) V, f',
+     RESISTANCE * EFFICIENCY * 40.0 / (RATIO * K_T) - RATIO * K_T, 0.01),
+    ('motors', r'N = 200 .* to +(\S+) kg', 5.0 * 0.25 + 0.15 + 3.0 * 1.4**2 + 4.0, 0.01),
+    ('motors', r'T_m = (\S+) ms',
+     1e3 * RESISTANCE * INERTIA / (EFFICIENCY * (RATIO * K_T)**2), 0.1),
+    ('motors', r'after T_m: (\S+)%', 100.0 * (1.0 - exp(-1.0)), 0.2),
+    ('backlash', r'largest .*: (\S+) mrad,', 10.0, 1e-3),
+    ('backlash', r'hysteresis: (\S+) mrad', 4.0 * 10.0 * (30.0 - 10.0), 0.5),
+    ('backlash', r'e = 0\.5: joint velocity (\S+)', 1.5 * REDUCED * APPROACH / LINK, 1e-3),
+    ('backlash', r'e = 0\.0: .* heat (\S+) mJ, f', 1e3 * 0.5 * REDUCED * APPROACH**2, 0.01),
+    ('backlash', r'e = 1\.0: .* heat (\S+) mJ, f', 0.0, 0.01),
+    ('backlash', r'cycle: amplitude (\S+)', 1e3 * CYCLE.amplitude, 0.05 * 1e3 * CYCLE.amplitude),
+    ('backlash', r'balance (\S+) mrad', 1e3 * CYCLE.amplitude, 0.1),
+    ('backlash', r'balance .*, (\S+) rad/s', CYCLE.frequency, 0.1),
+]
 
-def test_it_is_a_notebook_of_format_4() -> None:
+
+def cells_of(notebook: Path) -> list[dict[str, Any]]:
+    cells: list[dict[str, Any]] = json.loads(notebook.read_text(encoding='utf-8'))['cells']
+    return cells
+
+
+def code_cells(notebook: Path) -> list[dict[str, Any]]:
+    return [cell for cell in cells_of(notebook) if cell['cell_type'] == 'code']
+
+
+@pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
+def notebook(request: pytest.FixtureRequest) -> Path:
+    return Path(request.param)
+
+
+def test_it_is_a_notebook_of_format_4(notebook: Path) -> None:
     nbformat = pytest.importorskip('nbformat')
-    notebook = nbformat.read(NOTEBOOK, as_version=nbformat.NO_CONVERT)
-    assert notebook.nbformat == 4
-    nbformat.validate(notebook)
+    read = nbformat.read(notebook, as_version=nbformat.NO_CONVERT)
+    assert read.nbformat == 4
+    nbformat.validate(read)
 
 
-def test_the_cells_print_and_draw_what_is_stored(tmp_path: Path) -> None:
-    robots.robot_path('ur5')  # skips without example-robot-data, whose UR5 the notebook loads
-    cells = [cell for cell in CELLS if cell['cell_type'] == 'code']
+def test_the_cells_print_and_draw_what_is_stored(notebook: Path, tmp_path: Path) -> None:
+    cells = code_cells(notebook)
+    sources = [''.join(cell['source']) for cell in cells]
+    if any('example-robot-data' in source for source in sources):
+        robots.robot_path('ur5')  # skips without example-robot-data
     run = subprocess.run(
-        [sys.executable, '-c', RUNNER],
-        input=json.dumps([''.join(cell['source']) for cell in cells]), text=True,
+        [sys.executable, '-c', RUNNER], input=json.dumps(sources), text=True,
         capture_output=True, cwd=tmp_path, timeout=300,
         env={**os.environ, 'MPLBACKEND': 'Agg'}, check=False)
     assert run.returncode == 0, run.stderr
-    stored = [[stored_text(cell), stored_figures(cell)] for cell in cells]
+    stored = [[stored_text(cell), len(stored_figures(cell))] for cell in cells]
     for cell, expected, actual in zip(cells, stored, json.loads(run.stdout), strict=True):
         assert actual == expected, ''.join(cell['source'])
-    assert sum(figures for _, figures in stored) >= 2
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
-def test_links_lead_to_files() -> None:
+def test_it_has_two_figures_that_are_small(notebook: Path) -> None:
+    sizes = [len(figure) for cell in code_cells(notebook) for figure in stored_figures(cell)]
+    assert len(sizes) == 2
+    assert max(sizes) < LARGEST_FIGURE
+
+
+@pytest.mark.parametrize(('name', 'pattern', 'expected', 'tolerance'), CLOSED_FORMS)
+def test_printed_numbers_are_those_of_the_theory(
+    name: str, pattern: str, expected: float, tolerance: float,
+) -> None:
+    path, = [path for path in NOTEBOOKS if path.stem == name]
+    printed = ''.join(stored_text(cell) for cell in code_cells(path))
+    found, = re.findall(pattern, printed)
+    assert float(found) == pytest.approx(expected, abs=tolerance)
+
+
+def test_links_lead_to_files(notebook: Path) -> None:
     words = ''.join(
-        ''.join(cell['source']) for cell in CELLS if cell['cell_type'] == 'markdown')
+        ''.join(cell['source']) for cell in cells_of(notebook)
+        if cell['cell_type'] == 'markdown')
     targets = [link for link in re.findall(r'\]\(([^)#]+)', words) if '://' not in link]
     assert targets
     for target in targets:
-        assert (NOTEBOOK.parent / target).is_file(), target
+        assert (notebook.parent / target).is_file(), target
 
 
 def stored_text(cell: dict[str, Any]) -> str:
@@ -90,5 +156,6 @@ def stored_text(cell: dict[str, Any]) -> str:
         if output['output_type'] == 'stream')
 
 
-def stored_figures(cell: dict[str, Any]) -> int:
-    return sum('image/png' in output.get('data', {}) for output in cell['outputs'])
+def stored_figures(cell: dict[str, Any]) -> list[bytes]:
+    return [base64.b64decode(output['data']['image/png']) for output in cell['outputs']
+            if 'image/png' in output.get('data', {})]

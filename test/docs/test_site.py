@@ -102,10 +102,11 @@ def test_links_to_nothing_are_refused(link: str, source: str) -> None:
 
 def imports_of_examples() -> set[tuple[str, str]]:
     """Return (module, name) of the imports of examples from the package."""
-    cells = json.loads(
-        (ROOT / 'docs' / 'notebooks' / 'first_steps.ipynb').read_text(encoding='utf-8'))['cells']
     examples = [
-        ''.join(cell['source']) for cell in cells if cell['cell_type'] == 'code']
+        ''.join(cell['source'])
+        for notebook in sorted((ROOT / 'docs' / 'notebooks').glob('*.ipynb'))
+        for cell in json.loads(notebook.read_text(encoding='utf-8'))['cells']
+        if cell['cell_type'] == 'code']
     for page in PAGES:
         examples += re.findall(r'^```python\n(.*?)^```', page.read_text(encoding='utf-8'),
                                re.MULTILINE | re.DOTALL)
