@@ -32,7 +32,8 @@ TYPES = {
 
 def controllers(text: str) -> tuple[dict[str, str], list[str]]:
     """Return the types of the controllers by name, and the joints of the effort controller."""
-    block, = re.findall(r'```yaml\n(controller_manager:.*?)```', text, re.DOTALL)
+    block, = re.findall(
+        r'```yaml\n(?:# controllers.yaml\n)?(controller_manager:.*?)```', text, re.DOTALL)
     values = {name: node['ros__parameters'] for name, node in yaml.safe_load(block).items()}
     types = {name: one['type'] for name, one in values['controller_manager'].items()
              if isinstance(one, dict)}

@@ -15,7 +15,6 @@
 """The pages on the site and on GitHub: links, anchors, and the conversions by the site."""
 
 import ast
-import doctest
 import json
 from pathlib import Path
 import re
@@ -46,13 +45,6 @@ def test_anchors_of_links_are_headings(page: Path) -> None:
         if anchor and not link.startswith('http'):
             target = page.parent / path if path else page
             assert anchor in anchors(target), f'{link}: {target.name} has no such heading'
-
-
-def test_the_example_of_the_students_page() -> None:
-    result = doctest.testfile(
-        str(ROOT / 'docs' / 'concepts.md'), module_relative=False, encoding='utf-8')
-    assert result.attempted > 0
-    assert result.failed == 0
 
 
 def test_every_page_of_docs_is_in_the_navigation() -> None:
