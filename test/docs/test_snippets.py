@@ -164,13 +164,13 @@ def test_examples_print_what_the_page_states(page: Path) -> None:
     assert result.failed == 0
 
 
-def run(words: list[str]) -> None:
+def run(command: list[str]) -> None:
     """Run a command of the library; in place of a recorder, record a motion of the default arm."""
-    written = written_by(words)
-    if words[:3] == ['ros2', 'run', 'robot_dynamics'] and words[3] in TOOLS and '>' not in words:
-        tool = import_module(f'robot_dynamics.tools.{words[3]}')
-        assert tool.main(words[4:]) == 0, words
-    elif written and ('--out' in words or words[:3] == ['ros2', 'bag', 'record']):
-        path = Path(*written, 'recording') if '--out' in words else Path(*written)
+    written = written_by(command)
+    tool = command[3] if command[:3] == ['ros2', 'run', 'robot_dynamics'] else ''
+    if tool in TOOLS and '>' not in command:
+        assert import_module(f'robot_dynamics.tools.{tool}').main(command[4:]) == 0, command
+    elif written and ('--out' in command or command[:3] == ['ros2', 'bag', 'record']):
+        path = Path(*written, 'recording') if '--out' in command else Path(*written)
         path.parent.mkdir(exist_ok=True)
         write_recording(path, KnownMotion().messages())
