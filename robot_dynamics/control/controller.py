@@ -70,6 +70,8 @@ class Controller:
     def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
         self.arm = arm
         self._lock = threading.Lock()
+        self._exchange = threading.Lock()
+        """Held while loads and gravity are prepared and exchanged."""
         self._load = LoadedArm(arm)
         self._reference = FollowedReference(arm)
         self._adaptation = GainAdaptation(arm.joint_kinds)
@@ -88,10 +90,13 @@ class Controller:
         law = gravity if options.command == NO_COMMAND else LAWS[options.command](
             feedback, options)
         bounds = EffortBounds(self.arm.limits.effort, options.effort_scale)
+        robot = None if options.semantics.robot_gravity is None else (
+            UncheckedArmDynamics(self.arm.with_gravity(options.semantics.robot_gravity)))
         with self._lock:
             if options.command != self._options.command:
                 self._reference.clear()
             self._options, self._feedback, self._bounds = options, feedback, bounds
+            self._robot = robot
             self._law_at_rest: ControlLaw = gravity if law.follows else law
             self._law_with_reference: ControlLaw = law if law.follows else ComputedTorque(
                 feedback, options)
@@ -211,18 +216,29 @@ class Controller:
         `when_done` is called with the new payloads once they are active: immediately if
         transition_time is 0.
         """
-        load = self._load.prepare(payloads)
-        if transition_time == 0.0:
-            dynamics = UncheckedArmDynamics(load.planning.arm) if load.payloads else (
-                self._load.unloaded)
+        with self._exchange:
+            load = self._load.prepare(payloads)
             with self._lock:
-                self._load.replace(load, dynamics)
+                if transition_time == 0.0:
+                    self._load.replace(load)
+                else:
+                    self._load.begin_transition(load, transition_time, when_done)
                 self._limit_motion()
+        if transition_time == 0.0:
             when_done(load.payloads)
-            return
-        with self._lock:
-            self._load.begin_transition(load, transition_time, when_done)
-            self._limit_motion()
+
+    def set_gravity(self, gravity: FloatArray, rate: float) -> None:
+        """
+        Change gravity to `gravity` (3,) in the base frame [m/s²], at most by `rate` [m/s³].
+
+        The gravity of the control path changes with the stamps of the states; planning uses the
+        new gravity at once.
+        """
+        with self._exchange:
+            load = self._load.prepare(gravity=gravity)
+            with self._lock:
+                self._load.begin_gravity_change(load, rate)
+                self._limit_motion()
 
     def __repr__(self) -> str:
         following = 'following a reference' if self.has_reference else 'no reference'
@@ -296,8 +312,8 @@ class Controller:
         peak = gravity_peak if is_gravity else largest(nominal)
         if not (gravity_peak < math.inf and peak < math.inf):
             raise non_finite_effort(q, gravity, nominal)
-        robot_gravity = gravity if state.dynamics is self._load.unloaded else (
-            self._load.unloaded.rigid_body.gravity(q))
+        own = self._load.unloaded if self._robot is None else self._robot
+        robot_gravity = gravity if state.dynamics is own else own.rigid_body.gravity(q)
         robot = robot_effort(
             self._options.semantics, robot_gravity, None if is_gravity else answer.friction)
         bounds, is_free = self._bounds, robot is NOTHING

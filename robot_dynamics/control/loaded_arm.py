@@ -12,20 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An arm with its loads: the dynamics for the control path and for planning, and its exchange."""
+"""An arm with its loads and gravity: the dynamics for the control path and for planning."""
 
 from collections.abc import Callable, Sequence
+import math
 from typing import NamedTuple
 
+import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.payload_transition import PayloadTransition
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
+LONGEST_STEP = 0.1
+"""[s] between two states that counts for a change of gravity; a longer pause counts as this."""
+
 
 class PreparedLoad(NamedTuple):
-    """The data that are computed for loads before the loads replace the active ones."""
+    """The data that are computed for loads and gravity before they replace the active ones."""
 
     payloads: tuple[Payload, ...]
     planning: ArmDynamics
@@ -34,7 +40,7 @@ class PreparedLoad(NamedTuple):
 
 class LoadedArm:
     """
-    An arm with its active loads.
+    An arm with its active loads and the active gravity.
 
     `dynamics` is for the control path, `planning` for the thread that plans motions; `workspace`
     is M(q) and g(q) over the workspace. `Controller` calls `prepare` without its lock, and all
@@ -43,20 +49,35 @@ class LoadedArm:
 
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm
+        """The arm without loads, with the active gravity."""
         self.unloaded = self.dynamics = UncheckedArmDynamics(arm)
         self.planning = ArmDynamics(arm)
-        self.workspace = WorkspaceInertia(self.planning)
+        self.workspace = self._planned_workspace = WorkspaceInertia(self.planning)
+        self._payloads: tuple[Payload, ...] = ()
         self._transition: PayloadTransition | None = None
+        self._stamp_ns: int | None = None
+        self._gravity_rate: float | None = None
+        """Largest rate of change of gravity [m/s³] until that of `planning`; None: reached."""
 
-    def prepare(self, payloads: Sequence[Payload]) -> PreparedLoad:
-        """Return the data of loads whose computation takes long."""
-        planning = ArmDynamics(self.arm.with_payloads(payloads))
-        return PreparedLoad(tuple(payloads), planning, WorkspaceInertia(planning))
+    def prepare(
+        self, payloads: Sequence[Payload] | None = None, gravity: FloatArray | None = None,
+    ) -> PreparedLoad:
+        """
+        Return the data of loads and gravity (3,) [m/s²], whose computation takes long.
 
-    def replace(self, load: PreparedLoad, dynamics: UncheckedArmDynamics) -> None:
-        """Activate loads at once; `dynamics` are those of the arm with them."""
-        self.dynamics, self._transition = dynamics, None
-        self.planning, self.workspace = load.planning, load.workspace
+        None stands for the loads or the gravity of the last exchange.
+        """
+        payloads = self._payloads if payloads is None else tuple(payloads)
+        gravity = self.planning.arm.gravity if gravity is None else gravity
+        planning = ArmDynamics(self.arm.with_gravity(gravity).with_payloads(payloads))
+        return PreparedLoad(payloads, planning, WorkspaceInertia(planning))
+
+    def replace(self, load: PreparedLoad) -> None:
+        """Activate loads at once."""
+        self._payloads, self._transition = load.payloads, None
+        self._set_dynamics(load.payloads)
+        self.planning = load.planning
+        self.workspace = self._planned_workspace = load.workspace
 
     def begin_transition(
         self, load: PreparedLoad, transition_time: float,
@@ -67,18 +88,52 @@ class LoadedArm:
 
         Until the next exchange, `workspace` is that of the heavier loads.
         """
-        self.planning, self.workspace = load.planning, load.workspace.heavier(self.workspace)
+        self._plan(load)
+        self._payloads = load.payloads
         self._transition = PayloadTransition(
             self.dynamics.arm.payloads, load.payloads, transition_time, when_done)
 
+    def begin_gravity_change(self, load: PreparedLoad, rate: float) -> None:
+        """Let gravity change to that of `load`, at most by `rate` [m/s³]; ∞ changes it at once."""
+        self._plan(load)
+        self._gravity_rate = rate
+        if rate == math.inf:
+            self._change_gravity(math.inf)
+            self._set_dynamics(self.dynamics.arm.payloads)
+
+    def _plan(self, load: PreparedLoad) -> None:
+        changes = self._transition is not None or self._gravity_rate is not None
+        self.planning = load.planning
+        self.workspace = load.workspace.heavier(
+            self.workspace if changes else self._planned_workspace)
+        self._planned_workspace = load.workspace
+
     def advance(self, stamp_ns: int) -> None:
-        """Activate the loads of this stamp during a transition."""
+        """Activate the loads and the gravity of this stamp during a transition."""
+        last_ns, self._stamp_ns = self._stamp_ns, stamp_ns
         transition = self._transition
-        if transition is None:
+        if transition is None and self._gravity_rate is None:
             return
-        payloads = transition.payloads(stamp_ns)
-        self.dynamics = UncheckedArmDynamics(
-            self.arm.with_payloads(payloads)) if payloads else self.unloaded
-        if transition.done:
+        if self._gravity_rate is not None and last_ns is not None:
+            dt = min(max(1e-9 * (stamp_ns - last_ns), 0.0), LONGEST_STEP)
+            self._change_gravity(self._gravity_rate * dt)
+        self._set_dynamics(
+            self._payloads if transition is None else transition.payloads(stamp_ns))
+        if transition is not None and transition.done:
             self._transition = None
             transition.when_done(transition.target)
+
+    def _change_gravity(self, most: float) -> None:
+        """Bring the active gravity nearer to that of `planning`, at most by `most` [m/s²]."""
+        present, target = self.arm.gravity, self.planning.arm.gravity
+        distance = float(np.linalg.norm(target - present))
+        if distance <= most:
+            self._gravity_rate = None
+        else:
+            target = present + most / distance * (target - present)
+        self.arm = self.arm.with_gravity(target)
+        self.unloaded = UncheckedArmDynamics(self.arm)
+
+    def _set_dynamics(self, payloads: Sequence[Payload]) -> None:
+        self.dynamics = UncheckedArmDynamics(
+            self.arm.with_payloads(payloads)) if payloads else self.unloaded

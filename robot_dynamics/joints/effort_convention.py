@@ -34,7 +34,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators
-from robot_dynamics.validation import check_choice, check_unique
+from robot_dynamics.validation import check_choice, check_unique, check_vector
 
 MEASURED_EFFORTS = (
     'joint_torque', 'joint_torque_without_gravity', 'motor_torque', 'motor_current', 'none')
@@ -51,6 +51,8 @@ class EffortConvention:
 
     measured_effort: str = 'joint_torque'
     robot_compensates: tuple[str, ...] = ()
+    robot_gravity: tuple[float, ...] | None = None
+    """Gravity (3,) in the base frame [m/s²] that the robot compensates; None: the true one."""
 
     @property
     def compensates_gravity(self) -> bool:
@@ -73,12 +75,14 @@ class EffortConvention:
 
 def make_effort_convention(
     measured_effort: str, robot_compensates: Sequence[str], has_actuators: bool,
+    robot_gravity: Sequence[float] = (),
 ) -> EffortConvention:
     """
     Return checked semantics.
 
     Raises InvalidInputError for an unknown choice, for a repeated one, and for a motor-side effort
-    without actuators, because K_t and N are then unknown.
+    without actuators, because K_t and N are then unknown. `robot_gravity` has 3 values, or none if
+    the robot compensates the true gravity.
     """
     check_choice('measured_effort', measured_effort, MEASURED_EFFORTS)
     for i, compensation in enumerate(robot_compensates):
@@ -89,7 +93,9 @@ def make_effort_convention(
         raise InvalidInputError(
             f'measured_effort is {measured_effort!r}, but there are no actuators: expected '
             f'actuator.torque_constant and actuator.gear_ratio, or one of {others}')
-    return EffortConvention(measured_effort, tuple(robot_compensates))
+    gravity = tuple(check_vector('robot_gravity', robot_gravity, 3, ('x', 'y', 'z')).tolist()) if (
+        len(robot_gravity)) else None
+    return EffortConvention(measured_effort, tuple(robot_compensates), gravity)
 
 
 def joint_effort_at_rest(

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 import reprlib
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
@@ -87,6 +88,11 @@ class ArmModel:
         return len(self.joint_names)
 
     @property
+    def gravity(self) -> FloatArray:
+        """Acceleration of gravity (3,) in the base frame [m/s²]."""
+        return np.array(self.pinocchio_model.gravity.linear)
+
+    @property
     def is_continuous(self) -> BoolArray:
         """Marks the continuous joints, (n,): a whole turn of them is no displacement."""
         return np.array([kind == 'continuous' for kind in self.joint_kinds], dtype=np.bool_)
@@ -128,6 +134,18 @@ class ArmModel:
         for model in models:
             for name, inertia in zip(self.joint_names, inertias):
                 model.armature[model.joints[model.getJointId(name)].idx_v] = inertia
+        return replace(self, pinocchio_model=models[0], unloaded_model=models[1])
+
+    def with_gravity(self, gravity: npt.ArrayLike) -> 'ArmModel':
+        """
+        Return this arm with this gravity (3,) in the base frame [m/s²].
+
+        Raises InvalidInputError for another number of values or a non-finite value.
+        """
+        g = check_vector('gravity', gravity, 3, ('x', 'y', 'z'))
+        models = self.pinocchio_model.copy(), self.unloaded_model.copy()
+        for model in models:
+            model.gravity.linear = g
         return replace(self, pinocchio_model=models[0], unloaded_model=models[1])
 
     def with_payloads(self, payloads: Sequence[Payload]) -> 'ArmModel':

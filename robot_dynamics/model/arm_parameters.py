@@ -145,4 +145,4 @@ def convention_from_parameters(values: Mapping[str, Any]) -> EffortConvention:
     has_actuators = any(values.get(f'actuator.{field.name}') for field in fields(Actuators))
     return make_effort_convention(
         str(values.get('measured_effort', 'joint_torque')),
-        values.get('robot_compensates', ()), has_actuators)
+        values.get('robot_compensates', ()), has_actuators, values.get('robot_gravity', ()))

@@ -46,9 +46,15 @@ DESCRIPTION_SPECS = (
         'named are locked.', read_only=True),
     ParameterSpec(
         'gravity', Type.DOUBLE_ARRAY, [0.0, 0.0, -9.81],
-        'Gravitational acceleration in the base frame [m/s^2].', read_only=True,
+        'Gravitational acceleration in the base frame [m/s^2]. A change at run time takes effect '
+        'gradually in dynamics (gravity_rate_limit), at once in simulated_arm.',
         minimum=-1000.0, maximum=1000.0),
 )
+ROBOT_GRAVITY_SPEC = ParameterSpec(
+    'robot_gravity', Type.DOUBLE_ARRAY, [],
+    'Gravitational acceleration in the base frame [m/s^2] that the robot itself assumes, if '
+    'robot_compensates contains gravity. If empty, that of the parameter gravity.',
+    read_only=True, minimum=-1000.0, maximum=1000.0)
 
 FRICTION_SPECS = tuple(
     ParameterSpec(

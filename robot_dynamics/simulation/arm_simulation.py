@@ -100,7 +100,7 @@ class ArmSimulation:
         self.place(*self._initial)
         self._hold()
         self.work = 0.0
-        """Work of the efforts, and energy that changes of payload added, since the start [J]."""
+        """Work [J] of the efforts, and energy of changes of load or gravity, since the start."""
         self.heat = 0.0
         """Heat [J] from friction, impacts of teeth and brakes since the start."""
 
@@ -139,9 +139,17 @@ class ArmSimulation:
 
         The change of energy counts as work.
         """
-        loaded = self._bare_arm.with_payloads(payloads)
+        self._change(self._bare_arm.with_payloads(payloads))
+
+    def set_gravity(self, gravity: FloatArray) -> None:
+        """Change gravity (3,) [m/s²] at once; the change of energy counts as work."""
+        payloads = self.arm.payloads
+        self._bare_arm = self._bare_arm.with_gravity(gravity)
+        self._change(self._bare_arm.with_payloads(payloads))
+
+    def _change(self, arm: ArmModel) -> None:
         before = sum(self.energy())
-        self._use(loaded)
+        self._use(arm)
         self.work += sum(self.energy()) - before
 
     def _use(self, arm: ArmModel) -> None:

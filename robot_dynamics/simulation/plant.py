@@ -35,7 +35,14 @@ class InnerController:
 
     def __init__(self, arm: ArmModel, semantics: EffortConvention) -> None:
         self.semantics = semantics
-        self._dynamics = UncheckedArmDynamics(arm)
+        gravity = semantics.robot_gravity
+        self._dynamics = UncheckedArmDynamics(
+            arm if gravity is None else arm.with_gravity(gravity))
+
+    def set_gravity(self, gravity: FloatArray) -> None:
+        """Use another gravity (3,) [m/s²], unless the robot assumes one of its own."""
+        if self.semantics.robot_gravity is None:
+            self._dynamics = UncheckedArmDynamics(self._dynamics.arm.with_gravity(gravity))
 
     def with_own_compensation(
         self, effort: FloatArray, q: FloatArray, v: FloatArray,
@@ -103,6 +110,12 @@ class Plant:
         self._noise = noise
         if not brakes:
             simulation.release()
+
+    def set_gravity(self, gravity: FloatArray) -> None:
+        """Change gravity (3,) in the base frame [m/s²] at once, if it differs."""
+        if not np.array_equal(gravity, self.simulation.arm.gravity):
+            self.simulation.set_gravity(gravity)
+            self._robot.set_gravity(gravity)
 
     def reset(self) -> None:
         """Return to the initial pose without effort and wrench, as before the first effort."""

@@ -21,7 +21,7 @@ import pytest
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.payload_transition import PayloadTransition, scaled
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, merged, Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -171,8 +171,7 @@ def test_loads_without_mass_merge_to_none() -> None:
 def loaded_with(loads: list[Payload]) -> LoadedArm:
     """Return the default arm with active loads."""
     loaded = LoadedArm(load_arm(default_arm_urdf()))
-    load = loaded.prepare(loads)
-    loaded.replace(load, UncheckedArmDynamics(load.planning.arm))
+    loaded.replace(loaded.prepare(loads))
     return loaded
 
 
@@ -226,8 +225,7 @@ def test_a_transition_to_no_load_ends_with_the_unloaded_arm() -> None:
 def test_an_exchange_at_once_ends_a_transition() -> None:
     loaded, done = loaded_with([]), []
     loaded.begin_transition(loaded.prepare([OLD]), 1.0, done.append)
-    load = loaded.prepare([NEW])
-    loaded.replace(load, UncheckedArmDynamics(load.planning.arm))
+    loaded.replace(loaded.prepare([NEW]))
     loaded.advance(5 * SECOND)
     loaded.advance(9 * SECOND)
     assert loaded.dynamics.arm.payloads == (NEW,)

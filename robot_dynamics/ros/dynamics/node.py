@@ -32,6 +32,7 @@ from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
 from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
@@ -60,6 +61,7 @@ from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.shutdown import leave
 from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.urdf.parser import parse_urdf
+from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -100,6 +102,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._settings = DeclaredParameters(
             self, SPECS, self._check, self._apply, _specs_of_simulated_arm)
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
+        self._gravity = BaseGravity(self, lambda: self._settings.values)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
         self._graph = GraphWatch(
@@ -177,6 +180,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         """Forget the model; keep the payloads."""
         self._path.forget()
         self._dynamics_services.forget()
+        self._gravity.forget()
         self._arm = self._controller = self._effort_check = self._estimates = None
         self._models.forget()
         return TransitionCallbackReturn.SUCCESS
@@ -208,6 +212,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._payloads.check(arm)
         controller = Controller(arm, options)
         self._payloads.use(controller)
+        self._gravity.use(controller)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
         watch = StateMonitor(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
@@ -232,9 +237,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     # ------------------------------------------------------------------ parameters
 
     def _check(self, values: Values) -> None:
-        if len(values['gravity']) != 3:
-            raise InvalidInputError(
-                f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
+        check_vector('gravity', values['gravity'], 3, ('x', 'y', 'z'))
+        if values['imu_rpy']:
+            check_vector('imu_rpy', values['imu_rpy'], 3, ('roll', 'pitch', 'yaw'))
         convention_from_parameters(values)
         if self._arm is not None:
             options_from(values, self._arm)
@@ -247,6 +252,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             if values['command'] != self._settings.values['command']:
                 self._path.references.note_lost(f'command was set to {values["command"]!r}')
             self._controller.set_options(options)
+            self._gravity.take(values)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
                 self._warn_of_loop(self._controller, options)
             self._path.command.set_options(
@@ -292,6 +298,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._path.estimates.status(),
             self._graph.status(),
             self._payloads.status(),
+            self._gravity.status(),
             Status(
                 'model', OK if self._arm else WARN, model,
                 {'command': self._settings.values['command'],

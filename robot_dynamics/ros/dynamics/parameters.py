@@ -33,10 +33,16 @@ from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMP
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
 from robot_dynamics.ros.payloads import PAYLOAD_SPEC
-from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, DESCRIPTION_SPECS, FRICTION_SPECS
+from robot_dynamics.ros.robot_description import (
+    ACTUATOR_SPECS,
+    DESCRIPTION_SPECS,
+    FRICTION_SPECS,
+    ROBOT_GRAVITY_SPEC,
+)
 
 FULL_EFFORT_TIME = 0.1
 """Default time [s] in which the command may change by the effort limit of a joint."""
@@ -175,6 +181,8 @@ SPECS = (
         'Terms that the robot adds automatically to the commanded effort, and that '
         'effort_command therefore omits: gravity, friction.',
         read_only=True, choices=ROBOT_COMPENSATIONS),
+    ROBOT_GRAVITY_SPEC,
+    *GRAVITY_SPECS,
     ParameterSpec(
         'require_measured_velocities', Type.BOOL, False,
         'Follow references only if the joint states contain velocities. By default, '

@@ -15,7 +15,6 @@
 """The services of `dynamics`: each checks its request, calls the library, fills the response."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import QoSProfile
@@ -58,14 +57,6 @@ SERVICE_QOS = QoSProfile(depth=100)
 """Largest number of waiting requests of all clients; further requests are lost silently."""
 
 
-@dataclass
-class ServedArm:
-    """The arm of the services, which run in the executor's thread; control has its own thread."""
-
-    dynamics: ArmDynamics
-    controller: Controller
-
-
 class DynamicsServices:
     """
     Offers all services on a node.
@@ -76,7 +67,7 @@ class DynamicsServices:
     def __init__(self, node: GuardedCallbacks, payloads: PayloadKeeper) -> None:
         """Offer the services on a node; ~/set_payload changes `payloads`."""
         self._node = node
-        self._served: ServedArm | None = None
+        self._controller: Controller | None = None
         self._payloads = payloads
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
@@ -92,23 +83,27 @@ class DynamicsServices:
 
     def use(self, controller: Controller) -> None:
         """Use this arm from the next request on."""
-        self._served = ServedArm(controller.planning_dynamics, controller)
+        self._controller = controller
 
     def forget(self) -> None:
         """Reject requests from now on, because there is no model."""
-        self._served = None
+        self._controller = None
 
-    def _arm(self) -> ServedArm:
-        if self._served is None:
+    def _used(self) -> Controller:
+        if self._controller is None:
             raise ModelError(
                 'no model yet: expected a URDF on the topic robot_description, or the node to be '
                 'configured (~/change_state)')
-        return self._served
+        return self._controller
+
+    def _dynamics(self) -> ArmDynamics:
+        """Return the dynamics for planning: the services run in the executor's thread."""
+        return self._used().planning_dynamics
 
     def _inverse_dynamics(
         self, request: InverseDynamics.Request, response: InverseDynamics.Response,
     ) -> None:
-        dynamics = self._arm().dynamics.unchecked
+        dynamics = self._dynamics().unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
@@ -125,7 +120,7 @@ class DynamicsServices:
     def _batch(
         self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
     ) -> None:
-        dynamics = self._arm().dynamics.unchecked
+        dynamics = self._dynamics().unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.positions(request.position)
         v = order.rates(request.velocity, len(q), 'velocity')
@@ -139,7 +134,7 @@ class DynamicsServices:
         request: InverseDynamicsTrajectory.Request,
         response: InverseDynamicsTrajectory.Response,
     ) -> None:
-        dynamics = self._arm().dynamics
+        dynamics = self._dynamics()
         if not request.trajectory.joint_names:
             request.trajectory.joint_names = list(dynamics.arm.joint_names)
         trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
@@ -156,7 +151,7 @@ class DynamicsServices:
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
     ) -> None:
-        dynamics = self._arm().dynamics.unchecked
+        dynamics = self._dynamics().unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
@@ -172,7 +167,7 @@ class DynamicsServices:
     def _manipulator_equation(
         self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
     ) -> None:
-        dynamics = self._arm().dynamics.unchecked
+        dynamics = self._dynamics().unchecked
         body = dynamics.rigid_body
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
@@ -193,12 +188,10 @@ class DynamicsServices:
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        if self._served is None and self._payloads and request.payload.inertia.m == 0.0:
+        if self._controller is None and self._payloads and request.payload.inertia.m == 0.0:
             payloads = self._payloads.remove(request.payload.header.frame_id)
         else:
-            controller = self._arm().controller
-            payloads = self._payloads.change(controller, request.payload, seconds)
-            self.use(controller)
+            payloads = self._payloads.change(self._used(), request.payload, seconds)
         response.message = describe_payloads(payloads)
 
 

@@ -42,6 +42,7 @@ from robot_dynamics.ros.robot_description import (
     DESCRIPTION_SPECS,
     embedded_description,
     FRICTION_SPECS,
+    ROBOT_GRAVITY_SPEC,
 )
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.shutdown import leave
@@ -56,6 +57,7 @@ SPECS = (
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
     PAYLOAD_SPEC,
+    ROBOT_GRAVITY_SPEC,
     ParameterSpec(
         'rate', Type.DOUBLE, 500.0,
         'Rate [Hz] of the joint states. The effort is constant between two states.',
@@ -217,6 +219,7 @@ class SimulatedArmNode(GuardedCallbacks):
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
             self._plant.effort_noise = values['effort_noise']
+            self._plant.set_gravity(np.array(values['gravity']))
         if self._loop is not None:
             self._loop.is_paused = values['paused']
 

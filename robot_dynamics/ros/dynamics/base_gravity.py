@@ -1,0 +1,163 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Gravity of `dynamics` at run time: from the parameter `gravity`, or from an IMU of the base."""
+
+from collections.abc import Callable
+import math
+import time
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.urdf.values import rotation
+from sensor_msgs.msg import Imu
+
+TOPIC = 'base_imu'
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+SHORTEST_PERIOD = 0.02
+"""[s] between two changes of gravity by the IMU; each costs about a millisecond."""
+SILENCE = 1.0
+"""[s] without a valid message of the IMU after which the diagnostics warn."""
+FILTER_TIME = 0.1
+"""Time constant [s] of the low-pass filter of a measured acceleration."""
+PLAUSIBLE = (0.5, 2.0)
+"""Range of a measured acceleration, as multiples of the gravity of the parameter."""
+
+GRAVITY_SPECS = (
+    ParameterSpec(
+        'gravity_rate_limit', Type.DOUBLE, 20.0,
+        'Largest rate of change of gravity [m/s^3] after a change of the parameter gravity or a '
+        'message of the IMU. A base that tilts with 1 rad/s changes gravity by 9.81 m/s^3.',
+        minimum=0.1, maximum=1e6),
+    ParameterSpec(
+        'gravity_from_imu', Type.BOOL, False,
+        'Take gravity from the topic base_imu (sensor_msgs/msg/Imu) instead of the parameter '
+        'gravity, whose magnitude is still used: from the orientation, or from the linear '
+        'acceleration if there is no orientation. For arms on mobile or tilting bases.',
+        read_only=True),
+    ParameterSpec(
+        'imu_rpy', Type.DOUBLE_ARRAY, [],
+        'Roll, pitch and yaw [rad] of the frame of the IMU in the base frame of the arm, as in a '
+        'URDF. If empty, the axes of both frames are parallel.',
+        read_only=True, minimum=-math.tau, maximum=math.tau),
+)
+
+
+class BaseGravity:
+    """Passes gravity to the controller; called in the executor."""
+
+    def __init__(self, node: Node, values: Callable[[], Values]) -> None:
+        """Subscribe to the IMU if the parameters demand it; `values` returns the parameters."""
+        self._node, self._values = node, values
+        self._controller: Controller | None = None
+        self._gravity: FloatArray | None = None
+        """Gravity (3,) [m/s²] of the newest valid message of the IMU."""
+        self._received_at, self._changed_at = -math.inf, -math.inf
+        self._refused, self._refusal = 0, ''
+        self._has_imu = bool(values()['gravity_from_imu'])
+        if self._has_imu:
+            self._R = rotation(np.array(values()['imu_rpy'] or (0.0, 0.0, 0.0)))
+            node.create_subscription(Imu, TOPIC, self._on_imu, NEWEST)
+
+    def use(self, controller: Controller) -> None:
+        """Change the gravity of this controller from now on, first to that of the IMU."""
+        self._controller = controller
+        if self._gravity is not None:
+            controller.set_gravity(self._gravity, math.inf)
+
+    def forget(self) -> None:
+        """Change no controller."""
+        self._controller = None
+
+    def take(self, values: Values) -> None:
+        """Use the changed parameter `gravity`; the IMU takes precedence."""
+        if self._controller is not None and not self._has_imu and (
+                values['gravity'] != self._values()['gravity']):
+            self._controller.set_gravity(
+                np.array(values['gravity']), values['gravity_rate_limit'])
+
+    def _on_imu(self, message: Imu) -> None:
+        now = time.monotonic()
+        try:
+            measured = self._R @ gravity_from_imu(
+                message, float(np.linalg.norm(self._values()['gravity'])))
+        except InvalidInputError as error:
+            self._refused, self._refusal = self._refused + 1, str(error)
+            self._node.get_logger().warning(
+                f'Rejected a message on {TOPIC}: {error}', throttle_duration_sec=LOG_PERIOD)
+            return
+        dt, self._received_at = now - self._received_at, now
+        share = 1.0 if self._gravity is None or has_orientation(message) else (
+            dt / (dt + FILTER_TIME))
+        before = measured if self._gravity is None else self._gravity
+        self._gravity = before + share * (measured - before)
+        if self._controller is not None and now - self._changed_at >= SHORTEST_PERIOD:
+            self._changed_at = now
+            self._controller.set_gravity(self._gravity, self._values()['gravity_rate_limit'])
+
+    def status(self) -> Status:
+        """Return the status for the diagnostics."""
+        silence = time.monotonic() - self._received_at
+        gravity = self._values()['gravity'] if self._gravity is None else self._gravity
+        level, words = OK, f'of {TOPIC}' if self._has_imu else 'of the parameter gravity'
+        if self._has_imu and silence > SILENCE:
+            level = WARN
+            words = (f'no valid message on {TOPIC} yet: the parameter gravity is used'
+                     if self._gravity is None else
+                     f'no valid message on {TOPIC} for {silence:.1f} s: its last gravity is used')
+        return Status('gravity', level, words, {
+            'gravity': [round(float(g), 3) for g in gravity], 'refused': self._refused,
+            'refusal of the latest': self._refusal})
+
+
+def has_orientation(message: Imu) -> bool:
+    """Return whether a message contains an orientation: −1 in its covariance states that not."""
+    q = message.orientation
+    return bool(message.orientation_covariance[0] != -1.0 and any((q.w, q.x, q.y, q.z)))
+
+
+def gravity_from_imu(message: Imu, magnitude: float) -> FloatArray:
+    """
+    Return gravity (3,) [m/s²] in the frame of an IMU.
+
+    The orientation R of the IMU in a frame whose z axis points up gives Rᵀ (0, 0, −g), with the
+    `magnitude` g > 0. Without an orientation, gravity is the negative linear acceleration: at rest
+    an accelerometer measures −g, and on an accelerating base the arm experiences the same sum.
+    Raises InvalidInputError for values that are not finite or not plausible.
+    """
+    if has_orientation(message):
+        q = message.orientation
+        w, x, y, z = q.w, q.x, q.y, q.z
+        norm = math.sqrt(w * w + x * x + y * y + z * z)
+        if not 0.99 < norm < 1.01:
+            raise InvalidInputError(f'orientation has the norm {norm:g}, expected 1')
+        up = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x),
+                       w * w - x * x - y * y + z * z]) / norm**2
+        return -magnitude * up
+    f = message.linear_acceleration
+    acceleration = np.array([f.x, f.y, f.z])
+    norm = float(np.linalg.norm(acceleration))
+    low, high = (limit * magnitude for limit in PLAUSIBLE)
+    if message.linear_acceleration_covariance[0] == -1.0 or not low <= norm <= high:
+        raise InvalidInputError(
+            f'linear_acceleration is {acceleration.tolist()}, expected a norm of {low:.3g} to '
+            f'{high:.3g} m/s², or an orientation')
+    return -acceleration

@@ -1,0 +1,183 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Gravity that changes at run time: the control path, planning, robots with their own gravity."""
+
+from collections.abc import Sequence
+import math
+
+import numpy as np
+import pytest
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.loaded_arm import LoadedArm
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.effort_convention import make_effort_convention
+from robot_dynamics.model.arm import load_arm, STANDARD_GRAVITY
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
+from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
+from robots import robot_urdf
+from simulated_arms import two_link
+
+STEP_NS = 2_000_000
+UR10 = load_arm(robot_urdf('ur10'))
+Q = np.array([0.3, -1.2, 0.9, 0.4, -0.7, 0.2])
+WALL, CEILING = (9.81, 0.0, 0.0), (0.0, 0.0, 9.81)
+LOAD = make_payload('tool0', 3.0, (0.0, 0.05, 0.1))
+
+
+def controller(**semantics: Sequence[float]) -> Controller:
+    convention = make_effort_convention('joint_torque', ['gravity'], False, **semantics) if (
+        semantics) else make_effort_convention('joint_torque', [], False)
+    return Controller(UR10, ControllerOptions(make_gains(UR10.joint_names), semantics=convention))
+
+
+def gravity_torque(gravity: Sequence[float], loads: Sequence[object] = ()) -> np.ndarray:
+    arm = load_arm(robot_urdf('ur10'), gravity=gravity).with_payloads(loads)
+    return ArmDynamics(arm).gravity(Q)
+
+
+@pytest.mark.parametrize('gravity', [WALL, CEILING, (1.0, -2.0, -1.62)])
+def test_an_arm_with_another_gravity_is_that_of_the_urdf(gravity: Sequence[float]) -> None:
+    changed = UR10.with_payloads([LOAD]).with_gravity(gravity)
+    assert changed.gravity.tolist() == list(gravity)
+    assert ArmDynamics(changed).gravity(Q) == pytest.approx(
+        gravity_torque(gravity, [LOAD]), abs=1e-12)
+    assert ArmDynamics(changed.with_payloads([])).gravity(Q) == pytest.approx(
+        gravity_torque(gravity), abs=1e-12)
+    assert UR10.gravity.tolist() == list(STANDARD_GRAVITY)
+
+
+def test_an_invalid_gravity_is_rejected_by_name() -> None:
+    with pytest.raises(InvalidInputError, match='gravity has 2 values, expected 3'):
+        UR10.with_gravity([0.0, 1.0])
+    with pytest.raises(InvalidInputError, match=r'gravity\[1\] \(y\) is nan'):
+        UR10.with_gravity([0.0, math.nan, 1.0])
+
+
+@pytest.mark.parametrize('loads', [[], [LOAD]])
+def test_gravity_changes_at_most_with_its_rate(loads: list[object]) -> None:
+    rate, one = 20.0, controller()
+    one.set_payloads(loads, 0.0, lambda _: None)
+    zero, stamp = np.zeros(6), 0
+    one.update(stamp, Q, zero)
+    one.set_gravity(np.array(CEILING), rate)
+    assert one.planning_dynamics.gravity(Q) == pytest.approx(gravity_torque(CEILING, loads))
+    torques = []
+    for _ in range(500):  # 19.62 m/s² at 20 m/s³ take 0.981 s
+        stamp += STEP_NS
+        torques.append(one.update(stamp, Q, zero).gravity_compensation)
+    start, end = gravity_torque(STANDARD_GRAVITY, loads), gravity_torque(CEILING, loads)
+    for k in (0, 100, 400):
+        share = min((k + 1) * 2e-3 * rate / 19.62, 1.0)
+        assert torques[k] == pytest.approx(start + share * (end - start), abs=1e-9)
+    assert torques[-1] == pytest.approx(end, abs=1e-12)
+    assert torques[489] != pytest.approx(end, abs=1e-3)
+
+
+def test_a_stream_that_is_faster_than_the_states_makes_progress() -> None:
+    one = controller()
+    one.update(0, Q, np.zeros(6))
+    for k in range(1, 300):
+        for _ in range(3):
+            one.set_gravity(np.array(WALL), 40.0)
+        output = one.update(k * 10 * STEP_NS, Q, np.zeros(6))
+    assert output.gravity_compensation == pytest.approx(gravity_torque(WALL), abs=1e-12)
+
+
+def test_a_pause_of_the_states_causes_no_step() -> None:
+    one = controller()
+    before = one.update(0, Q, np.zeros(6)).gravity_compensation
+    one.set_gravity(np.array(CEILING), 20.0)
+    after = one.update(60 * 10**9, Q, np.zeros(6)).gravity_compensation
+    share = 20.0 * 0.1 / 19.62
+    assert after == pytest.approx(before + share * (gravity_torque(CEILING) - before), abs=1e-9)
+
+
+def test_inertia_and_gravity_are_not_underestimated_during_a_change() -> None:
+    loaded = LoadedArm(UR10)
+    for target in (WALL, CEILING, STANDARD_GRAVITY):  # the second one interrupts the first
+        loaded.begin_gravity_change(loaded.prepare(gravity=np.array(target)), 10.0)
+        for k in range(400):
+            loaded.advance(k * 4 * STEP_NS)
+            if k % 40 == 0:
+                actual = WorkspaceInertia(ArmDynamics(loaded.dynamics.arm))
+                assert (actual.gravity <= loaded.workspace.gravity + 1e-9).all()
+            if target is WALL and k == 30:
+                break
+
+
+def test_a_load_and_gravity_change_at_the_same_time() -> None:
+    one, done = controller(), []
+    one.update(0, Q, np.zeros(6))
+    one.set_payloads([LOAD], 1.0, done.append)
+    one.set_gravity(np.array(WALL), 20.0)
+    for k in range(1, 1000):
+        output = one.update(k * STEP_NS, Q, np.zeros(6))
+    assert done == [(LOAD,)]
+    assert output.gravity_compensation == pytest.approx(gravity_torque(WALL, [LOAD]), abs=1e-12)
+
+
+def test_a_robot_that_compensates_along_its_own_gravity() -> None:
+    """The command and the effort of the robot add up to the gravity torque."""
+    one = controller(robot_gravity=STANDARD_GRAVITY)
+    one.update(0, Q, np.zeros(6))
+    one.set_gravity(np.array(WALL), math.inf)
+    output = one.update(STEP_NS, Q, np.zeros(6))
+    assert output.gravity_compensation == pytest.approx(gravity_torque(WALL), abs=1e-12)
+    assert output.robot_gravity == pytest.approx(gravity_torque(STANDARD_GRAVITY), abs=1e-12)
+    assert output.command is not None
+    assert output.command + output.robot_gravity == pytest.approx(
+        gravity_torque(WALL), abs=1e-12)
+    true = controller(robot_gravity=())
+    true.set_gravity(np.array(WALL), math.inf)
+    command = true.update(0, Q, np.zeros(6)).command
+    assert command == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_arm_holds_its_position_while_its_base_tilts() -> None:
+    """The base tilts by 90° at 1 rad/s; the controller receives gravity at 50 Hz."""
+    simulation = ArmSimulation(UR10, Q)
+    simulation.release()
+    one = Controller(UR10, ControllerOptions(make_gains(UR10.joint_names)))
+    one.update(0, Q, np.zeros(6))
+    one.follow(JointTrajectory(UR10.joint_names, (TrajectoryPoint(0.0, Q, np.zeros(6)),)), 0)
+    error = 0.0
+    for k in range(1, 1200):
+        angle = min(k * 2e-3, math.pi / 2)
+        gravity = 9.81 * np.array([math.sin(angle), 0.0, -math.cos(angle)])
+        simulation.set_gravity(gravity)
+        if k % 10 == 0:
+            one.set_gravity(gravity, 20.0)
+        command = one.update(k * STEP_NS, *simulation.state).command
+        assert command is not None
+        simulation.step(command, 2e-3)
+        error = max(error, float(np.abs(simulation.q - Q).max()))
+    assert error < 0.01
+    assert simulation.q == pytest.approx(Q, abs=1e-4)
+
+
+def test_energy_of_a_change_of_gravity_counts_as_work() -> None:
+    simulation = ArmSimulation(two_link(), (1.0, 0.5))
+    simulation.release()
+    start = sum(simulation.energy())
+    for gravity in ((3.0, 0.0, -9.0), (0.0, 0.0, 9.81)):
+        simulation.step(np.zeros(2), 0.3)
+        simulation.set_gravity(np.array(gravity))
+    simulation.step(np.zeros(2), 0.3)
+    assert abs(simulation.work) > 1.0
+    assert sum(simulation.energy()) - start == pytest.approx(simulation.work, abs=1e-5)
