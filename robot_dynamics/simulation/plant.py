@@ -40,7 +40,7 @@ class InnerController:
             arm if gravity is None else arm.with_gravity(gravity))
 
     def set_gravity(self, gravity: FloatArray) -> None:
-        """Use another gravity (3,) [m/s²], unless the robot assumes one of its own."""
+        """Use another gravity (3,) [m/s²], unless the robot assumes another one."""
         if self.semantics.robot_gravity is None:
             self._dynamics = UncheckedArmDynamics(self._dynamics.arm.with_gravity(gravity))
 

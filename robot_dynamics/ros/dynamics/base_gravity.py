@@ -33,7 +33,7 @@ from sensor_msgs.msg import Imu
 TOPIC = 'base_imu'
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SHORTEST_PERIOD = 0.02
-"""[s] between two changes of gravity by the IMU; each costs about a millisecond."""
+"""[s] between two changes of gravity by the IMU: each recomputes the limits of references."""
 SILENCE = 1.0
 """[s] without a valid message of the IMU after which the diagnostics warn."""
 FILTER_TIME = 0.1
