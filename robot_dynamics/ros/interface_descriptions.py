@@ -123,6 +123,8 @@ STATUSES: Descriptions = {
         'other nodes': 'Other publishers of the command topics, and other nodes of the same '
                        'name.',
         'payload': 'Active payloads by link.',
+        'gravity': 'Gravity in the base frame [m/s^2] and its source; a warning if the '
+                   'IMU is silent.',
         'model': 'Name of the arm, the control law, and whether a new description is waiting.',
         'effort check': 'Result of the comparison of measured effort, command and g(q) in a '
                         'static hold ([effort semantics](../effort_semantics.md)).',

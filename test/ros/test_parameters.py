@@ -85,7 +85,7 @@ def test_what_cannot_change_while_the_nodes_run(client: RosClient) -> None:
     """The model, its joints, and the mode of time."""
     fixed = {spec.name for specs in SPECS.values() for spec in specs if spec.read_only}
     assert fixed >= {
-        'robot_description', 'robot_description_file', 'joints', 'gravity', 'state_thread',
+        'robot_description', 'robot_description_file', 'joints', 'state_thread',
         'rate', 'lock_step', 'publish_clock', 'initial_position', 'initial_velocity', 'brakes',
         'seed', 'max_step'}
     for node, specs in SPECS.items():
