@@ -43,7 +43,7 @@ from robot_dynamics.ros.rclpy_internals import raw_publish, RclError
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-LONGEST_ACKNOWLEDGEMENT = 0.5
+LONGEST_ACKNOWLEDGEMENT = 2.0
 """[s] in which subscribers must acknowledge the last command before the node ends."""
 ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
