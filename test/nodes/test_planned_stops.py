@@ -250,7 +250,7 @@ def test_a_stream_that_pauses(arm: FaultBench) -> None:
         assert status.message == (
             'ended early: the stream of set-points paused for more than reference_timeout')
         where = ideal.check_stopped()
-        # The overshoot of a starved node depends on the load; test_reference_generator limits it.
+        # The overshoot of a starved node depends on the load; test_reference_streams limits it.
         assert all(begin < q <= LIMIT for begin, q in zip(Q, where)), (where, sent, stream.sent)
         arm.efforts.clear()
         check_held(arm, where)
