@@ -24,18 +24,16 @@ ros2 launch robot_dynamics beside_robot.launch.py params:=ur10.yaml [controller:
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from robot_dynamics.ros.launch_actions import arm_arguments, declared, dynamics_node
+from robot_dynamics.ros.launch_actions import arm_arguments, commands_to, declared, dynamics_node
 from robot_dynamics.ros.launch_arguments import DYNAMICS
 
 from launch import LaunchDescription
 
 
 def _node(context, *_):
-    controller = LaunchConfiguration('controller').perform(context)
-    remappings = [('joint_states', LaunchConfiguration('joint_states').perform(context))]
-    if controller:
-        remappings.append(('~/commands', f'{controller}/commands'))
-    return [dynamics_node(arm_arguments(context, (DYNAMICS,)), remappings)]
+    states = ('joint_states', LaunchConfiguration('joint_states').perform(context))
+    commands = commands_to(LaunchConfiguration('controller').perform(context))
+    return [dynamics_node(arm_arguments(context, (DYNAMICS,)), [states, *commands])]
 
 
 def generate_launch_description():

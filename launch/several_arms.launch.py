@@ -25,6 +25,7 @@ from robot_dynamics.ros.launch_actions import (
     arm_arguments,
     CLOSED_LOOP,
     closed_loop,
+    commands_to,
     declared,
     dynamics_node,
     is_true,
@@ -43,8 +44,7 @@ def _nodes(context, *_):
         arms = [arm_arguments(context, CLOSED_LOOP, values) for values in by_arm]
         transforms = map(state_publisher, arms) if is_true(context, 'tf') else []
         return [*(node for arm in arms for node in closed_loop(arm)), *transforms]
-    controller = LaunchConfiguration('controller').perform(context)
-    remappings = [('~/commands', f'{controller}/commands')] if controller else []
+    remappings = commands_to(LaunchConfiguration('controller').perform(context))
     arms = [arm_arguments(context, (DYNAMICS,), values) for values in by_arm]
     return [dynamics_node(arm, remappings) for arm in arms]
 

@@ -58,8 +58,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
     r'^(from|import) (ros_harness|stick_slip|fault_bench|fuzz_nodes|rclpy|'
-    r'robot_dynamics_interfaces|'
-    r'robot_dynamics\.ros|builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
+    r'robot_dynamics_interfaces|robot_dynamics\.(ros|tools\.viewer)|'
+    r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 
 
 def absent_for_ros() -> list[str]:

@@ -31,8 +31,8 @@ from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
+from robot_dynamics.model.yaml_text import load_yaml
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
-from robot_dynamics.yaml_text import load_yaml
 
 NODE = 'dynamics'
 

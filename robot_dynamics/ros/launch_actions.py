@@ -76,6 +76,11 @@ def dynamics_node(arm: ArmArguments, remappings: Sequence[tuple[str, str]] = ())
     return _node(arm, 'dynamics_node', files, remappings)
 
 
+def commands_to(controller: str) -> list[tuple[str, str]]:
+    """Return the remapping of `~/commands` to an effort controller; none for an empty name."""
+    return [('~/commands', f'{controller}/commands')] if controller else []
+
+
 def closed_loop(arm: ArmArguments) -> list[Node]:
     """Return `simulated_arm` and `dynamics` of an arm."""
     files = arm.parameter_files(SIMULATED_ARM, *_OF_BOTH)

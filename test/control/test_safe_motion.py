@@ -25,6 +25,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from builtin_interfaces.msg import Duration
+from children import TIMEOUT
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -42,7 +43,6 @@ from ros_harness import (
     RosClient,
     running,
     SIMULATED_ARM,
-    TIMEOUT,
     wait_until,
 )
 from sensor_msgs.msg import JointState

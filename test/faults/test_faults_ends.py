@@ -26,21 +26,14 @@ from typing import Any
 
 from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 import children
+from children import TIMEOUT
 from fault_bench import fault_bench, FaultBench, G
 from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
-from ros_harness import (
-    DYNAMICS,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    TIMEOUT,
-    wait_until,
-)
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
 GROUP = 'Shutdown by SIGINT and SIGTERM'

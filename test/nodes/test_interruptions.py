@@ -19,7 +19,6 @@ After each interruption the effort stays near the gravity torque of the measured
 independent of the reference before the interruption and of messages sent during it.
 """
 
-from collections.abc import Iterator
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
@@ -29,11 +28,9 @@ from interruption_bench import (
     check_held,
     ELSEWHERE,
     follow,
-    following,
     gravity,
     GROUP,
     HELD,
-    interruption_bench,
     LIMIT,
     move_by_hand,
     wait_rejected,
@@ -45,24 +42,9 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
-from ros_harness import RosClient, wait_until
+from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with default parameters for an arm with limits, as left by the last test."""
-    with interruption_bench(client, '/interruptions') as one:
-        yield one
-
-
-@pytest.fixture
-def arm(bench: FaultBench) -> Iterator[FaultBench]:
-    """Return the bench with the arm at rest at `Q` and following `Q`."""
-    with following(bench) as one:
-        yield one
-
 
 # --- trajectories that are sent while no reference can be followed ------------------------------
 

@@ -28,17 +28,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, NAMES, nanoseconds_of, Q
 from fault_stimuli import SetPoints
 from fault_table import fault
-from interruption_bench import (
-    check_held,
-    ELSEWHERE,
-    follow,
-    following,
-    gravity,
-    GROUP,
-    interruption_bench,
-    LIMIT,
-    move_by_hand,
-)
+from interruption_bench import check_held, ELSEWHERE, follow, gravity, GROUP, LIMIT, move_by_hand
 from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
 import numpy as np
 import pytest
@@ -50,20 +40,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 PAUSE = 0.3
 """[s] of `reference_timeout` once a stream has ended."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with default parameters for an arm with limits, as left by the last test."""
-    with interruption_bench(client, '/planned_stops') as one:
-        yield one
-
-
-@pytest.fixture
-def arm(bench: FaultBench) -> Iterator[FaultBench]:
-    """Return the bench with the arm at rest at `Q` and following `Q`."""
-    with following(bench) as one:
-        yield one
 
 
 class IdealArm:
@@ -250,7 +226,7 @@ def test_a_stream_that_pauses(arm: FaultBench) -> None:
         assert status.message == (
             'ended early: the stream of set-points paused for more than reference_timeout')
         where = ideal.check_stopped()
-        # The overshoot of a starved node depends on the load; test_reference_generator limits it.
+        # The overshoot of a starved node depends on the load; test_reference_streams limits it.
         assert all(begin < q <= LIMIT for begin, q in zip(Q, where)), (where, sent, stream.sent)
         arm.efforts.clear()
         check_held(arm, where)

@@ -12,75 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The services of `dynamics` over DDS: results, rejections, and the absence of side effects."""
+"""The services of `dynamics` over DDS: results, units, orders of joints, and warnings."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-import re
 from typing import Any
 
-from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.planar.two_link import inverse_dynamics, PlanarTwoLink
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import (
-    floats_to_ros,
-    payload_from_ros,
-    payload_to_ros,
-    stamp_from_ros,
-    trajectory_to_ros,
-)
+from robot_dynamics.ros.conversions import floats_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
-from ros_harness import DYNAMICS, LATCHED, NodeProcess, RosClient
-from sensor_msgs.msg import JointState
-from service_requests import REFUSALS, SERVICES, wrench
+from ros_harness import RosClient
+from service_bench import A, Q, Served, served, TAU, V
+from service_requests import wrench
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-Q, V, A = (np.pi / 4, np.pi / 6), (0.5, 0.3), (0.1, 0.2)
-TAU = (-48.74713301, -10.95795578)
-
-
-@dataclass
-class Served:
-    """A running node, and the dynamics of the same arm in this process."""
-
-    client: RosClient
-    namespace: str
-    arm: ArmModel
-
-    @property
-    def dynamics(self) -> ArmDynamics:
-        return ArmDynamics(self.arm)
-
-    def ask(self, service: str, **fields: Any) -> Any:
-        kind = SERVICES[service]
-        return self.client.call(
-            kind, f'{self.namespace}/dynamics/{service}', kind.Request(**fields))
-
-    def answer(self, service: str, **fields: Any) -> Any:
-        response = self.ask(service, **fields)
-        assert response.success, response.message
-        return response
-
-
-@pytest.fixture(scope='module')
-def planar(client: RosClient) -> Iterator[Served]:
-    with NodeProcess(DYNAMICS, namespace='/planar'):
-        yield Served(client, '/planar', load_arm(default_arm_urdf()))
 
 
 @pytest.fixture(scope='module', params=['panda', 'kinova', 'ur10', 'tiago_pro'])
 def robot(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Served]:
-    urdf, namespace = robot_urdf(request.param), f'/{request.param}'
-    with NodeProcess(DYNAMICS, {'robot_description': urdf}, namespace=namespace):
-        yield Served(client, namespace, load_arm(urdf))
+    with served(client, f'/{request.param}', robot_urdf(request.param)) as node:
+        yield node
 
 
 def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -337,108 +292,3 @@ def test_a_trajectory_without_names_is_in_the_nodes_order(planar: Served) -> Non
     assert response.trajectory.joint_names == list(planar.arm.joint_names)
     assert response.trajectory.points[0].effort == pytest.approx(
         [-49.52282521, -11.37087883], abs=5e-9)
-
-
-# --- rejections ----------------------------------------------------------------------------------
-
-@pytest.mark.parametrize(('service', 'fields', 'words'), REFUSALS)
-def test_a_request_that_cannot_be_answered_is_refused_by_name(
-    planar: Served, service: str, fields: dict[str, Any], words: str,
-) -> None:
-    response = planar.ask(service, **fields)
-    assert not response.success
-    assert re.search(words, response.message), response.message
-    empty = SERVICES[service].Response(success=False, message=response.message)
-    assert response == empty  # no field is filled in
-
-
-def test_the_control_path_continues_between_bad_requests(
-    planar: Served, client: RosClient,
-) -> None:
-    states = client.publisher(JointState, '/planar/joint_states', 1)
-    with client.collect(JointState, '/planar/effort_command') as efforts:
-        efforts.wait_matched()
-        for i, (service, fields, _) in enumerate(REFUSALS):
-            state = JointState(name=planar.arm.joint_names, position=Q, velocity=V)
-            state.header.stamp.sec = i + 1
-            refused = planar.ask(service, **fields)
-            assert not refused.success
-            effort = client.answer_to(states, state, efforts)
-            assert effort.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
-    client.node.destroy_publisher(states)
-
-
-# --- payload -------------------------------------------------------------------------------------
-
-LOAD = make_payload('tool0', 2.5, (0.1, 0.0, 0.2), np.diag((0.01, 0.02, 0.015)))
-
-
-def test_a_payload_counts_in_every_service_and_is_latched(
-    planar: Served, client: RosClient,
-) -> None:
-    arm = planar.arm
-    loaded = ArmDynamics(arm.with_payloads([LOAD]))
-    q, v, a = np.array(Q), np.array(V), np.array(A)
-    answer = planar.answer('set_payload', payload=payload_to_ros(LOAD))
-    assert answer.message == "2.5 kg on 'tool0'"
-    response = planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A)
-    assert response.effort == pytest.approx(loaded.inverse_dynamics(q, v, a))
-    equation = planar.answer('manipulator_equation', position=Q)
-    assert equation.gravity == pytest.approx(loaded.rigid_body.gravity(q))
-    in_force = client.wait_for(  # a late subscriber receives the message published before it
-        InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m > 0.0,
-        qos=LATCHED)
-    back = payload_from_ros(arm, in_force)
-    assert back is not None
-    assert (back.link, back.mass, back.com.tolist()) == ('tool0', 2.5, [0.1, 0.0, 0.2])
-    assert back.inertia.tolist() == LOAD.inertia.tolist()
-    assert in_force.header.stamp.sec > 0
-    assert not planar.ask('set_payload', payload=payload_to_ros(
-        Payload('hand', 1.0, LOAD.com, LOAD.inertia))).success
-    assert planar.answer('inverse_dynamics', position=Q).terms.gravity == pytest.approx(
-        loaded.rigid_body.gravity(q))  # a rejected payload changes nothing
-    assert planar.answer('set_payload').message == 'no payload'
-    assert planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A).effort == (
-        pytest.approx(TAU, abs=5e-9))
-    before = stamp_from_ros(in_force.header.stamp)
-    client.wait_for(
-        InertiaStamped, '/planar/dynamics/payload', lambda message: (
-            message.inertia.m == 0.0 and stamp_from_ros(message.header.stamp) > before),
-        qos=LATCHED)
-
-
-def test_a_transition_takes_the_time_of_the_joint_states(
-    planar: Served, client: RosClient,
-) -> None:
-    loaded = ArmDynamics(planar.arm.with_payloads([LOAD]))
-    bare_g, loaded_g = (
-        d.rigid_body.gravity(np.array(Q)) for d in (planar.dynamics, loaded))
-    states = client.publisher(JointState, '/planar/joint_states', 1)
-    payload_topic = '/planar/dynamics/payload'
-    with client.collect(JointState, '/planar/effort_command') as efforts, \
-            client.collect(InertiaStamped, payload_topic, LATCHED) as payloads:
-        efforts.wait_matched()
-        payloads.wait_for(lambda message: message.inertia.m == 0.0)
-        planar.answer('set_payload', payload=payload_to_ros(LOAD), transition_time=2.0)
-        for quarter in range(6):
-            state = JointState(name=planar.arm.joint_names, position=Q)
-            state.header.stamp.sec = 1000 + quarter // 2
-            state.header.stamp.nanosec = 500_000_000 * (quarter % 2)
-            effort = client.answer_to(states, state, efforts)
-            fraction = min(quarter / 4, 1.0)
-            assert effort.effort == pytest.approx(bare_g + fraction * (loaded_g - bare_g))
-            announced = [m for m in payloads.messages if m.inertia.m == 2.5]
-            assert quarter >= 4 or not announced
-        payloads.wait_for(lambda message: message.inertia.m == 2.5)
-        planar.answer('set_payload')
-    client.node.destroy_publisher(states)
-
-
-# --- a node without a model ----------------------------------------------------------------------
-
-def test_before_the_model_every_service_reports_it(client: RosClient) -> None:
-    with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
-        for service, kind in SERVICES.items():
-            response = client.call(kind, f'/empty/dynamics/{service}')
-            assert not response.success
-            assert 'no model yet' in response.message

@@ -175,56 +175,50 @@ def several(**values: str) -> list[dict[str, str]]:
 @pytest.mark.parametrize(('check', 'values', 'words'), [
     pytest.param(
         checked, {'params': 'no/such.yaml'},
-        "launch argument params is 'no/such.yaml', which is no such file "
-        f'({Path.cwd()}/no/such.yaml); expected the path of a parameter file (YAML). ',
+        f', which is no such file ({Path.cwd()}/no/such.yaml); expected the path of a parameter '
+        'file (YAML). ',
         marks=fault(
             'External files and web pages', 'a launch argument names a missing parameter file',
             'rejected with the path, before any node is started')),
     (checked, {'params': str(ROOT)},
-     f"launch argument params is '{ROOT}', which is a directory ({ROOT}); expected the path of "
-     'a parameter file (YAML). '),
+     f', which is a directory ({ROOT}); expected the path of a parameter file (YAML). '),
     (checked, {'robot': '/no/such.urdf'},
-     "launch argument robot is '/no/such.urdf', which is no such file (/no/such.urdf); expected "
-     'a URDF or .xacro file: a path or package://PACKAGE/PATH. '),
+     ', which is no such file (/no/such.urdf); expected a URDF or .xacro file: a path or '
+     'package://PACKAGE/PATH. '),
     (checked, {'robot': 'package://no_such_package/arm.urdf'},
-     "launch argument robot is 'package://no_such_package/arm.urdf', but there is no package "
-     "'no_such_package' in this environment"),
-    (checked, {'robot': 'http://nowhere/arm.urdf'},
-     "launch argument robot is 'http://nowhere/arm.urdf', expected a path, file:// or "
-     'package://'),
+     ", but there is no package 'no_such_package' in this environment"),
+    (checked, {'robot': 'http://nowhere/arm.urdf'}, ', expected a path, file:// or package://'),
     (checked, {'robot': 'arm.urdf', 'robot_description': '<robot/>'},
-     "launch argument robot is 'arm.urdf' and robot_description is given too, expected one of "
-     'them. '),
-    (checked, {'use_sim_time': 'maybe'},
-     "launch argument use_sim_time is 'maybe', expected true or false. "),
+     ' and robot_description is given too, expected one of them. '),
+    (checked, {'use_sim_time': 'maybe'}, ', expected true or false. '),
     (checked, {'gravity': '[0, 0]'},
-     "launch argument gravity is '[0, 0]', expected three numbers [m/s^2] such as "
-     '"[0.0, 0.0, -9.81]". '),
+     ', expected three numbers [m/s^2] such as "[0.0, 0.0, -9.81]". '),
     (checked, {'gravity': 'down'},
-     "launch argument gravity is 'down', expected three numbers [m/s^2] such as "
-     '"[0.0, 0.0, -9.81]". '),
-    (checked, {'gravity': '0 0 inf'},
-     'launch argument gravity[2] is inf, expected a finite number'),
-    (checked, {'log_level': 'loud'},
-     "launch argument log_level is 'loud', expected one of debug, info, warn, error, fatal. "),
+     ', expected three numbers [m/s^2] such as "[0.0, 0.0, -9.81]". '),
+    (checked, {'log_level': 'loud'}, ', expected one of debug, info, warn, error, fatal. '),
     (checked, {'namespace': 'my arm'},
-     "launch argument namespace is 'my arm', expected names separated by slashes (Invalid "
-     "namespace: namespace must not contain characters other than alphanumerics, '_', or "
-     "'/':). "),
-    (several, {'arms': 'left,left'},
-     "launch argument arms is 'left,left', expected distinct names separated by commas. "),
-    (several, {'arms': ''},
-     "launch argument arms is '', expected distinct names separated by commas. "),
-    (several, {'arms': 'a,b,c', 'params': 'a.yaml,b.yaml'},
-     "launch argument params is 'a.yaml,b.yaml', expected one file for all arms, or 3 files "
-     'separated by commas, in the order of arms. '),
+     ', expected names separated by slashes (Invalid namespace: namespace must not contain '
+     "characters other than alphanumerics, '_', or '/':). "),
+    (several, {'arms': 'left,left'}, ', expected distinct names separated by commas. '),
+    (several, {'arms': ''}, ', expected distinct names separated by commas. '),
+    (several, {'params': 'a.yaml,b.yaml', 'arms': 'a,b,c'},
+     ', expected one file for all arms, or 3 files separated by commas, in the order of arms. '),
 ])
 def test_an_invalid_argument_is_an_error(
     check: Callable[..., object], values: Mapping[str, str], words: str,
 ) -> None:
+    """The message names the first of the arguments, and its value."""
     with pytest.raises(RobotDynamicsError) as error:
         check(**values)
-    assert str(error.value) == (f'{words}No node was started.' if words.endswith(' ') else words)
+    name, value = next(iter(values.items()))
+    end = 'No node was started.' if words.endswith(' ') else ''
+    assert str(error.value) == f'launch argument {name} is {value!r}{words}{end}'
+
+
+def test_a_gravity_that_is_not_finite_is_an_error() -> None:
+    with pytest.raises(RobotDynamicsError) as error:
+        checked(gravity='0 0 inf')
+    assert str(error.value) == 'launch argument gravity[2] is inf, expected a finite number'
 
 
 def test_only_true_and_false_are_truths() -> None:

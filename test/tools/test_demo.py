@@ -15,29 +15,21 @@
 """The demo as a user runs it: a process that starts real nodes."""
 
 import os
-from pathlib import Path
 import re
 import signal
-import subprocess
-import sys
-import time
 
-import children
 from children import is_gone
+from demo_process import nodes_of, relative_residuals, run_demo, start_demo, wait_for_line
 import numpy as np
 import pytest
-from recordings import KnownMotion, write_recording
 from robot_dynamics.recordings.reader import Recording, stack
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.demo.cli import _make_directory
 from robot_dynamics.tools.demo.processes import choose_domain
 from robot_dynamics.trajectories.files import write_trajectory
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from robots import robot_path, robot_urdf
+from robots import robot_path
 from ros_harness import TIMEOUT, wait_until, write_parameters
-
-UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
 
 NODE_TOPICS = {
     '/joint_states': 'sensor_msgs/msg/JointState',
@@ -52,41 +44,6 @@ NODE_TOPICS = {
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     '/robot_description': 'std_msgs/msg/String',
 }
-
-
-def start_demo(directory, *arguments):
-    environment = {
-        name: value for name, value in os.environ.items()
-        if name != 'ROS_DOMAIN_ID'}  # the demo chooses a free domain
-    return children.popen(
-        [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
-        cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True)
-
-
-def run_demo(directory, *arguments):
-    """Run the demo to its end; return its exit status, its output and its error output."""
-    with start_demo(directory, *arguments) as process:
-        out, err = process.communicate(timeout=4 * TIMEOUT)
-        return process.returncode, out, err
-
-
-def wait_for_line(stream, pattern):
-    """Read the output or the progress (stderr) of the demo until a line matches this pattern."""
-    lines = []
-    for line in stream:
-        lines.append(line)
-        if re.search(pattern, line):
-            return
-    pytest.fail(f'the demo ended without {pattern!r}: {"".join(lines)}')
-
-
-def nodes_of(process):
-    """Return the processes that the demo has started, by the name of their program."""
-    pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
-    return {
-        Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].split('.')[-2]: int(pid)
-        for pid in pids}
 
 
 def errors_of(out):
@@ -245,14 +202,6 @@ def test_a_node_that_dies_is_named_with_its_log(tmp_path):
     assert all(is_gone(pid) for pid in nodes.values())
 
 
-# --- replay --------------------------------------------------------------------------------------
-
-def relative_residuals(out):
-    found = re.findall(r'^(joint\d) .*?([\d.]+) % ', out, re.MULTILINE)
-    assert [name for name, _ in found] == ['joint1', 'joint2']
-    return {name: float(fraction) for name, fraction in found}
-
-
 def test_replay_of_its_own_recording(closed_loop, tmp_path):
     recorded, _, _ = closed_loop
     status, out, err = run_demo(
@@ -269,89 +218,6 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
     np.testing.assert_array_equal(again.position, played.position)
     np.testing.assert_array_equal(answers.stamps_ns, played.stamps_ns)
     assert (tmp_path / 'here' / 'demo.png').stat().st_size > 10000
-
-
-def test_replay_of_positions_that_wrap(tmp_path):
-    """Exact effort of the default arm in a swing about its rest pose, positions within ±π."""
-    motion = KnownMotion(seconds=4.0, rest=(np.pi, 0.0))
-    write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
-    status, out, err = run_demo(
-        tmp_path, '--replay', tmp_path / 'bag', '--no-plot', '--out', 'here')
-    assert status == 0, out + err
-    assert max(relative_residuals(out).values()) < 1.0
-
-
-def record_brakes(tmp_path, name):
-    """Record a demo whose dynamics node hangs for a while; return whether it contains brakes."""
-    wall_time = write_parameters(tmp_path / 'wall_time.yaml', {'lock_step': False})
-    start, goal = [0.4, 0.1], [0.6, 0.1]
-    rest = [0.0, 0.0]
-    write_trajectory(tmp_path / 'rests.yaml', make_trajectory(
-        ['joint1', 'joint2'], [0.0, 1.0, 12.0], [start, goal, goal], [rest] * 3, [rest] * 3,
-        ['joint1', 'joint2']))
-    with start_demo(
-            tmp_path, '--trajectory', 'rests.yaml', '--parameters', wall_time, '--no-plot',
-            '--rate', 100, '--out', name) as process:
-        wait_for_line(process.stderr, r' [2-7]\d %')  # at the goal: no motion is interrupted
-        log = tmp_path / name / 'simulated_arm.log'
-        suspended = nodes_of(process)['dynamics']
-        os.kill(suspended, signal.SIGSTOP)
-        try:
-            wait_until(lambda: 'the brakes hold the arm' in log.read_text(), 'brakes')
-            time.sleep(0.3)  # part of the recording has brakes
-        finally:
-            os.kill(suspended, signal.SIGCONT)
-        process.communicate(timeout=4 * TIMEOUT)
-    with Recording(tmp_path / name / 'recording') as recording:
-        states = recording.joint_series('/joint_states')
-    return len(states.driven().stamps_ns) < len(states.stamps_ns)
-
-
-def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
-    """A dynamics node that hangs makes the arm brake, which no model of the arm can explain."""
-    # On a starved machine the node may hang only after the recorded span, in wall time.
-    made = next(name for name in map(str, range(10)) if record_brakes(tmp_path, name))
-    status, out, err = run_demo(
-        tmp_path, '--replay', tmp_path / made / 'recording', '--no-plot', '--out', 'here')
-    assert status == 0, out + err
-    assert re.search(r'^  \d+ states without any effort \(brakes\): played', out, re.MULTILINE)
-    assert max(relative_residuals(out).values()) < 10.0
-
-
-def test_replay_of_an_arm_with_six_joints(tmp_path):
-    """As of the real arm below, with a recording made here: the model has these efforts."""
-    motion = KnownMotion(seconds=3.0, rate=125.0, urdf=robot_urdf('ur10'), rest=0.3)
-    bag = write_recording(tmp_path / 'made', motion.messages(), 'sqlite3')
-    status, out, err = run_demo(
-        tmp_path, '--replay', bag, '--robot', robot_path('ur10'), '--no-plot', '--out', 'here')
-    assert status == 0, out + err
-    assert '375 states played' in out
-    relative = [float(fraction) for fraction in re.findall(
-        r'^\w+_joint .*?([\d.]+) % ', out, re.MULTILINE)]
-    assert len(relative) == 6
-    assert max(relative) < 10.0
-    with Recording(tmp_path / 'here' / 'recording') as recording:
-        gravity = recording.joint_series('/dynamics/gravity_compensation')
-    assert len(gravity.stamps_ns) == 375
-
-
-def test_replay_of_a_real_arm(tmp_path):
-    if not UR10.exists():
-        pytest.skip('the recording of a UR10 is missing: expected shared/data/ur10 next to '
-                    'the repository')
-    status, out, err = run_demo(
-        tmp_path, '--replay', UR10, '--robot', robot_path('ur10'), '--no-plot', '--out', 'here')
-    assert status == 0, out + err
-    assert '3441 states played' in out
-    relative = [float(fraction) for fraction in re.findall(
-        r'^\w+_joint .*?([\d.]+) % ', out, re.MULTILINE)]
-    assert len(relative) == 6
-    # Effects that the description of this robot does not include: friction, and motors.
-    assert 32.0 < min(relative) < 34.0
-    assert 99.0 < max(relative) <= 101.0
-    with Recording(tmp_path / 'here' / 'recording') as recording:
-        gravity = recording.joint_series('/dynamics/gravity_compensation')
-    assert len(gravity.stamps_ns) == 3441
 
 
 # --- mistakes ------------------------------------------------------------------------------------

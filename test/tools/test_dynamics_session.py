@@ -27,21 +27,14 @@ import threading
 from typing import Any
 
 import children
+from children import TIMEOUT
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
-from ros_harness import (
-    DYNAMICS,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    TIMEOUT,
-    wait_until,
-)
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 

@@ -12,77 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The viewer as a server: permitted connections, the displayed arm, and its command line."""
+"""The server of the viewer: permitted connections, ports, and a race in viser."""
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 import errno
 import http.client
-from itertools import cycle
 import os
 from pathlib import Path
-import re
-import signal
-import subprocess
 import sys
 import threading
 
-import children
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fault_table import fault
 import pytest
-import rclpy
-from rclpy.context import Context
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.tools.viewer.cli import AT, main
 from robot_dynamics.tools.viewer.server import address_of, is_loopback, start_server, stop_server
-from robots import must_have_everything, robot_path
-from ros_harness import DYNAMICS, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
-from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from robots import must_have_everything
+from ros_harness import TIMEOUT, wait_until
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
 import msgspec
-from robot_dynamics.tools.viewer.app import Viewer
-from robot_dynamics.tools.viewer.node import ViewerNode
+from viewer_bench import connected, PROTOCOL, served
 import viser
 import websockets.asyncio.server
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
 
-VIEWER = 'robot_dynamics.tools.viewer'
-OPEN = re.compile(AT)
-PROTOCOL = f'viser-v{viser.__version__}'
 LISTENS = '0A'  # in /proc/net/tcp
 
 
-@contextmanager
-def served():
-    server = start_server('127.0.0.1', 0, 'a page')
-    try:
-        yield server
-    finally:
-        stop_server(server)
-
-
-@pytest.fixture(scope='module')
-def server():
-    with served() as started:
-        yield started
-
-
-@pytest.fixture(autouse=True)
-def _no_proxy(monkeypatch):
-    monkeypatch.setenv('no_proxy', '*')
-
-
-def connected(server, **options):
-    return connect(
-        address_of(server).replace('http', 'ws'), subprotocols=[PROTOCOL],
-        open_timeout=TIMEOUT, close_timeout=TIMEOUT, max_size=None, **options)
+pytestmark = pytest.mark.usefixtures('_no_proxy')
 
 
 # --- permitted connections -----------------------------------------------------------------------
@@ -216,256 +174,6 @@ def test_a_port_that_cannot_be_had_is_reported(server, host, reason):
     assert str(error.value) == (
         f"--port is {server.get_port()} at --host '{host}', where the page cannot be served "
         f"({os.strerror(reason)}); expected a free port (0 finds one) of this computer's address")
-
-
-# --- the displayed arm ---------------------------------------------------------------------------
-
-class Watched:
-    def __init__(self, viewer, work):
-        self.viewer, self._work = viewer, work
-
-    def wait_for(self, *words, without=(), meanwhile=lambda: None):
-        """Wait until the page contains each of `words`, and none of `without`."""
-        def is_so():
-            meanwhile()
-            said = self.viewer._words.content
-            return self._work.done() or (
-                all(word in said for word in words) and not any(word in said for word in without))
-
-        try:
-            wait_until(is_so, f'{words} without {without}')
-        except AssertionError as error:
-            pytest.fail(f'{error}; the page says\n{self.viewer._words.content}')
-        assert not self._work.done(), self._work.result()
-
-    def sliders(self):
-        return [slider.value for slider in self.viewer._shown.panel._sliders]
-
-
-@contextmanager
-def watched(namespace, robot=None):
-    context, over = Context(), threading.Event()
-    rclpy.init(context=context)
-    node = ViewerNode(rclpy.create_node('viewer', context=context, namespace=namespace),
-                      'dynamics', 'simulated_arm')
-    with served() as server, ThreadPoolExecutor(1) as pool:
-        viewer = Viewer(server, node, robot)
-        work = pool.submit(viewer.run, over.is_set)
-        try:
-            yield Watched(viewer, work)
-        finally:
-            over.set()
-            work.result(TIMEOUT)
-            viewer.close()
-            node.close()
-            rclpy.shutdown(context=context)
-
-
-@contextmanager
-def described(client, namespace):
-    """Yield a function that publishes a URDF on the topic robot_description."""
-    topic = client.publisher(String, f'{namespace}/robot_description', LATCHED, 0)
-    yield lambda xml: topic.publish(String(data=xml))
-    client.node.destroy_publisher(topic)
-
-
-def one_link(name):
-    return planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name=name)
-
-
-def test_the_arm_is_that_of_dynamics_and_changes_with_it():
-    with watched('/viewed') as page:
-        page.wait_for('no arm yet', 'no node dynamics', 'joint_states has no publisher')
-        simulated = NodeProcess(SIMULATED_ARM, {
-            'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
-            namespace='/viewed')
-        with running(NodeProcess(DYNAMICS, namespace='/viewed'), simulated):
-            page.wait_for('**planar_arm**, 2 joints', 'gravity compensation',
-                          without=('no node', 'no joint states'))
-            wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
-        page.wait_for('**planar_arm**', 'no node dynamics', 'joint_states has no publisher')
-        parameters = {'robot_description_file': str(robot_path('ur10'))}
-        with NodeProcess(DYNAMICS, parameters, namespace='/viewed'):
-            page.wait_for('**ur10**, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
-
-
-def test_diagnostics_of_another_namespace_are_skipped(client):
-    context = Context()
-    rclpy.init(context=context)
-    viewer = ViewerNode(
-        rclpy.create_node('viewer', context=context, namespace='/viewed'), 'dynamics', 'arm')
-    try:
-        publisher = client.publisher(DiagnosticArray, '/diagnostics')
-        found, namespaces = [], cycle(('/other', '/viewed'))
-
-        def has_received():
-            publisher.publish(DiagnosticArray(status=[
-                DiagnosticStatus(name=f'{next(namespaces)}/dynamics: command')]))
-            message = viewer.receive().diagnostics
-            found.extend([] if message is None else message.status)
-            return found
-
-        wait_until(has_received, 'diagnostics of /viewed/dynamics')
-        assert {status.name for status in found} == {'/viewed/dynamics: command'}
-    finally:
-        viewer.close()
-        rclpy.shutdown(context=context)
-
-
-def test_without_dynamics_the_arm_is_that_of_the_topic(client):
-    with described(client, '/topical') as publish:
-        publish(one_link('first'))
-        with watched('/topical') as page:
-            page.wait_for(
-                '**first**, 1 joint', 'no node dynamics', 'joint_states has no publisher')
-            publish(one_link('second'))
-            page.wait_for('**second**', without=['first'])
-            publish('<robot name="broken"')
-            page.wait_for('**second**', 'robot_description is not well-formed XML')
-            publish(default_arm_urdf())
-            page.wait_for('**planar_arm**', without=['well-formed'])
-
-
-def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(client):
-    with described(client, '/corrected') as publish, watched('/corrected') as page:
-        for xml, words in ((one_link('first'), '**first**'), ('<robot', 'not well-formed XML')):
-            publish(xml)
-            page.wait_for(words)
-        publish(one_link('first'))
-        page.wait_for('**first**', without=['well-formed'])
-
-
-def test_a_description_that_is_none_is_reported_while_states_come(client):
-    states = client.publisher(JointState, '/broken/joint_states', subscribers=0)
-    state = JointState(name=['joint1', 'joint2'], position=[0.2, 0.1])
-    with described(client, '/broken') as publish, \
-            NodeProcess(DYNAMICS, namespace='/broken'), watched('/broken') as page:
-        page.wait_for('**planar_arm**', without=['no joint states'],
-                      meanwhile=lambda: states.publish(state))
-        publish('<robot name="broken"')
-        page.wait_for('**planar_arm**', 'robot_description is not well-formed XML',
-                      meanwhile=lambda: states.publish(state))
-
-
-def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(client, tmp_path):
-    file = tmp_path / 'arm.urdf'
-    file.write_text(one_link('elsewhere'))
-    parameters = {'robot_description_file': str(file)}
-    with described(client, '/remote') as publish, \
-            NodeProcess(DYNAMICS, parameters, namespace='/remote'):
-        file.unlink()
-        with watched('/remote') as page:
-            page.wait_for('no arm yet', str(file), 'or on the topic robot_description')
-            publish(one_link('elsewhere'))
-            page.wait_for('**elsewhere**', without=[str(file)])
-
-
-def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
-    (tmp_path / 'arm.urdf').write_text(one_link('named'))
-    other = NodeProcess(DYNAMICS, {'robot_description': one_link('other')}, namespace='/named')
-    with described(client, '/named') as publish, \
-            watched('/named', str(tmp_path / 'arm.urdf')) as page:
-        publish(one_link('topical'))
-        page.wait_for('**named**', 'no node dynamics')
-        with other:
-            source = page.viewer._source
-            wait_until(lambda: source._described and source._topic_xml, 'what both say')
-            page.wait_for('**named**', 'gravity compensation', without=['other', 'topical'])
-
-
-@pytest.mark.parametrize(('names', 'position', 'words'), [
-    (['joint1', 'finger'], [0.1, 0.2], "joint_states lack ['joint2']"),
-    ([], [], "joint_states lack ['joint1', 'joint2']"),
-    (['joint1', 'joint2'], [0.1], "joint_states lack ['joint2']"),
-    (['joint1', 'joint2'], [0.1, float('nan')], "no finite position of ['joint2']")])
-def test_states_that_cannot_be_shown_are_reported_until_others_come(
-        client, tmp_path, names, position, words):
-    (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
-    states = client.publisher(JointState, '/stated/joint_states', subscribers=0)
-    with watched('/stated', str(tmp_path / 'arm.urdf')) as page:
-        page.wait_for('joint_states', words, meanwhile=lambda: states.publish(
-            JointState(name=names, position=position)))
-        page.wait_for(without=['joint_states'], meanwhile=lambda: states.publish(
-            JointState(name=['joint2', 'joint1'], position=[0.2, 0.1])))
-        assert page.sliders() == [0.1, 0.2]
-    client.node.destroy_publisher(states)
-
-
-# --- the command line ----------------------------------------------------------------------------
-
-def run(*arguments, without=()):
-    """Run the command to its end, as if some libraries were not installed."""
-    script = (
-        f'import sys; sys.modules.update(dict.fromkeys({list(without)!r}))\n'
-        f'from {VIEWER}.cli import main; sys.exit(main({list(arguments)!r}))')
-    return children.run(
-        [sys.executable, '-c', script], capture_output=True, text=True, stdin=subprocess.DEVNULL,
-        timeout=3 * TIMEOUT)
-
-
-def check_one_line(done, status, words):
-    assert done.returncode == status, done.stderr
-    assert done.stdout == ''
-    assert re.fullmatch(rf'viewer: [^\n]*{words}[^\n]*\n', done.stderr), done.stderr
-
-
-def test_help_needs_no_library():
-    done = run('--help', without=('viser', 'websockets', 'trimesh', 'rclpy'))
-    assert (done.returncode, done.stderr) == (0, '')
-    assert all(f'--{option}' in done.stdout for option in ('host', 'port', 'robot', 'dynamics'))
-
-
-def test_without_viser_one_line_names_the_installation():
-    check_one_line(run('--port', '0', without=['viser']), 1, 'pip install viser')
-
-
-@pytest.mark.parametrize('arguments', [
-    ('--port', '-1'), ('--port', '65536'), ('--port', 'http'), ('--port', '8080.0'),
-    ('--port', '²'), ('--port',), ('--robt', 'x'), ('a.urdf',)])
-def test_mistakes_in_the_arguments(arguments, capsys):
-    with pytest.raises(SystemExit) as left:
-        main(arguments)
-    assert left.value.code == 2
-    line = r'viewer: [^\n]+ \(viewer --help lists the options\)\n'
-    assert re.fullmatch(line, capsys.readouterr().err)
-
-
-@pytest.mark.parametrize('robot', ['gone.urdf', 'package://no_such_package/a.urdf', 'ftp://a'])
-def test_a_robot_that_is_not_there_is_one_line(robot, tmp_path):
-    name = robot if '://' in robot else str(tmp_path / robot)
-    check_one_line(run('--port', '0', '--robot', name), 1, re.escape(name))
-
-
-@pytest.mark.parametrize('arguments', [
-    ('--dynamics', 'no name'), ('--simulated-arm', '7'), ('--ros-args', '-r', '__ns:=no-name')])
-def test_names_that_are_none_are_reported(arguments):
-    done = run('--port', '0', *arguments)
-    assert (done.returncode, done.stdout, done.stderr.count('Traceback')) == (1, '', 0)
-    assert done.stderr.splitlines()[-1].startswith('viewer: ')  # rcl may log a line before
-
-
-@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
-@pytest.mark.parametrize('arm', [(), ('--robot', 'arm.urdf')])
-def test_a_signal_ends_it_in_order_while_a_page_is_open(name, arm, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
-    with NodeProcess(
-            VIEWER, namespace='/ended', arguments=('--port', '0', *arm), ready=OPEN) as viewer:
-        address = re.search(r'http(://\S+)', viewer.wait_for_log(OPEN))[1]
-        with connect(f'ws{address}', subprotocols=[PROTOCOL], max_size=None) as page:
-            page.recv(TIMEOUT)
-            os.kill(viewer.pid, getattr(signal, name))
-            assert viewer.wait() == 0
-        assert viewer.log.count('\n') <= 2, viewer.log  # including the line of the page
-
-
-def test_beyond_this_computer_there_is_a_warning_on_stderr():
-    only_errors = ('sh', '-c', 'exec "$@" >/dev/null', 'sh')
-    arguments = ('--port', '0', '--host', '0.0.0.0')
-    with NodeProcess(VIEWER, namespace='/ended', arguments=arguments, prefix=only_errors,
-                     ready=re.compile('other computers can reach this page')) as viewer:
-        pass
-    assert viewer.log.count('\n') == 1
 
 
 class MutatingWaiter:

@@ -1,0 +1,188 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The age of a measured state, by the clock of this computer and by other clocks."""
+
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.monitoring.state_plausibility import (
+    ImplausibleStateError,
+    JUMP,
+    SAME_CLOCK,
+    SIMULATED_BEFORE,
+    StateVerdict,
+)
+from watched_states import laws, MAX_AGE, nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
+
+# --- the age of a state --------------------------------------------------------------------------
+
+@pytest.mark.parametrize('is_first', [True, False])
+@pytest.mark.parametrize(('age', 'reason'), [
+    (0.199, ''), (0.201, 'too old'), (-0.199, ''), (-0.201, 'from the future'),
+    (10.0, 'too old'), (-50.0, 'from the future'), (SAME_CLOCK - 1.0, 'too old')])
+def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
+    one = Watched() if is_first else started()
+    one.crowd = True
+    t = 0.5
+    if not reason:
+        assert one.judge(t - age, t).is_new
+    else:
+        error = one.refusal(t - age, t)
+        assert error.reason == reason
+        assert not error.is_conflict
+        assert f'{abs(age):.3f} s {"old" if age > 0 else "in the future"}' in str(error)
+        assert str(error).endswith('0.2 s (state_max_age), by the clock of this computer')
+
+
+def test_a_state_rejected_for_its_age_has_no_side_effect() -> None:
+    one = started()
+    one.refusal(0.1, 0.5, q=Q + 1.0)
+    assert one.judge(0.01, q=Q) == StateVerdict(True, 0.01)
+
+
+def test_any_age_goes_where_there_is_no_limit() -> None:
+    one = started(max_age=0.0)
+    assert one.judge(1.0, 20.0).is_new
+
+
+def test_the_limit_of_age_may_change() -> None:
+    one = started()
+    one.watch.max_age = 1.0
+    assert one.judge(0.01, 0.8).is_new
+    one.watch.max_age = 0.1
+    assert one.refusal(0.6, 0.9).reason == 'too old'
+
+
+# --- other clocks --------------------------------------------------------------------------------
+
+STORY = st.lists(st.tuples(
+    st.floats(-0.5, 40.0) | st.sampled_from([0.0, PERIOD]),  # increment of the stamp
+    st.floats(0.0, 40.0) | st.sampled_from([PERIOD]),  # increment of the clock
+    st.sampled_from([0.0, 0.01, 1.0])), max_size=8)
+
+
+def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
+    """Return the result for each state of a story: the judgement, or the reason of rejection."""
+    one.crowd = crowd
+    stamp = clock = 0.0
+    fates: list[object] = []
+    for by_stamp, by_clock, way in story:
+        stamp, clock = stamp + by_stamp, clock + by_clock
+        try:
+            fates.append(one.judge(stamp, clock, Q + [way, 0.0]))
+        except ImplausibleStateError as error:
+            fates.append(str(error))
+    return fates
+
+
+@laws
+@given(
+    STORY, st.floats(100.0 - NOW / SECOND, SIMULATED_BEFORE - NOW / SECOND - 1000.0),
+    st.booleans())
+def test_simulated_time_has_no_age(
+    story: list[tuple[float, float, float]], offset: float, crowd: bool,
+) -> None:
+    fates = fates_of(Watched(offset=offset), story, crowd)
+    assert not [fate for fate in fates if 'old' in str(fate) or 'future' in str(fate)]
+
+
+def test_simulated_time_may_run_slowly_but_does_not_jump() -> None:
+    one = started(offset=-NOW / SECOND + 100.0)
+    for k in range(1, 50):
+        assert one.judge(k * PERIOD, float(k)).dt == pytest.approx(PERIOD)
+    assert one.judge(0.1 + 0.19, 49.001).dt == pytest.approx(0.192)
+    assert one.judge(5.0, 49.002) == StateVerdict(True, None, 'stamp jumped ahead')
+
+
+@pytest.mark.parametrize(('max_age', 'largest'), [(MAX_AGE, MAX_AGE), (3.0, 3.0), (0.0, JUMP)])
+def test_simulated_time_may_run_ahead_of_the_clock_by_the_largest_age(
+    max_age: float, largest: float,
+) -> None:
+    for excess, restart in ((0.99 * largest, ''), (1.01 * largest, 'stamp jumped ahead')):
+        one = started(max_age=max_age, offset=-NOW / SECOND + 100.0)
+        assert one.judge(0.1 + excess, 0.1).restart == restart
+
+
+@pytest.mark.parametrize('offset', [2.0 * SAME_CLOCK, -2.0 * SAME_CLOCK, 1e8])
+def test_the_clock_of_another_computer_keeps_its_offset(offset: float) -> None:
+    one = started(offset=offset)
+    assert one.judge(1.0, 1.19).is_new
+    for age, reason in ((0.21, 'too old'), (10.0, 'too old'), (-0.21, 'from the future')):
+        error = one.refusal(2.0 - age, 2.0)
+        assert error.reason == reason
+        assert str(error).endswith('(state_max_age), by the offset of its clock so far')
+    for k in range(1, 1000):  # an oscillator that is 0.05 % fast
+        t = 2.0 + 0.5 * k
+        assert one.judge(1.0005 * t, t).is_new
+    one.watch.has_age = lambda: False
+    assert one.judge(1.0005 * t + PERIOD, t + 10.0).is_new
+
+
+@pytest.mark.parametrize('clock', [1.0, 1.1])
+def test_a_clock_that_is_set_right_gets_its_age(clock: float) -> None:
+    """The first stamps are of 1970, as of a computer that has not received the time yet."""
+    one = Watched(offset=-NOW / SECOND + 20.0)
+    one.judge(0.0)
+    one.offset = 0.0
+    assert one.judge(1.0, clock) == StateVerdict(True, None, 'stamp jumped ahead')
+    assert one.refusal(1.01, 1.5).reason == 'too old'
+    assert one.judge(1.4, 1.5).is_new
+
+
+def test_a_clock_of_this_computer_that_is_set_moves_no_reference() -> None:
+    """Stamps and clock jump together; the steady clock does not."""
+    one = started()
+    t = NOW + nanoseconds(5.0)
+    verdict = one.watch.judge(t, t, Q, None, lambda: False, NOW + nanoseconds(PERIOD))
+    assert verdict == StateVerdict(True, None, 'stamp jumped ahead', t)
+
+
+# --- states without a stamp ----------------------------------------------------------------------
+
+def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> StateVerdict:
+    return one.watch.judge(
+        stamp_ns, NOW + nanoseconds(clock), np.array(q), None, lambda: one.crowd)
+
+
+def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
+    one = Watched()
+    assert bare(one, 0, 1.0) == StateVerdict(True, None, 'first state', NOW + SECOND)
+    second = bare(one, 0, 1.1)
+    assert (second.is_new, second.restart, second.time_shift) == (True, '', 0)
+    assert second.dt == pytest.approx(0.1)
+    assert second.stamp == NOW + nanoseconds(1.1)
+    one.crowd = True
+    with pytest.raises(ImplausibleStateError, match='shoulder'):
+        bare(one, 0, 1.11, Q + 1.0)
+
+
+def test_a_simulation_that_begins_at_0_continues_without_a_reset() -> None:
+    """The first stamp, 0, counts as missing; times counted from the clock then count from 0."""
+    one = Watched()
+    first = bare(one, 0, 1.0)
+    second = bare(one, nanoseconds(PERIOD), 1.01)
+    assert second == StateVerdict(True, None, '', nanoseconds(PERIOD), first.stamp)
+    third = bare(one, nanoseconds(2 * PERIOD), 1.02)
+    assert (third.restart, third.time_shift) == ('', 0)
+    assert third.dt == pytest.approx(PERIOD)
+
+
+def test_present_stamps_after_states_without_stamps_reset_the_time() -> None:
+    one = Watched()
+    bare(one, 0, 1.0)
+    assert one.judge(1.1) == StateVerdict(True, None, 'first state')

@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fixtures of the tests of running nodes."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from fault_bench import FaultBench
+    from ros_harness import RosClient
+    from service_bench import Served
+
+
+@pytest.fixture(scope='module')
+def planar(client: 'RosClient') -> Iterator['Served']:
+    """Return a node on the embedded planar arm, and its services."""
+    from service_bench import served
+    with served(client, '/planar') as node:
+        yield node
+
+
+@pytest.fixture(scope='module')
+def arm_with_limits(
+    client: 'RosClient', request: pytest.FixtureRequest,
+) -> Iterator['FaultBench']:
+    """Return a node with default parameters for an arm with limits, as left by the last test."""
+    from interruption_bench import interruption_bench
+    with interruption_bench(client, f'/{request.path.stem.removeprefix("test_")}') as bench:
+        yield bench
+
+
+@pytest.fixture
+def arm(arm_with_limits: 'FaultBench') -> Iterator['FaultBench']:
+    """Return this node with the arm at rest at `Q` and following `Q`."""
+    from interruption_bench import following
+    with following(arm_with_limits) as bench:
+        yield bench

@@ -1,0 +1,66 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The demo as a process, the nodes that it starts, and its output."""
+
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import children
+import pytest
+from ros_harness import TIMEOUT
+
+
+def start_demo(directory, *arguments):
+    environment = {
+        name: value for name, value in os.environ.items()
+        if name != 'ROS_DOMAIN_ID'}  # the demo chooses a free domain
+    return children.popen(
+        [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
+        cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True)
+
+
+def run_demo(directory, *arguments):
+    """Run the demo to its end; return its exit status, its output and its error output."""
+    with start_demo(directory, *arguments) as process:
+        out, err = process.communicate(timeout=4 * TIMEOUT)
+        return process.returncode, out, err
+
+
+def wait_for_line(stream, pattern):
+    """Read the output or the progress (stderr) of the demo until a line matches this pattern."""
+    lines = []
+    for line in stream:
+        lines.append(line)
+        if re.search(pattern, line):
+            return
+    pytest.fail(f'the demo ended without {pattern!r}: {"".join(lines)}')
+
+
+def nodes_of(process):
+    """Return the processes that the demo has started, by the name of their program."""
+    pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
+    return {
+        Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].split('.')[-2]: int(pid)
+        for pid in pids}
+
+
+def relative_residuals(out):
+    found = re.findall(r'^(joint\d) .*?([\d.]+) % ', out, re.MULTILINE)
+    assert [name for name, _ in found] == ['joint1', 'joint2']
+    return {name: float(fraction) for name, fraction in found}

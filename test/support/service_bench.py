@@ -1,0 +1,61 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A running node `dynamics`, its services, and the dynamics of the same arm."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import DYNAMICS, NodeProcess, RosClient
+from service_requests import SERVICES
+
+Q, V, A = (np.pi / 4, np.pi / 6), (0.5, 0.3), (0.1, 0.2)
+TAU = (-48.74713301, -10.95795578)
+
+
+@dataclass
+class Served:
+    """A running node, and the dynamics of the same arm in this process."""
+
+    client: RosClient
+    namespace: str
+    arm: ArmModel
+
+    @property
+    def dynamics(self) -> ArmDynamics:
+        return ArmDynamics(self.arm)
+
+    def ask(self, service: str, **fields: Any) -> Any:
+        kind = SERVICES[service]
+        return self.client.call(
+            kind, f'{self.namespace}/dynamics/{service}', kind.Request(**fields))
+
+    def answer(self, service: str, **fields: Any) -> Any:
+        response = self.ask(service, **fields)
+        assert response.success, response.message
+        return response
+
+
+@contextmanager
+def served(client: RosClient, namespace: str, urdf: str | None = None) -> Iterator[Served]:
+    """Run a node on a robot, by default the embedded arm, and yield both."""
+    parameters = {'robot_description': urdf} if urdf else {}
+    with NodeProcess(DYNAMICS, parameters, namespace=namespace):
+        yield Served(client, namespace, load_arm(urdf or default_arm_urdf()))

@@ -1,0 +1,78 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A check of measured states of two joints, with times in seconds."""
+
+from typing import Any
+
+from hypothesis import settings
+import numpy as np
+import pytest
+from robot_dynamics.monitoring.state_plausibility import (
+    ImplausibleStateError,
+    StateMonitor,
+    StateVerdict,
+)
+
+NAMES = ('shoulder', 'wrist')  # the wrist is continuous
+LIMIT = np.array([2.0, 3.0])
+SECOND = 1_000_000_000
+NOW = 1_790_000_000 * SECOND
+MAX_AGE = 0.2
+Q = np.array([0.3, -0.4])
+PERIOD = 0.002
+
+laws = settings(deadline=None, derandomize=True)
+
+
+def nanoseconds(seconds: float) -> int:
+    return round(seconds * SECOND)
+
+
+class Watched:
+    """A check with times in seconds after NOW; `crowd` declares several publishers."""
+
+    def __init__(
+        self, max_age: float = MAX_AGE, limit: np.ndarray = LIMIT, offset: float = 0.0,
+    ) -> None:
+        self.watch = StateMonitor(NAMES, limit, max_age, np.array([False, True]))
+        self.offset, self.crowd = offset, False
+
+    def judge(
+        self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,
+    ) -> StateVerdict:
+        """
+        Check a state that arrives at `clock`, which by default is its stamp.
+
+        The stamp is the time of the state, and is not part of the result.
+        """
+        stamp_ns = NOW + nanoseconds(stamp) + nanoseconds(self.offset)
+        judgement = self.watch.judge(
+            stamp_ns, NOW + nanoseconds(stamp if clock is None else clock),
+            np.array(q), None if v is None else np.array(v), lambda: self.crowd)
+        assert judgement.stamp == stamp_ns
+        return judgement._replace(stamp=0)
+
+    def refusal(self, *args: Any, **more: Any) -> ImplausibleStateError:
+        """Return the rejection of a state; fail if the state is accepted."""
+        with pytest.raises(ImplausibleStateError) as caught:
+            self.judge(*args, **more)
+        return caught.value
+
+
+def started(**options: Any) -> Watched:
+    """Return a check that has accepted a state at 0 s."""
+    one = Watched(**options)
+    assert one.judge(0.0) == StateVerdict(True, None, 'first state')
+    return one

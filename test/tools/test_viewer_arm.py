@@ -1,0 +1,207 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The arm that the viewer displays: from a node, a topic or a file."""
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import cycle
+import threading
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+import pytest
+import rclpy
+from rclpy.context import Context
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robots import must_have_everything, robot_path
+from ros_harness import DYNAMICS, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+if not must_have_everything():
+    pytest.importorskip('viser', reason='the viewer needs viser')
+from robot_dynamics.tools.viewer.app import Viewer
+from robot_dynamics.tools.viewer.node import ViewerNode
+from viewer_bench import served
+
+
+class Watched:
+    def __init__(self, viewer, work):
+        self.viewer, self._work = viewer, work
+
+    def wait_for(self, *words, without=(), meanwhile=lambda: None):
+        """Wait until the page contains each of `words`, and none of `without`."""
+        def is_so():
+            meanwhile()
+            said = self.viewer._words.content
+            return self._work.done() or (
+                all(word in said for word in words) and not any(word in said for word in without))
+
+        try:
+            wait_until(is_so, f'{words} without {without}')
+        except AssertionError as error:
+            pytest.fail(f'{error}; the page says\n{self.viewer._words.content}')
+        assert not self._work.done(), self._work.result()
+
+    def sliders(self):
+        return [slider.value for slider in self.viewer._shown.panel._sliders]
+
+
+@contextmanager
+def watched(namespace, robot=None):
+    context, over = Context(), threading.Event()
+    rclpy.init(context=context)
+    node = ViewerNode(rclpy.create_node('viewer', context=context, namespace=namespace),
+                      'dynamics', 'simulated_arm')
+    with served() as server, ThreadPoolExecutor(1) as pool:
+        viewer = Viewer(server, node, robot)
+        work = pool.submit(viewer.run, over.is_set)
+        try:
+            yield Watched(viewer, work)
+        finally:
+            over.set()
+            work.result(TIMEOUT)
+            viewer.close()
+            node.close()
+            rclpy.shutdown(context=context)
+
+
+@contextmanager
+def described(client, namespace):
+    """Yield a function that publishes a URDF on the topic robot_description."""
+    topic = client.publisher(String, f'{namespace}/robot_description', LATCHED, 0)
+    yield lambda xml: topic.publish(String(data=xml))
+    client.node.destroy_publisher(topic)
+
+
+def one_link(name):
+    return planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name=name)
+
+
+def test_the_arm_is_that_of_dynamics_and_changes_with_it():
+    with watched('/viewed') as page:
+        page.wait_for('no arm yet', 'no node dynamics', 'joint_states has no publisher')
+        simulated = NodeProcess(SIMULATED_ARM, {
+            'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
+            namespace='/viewed')
+        with running(NodeProcess(DYNAMICS, namespace='/viewed'), simulated):
+            page.wait_for('**planar_arm**, 2 joints', 'gravity compensation',
+                          without=('no node', 'no joint states'))
+            wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
+        page.wait_for('**planar_arm**', 'no node dynamics', 'joint_states has no publisher')
+        parameters = {'robot_description_file': str(robot_path('ur10'))}
+        with NodeProcess(DYNAMICS, parameters, namespace='/viewed'):
+            page.wait_for('**ur10**, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
+
+
+def test_diagnostics_of_another_namespace_are_skipped(client):
+    context = Context()
+    rclpy.init(context=context)
+    viewer = ViewerNode(
+        rclpy.create_node('viewer', context=context, namespace='/viewed'), 'dynamics', 'arm')
+    try:
+        publisher = client.publisher(DiagnosticArray, '/diagnostics')
+        found, namespaces = [], cycle(('/other', '/viewed'))
+
+        def has_received():
+            publisher.publish(DiagnosticArray(status=[
+                DiagnosticStatus(name=f'{next(namespaces)}/dynamics: command')]))
+            message = viewer.receive().diagnostics
+            found.extend([] if message is None else message.status)
+            return found
+
+        wait_until(has_received, 'diagnostics of /viewed/dynamics')
+        assert {status.name for status in found} == {'/viewed/dynamics: command'}
+    finally:
+        viewer.close()
+        rclpy.shutdown(context=context)
+
+
+def test_without_dynamics_the_arm_is_that_of_the_topic(client):
+    with described(client, '/topical') as publish:
+        publish(one_link('first'))
+        with watched('/topical') as page:
+            page.wait_for(
+                '**first**, 1 joint', 'no node dynamics', 'joint_states has no publisher')
+            publish(one_link('second'))
+            page.wait_for('**second**', without=['first'])
+            publish('<robot name="broken"')
+            page.wait_for('**second**', 'robot_description is not well-formed XML')
+            publish(default_arm_urdf())
+            page.wait_for('**planar_arm**', without=['well-formed'])
+
+
+def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(client):
+    with described(client, '/corrected') as publish, watched('/corrected') as page:
+        for xml, words in ((one_link('first'), '**first**'), ('<robot', 'not well-formed XML')):
+            publish(xml)
+            page.wait_for(words)
+        publish(one_link('first'))
+        page.wait_for('**first**', without=['well-formed'])
+
+
+def test_a_description_that_is_none_is_reported_while_states_come(client):
+    states = client.publisher(JointState, '/broken/joint_states', subscribers=0)
+    state = JointState(name=['joint1', 'joint2'], position=[0.2, 0.1])
+    with described(client, '/broken') as publish, \
+            NodeProcess(DYNAMICS, namespace='/broken'), watched('/broken') as page:
+        page.wait_for('**planar_arm**', without=['no joint states'],
+                      meanwhile=lambda: states.publish(state))
+        publish('<robot name="broken"')
+        page.wait_for('**planar_arm**', 'robot_description is not well-formed XML',
+                      meanwhile=lambda: states.publish(state))
+
+
+def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(client, tmp_path):
+    file = tmp_path / 'arm.urdf'
+    file.write_text(one_link('elsewhere'))
+    parameters = {'robot_description_file': str(file)}
+    with described(client, '/remote') as publish, \
+            NodeProcess(DYNAMICS, parameters, namespace='/remote'):
+        file.unlink()
+        with watched('/remote') as page:
+            page.wait_for('no arm yet', str(file), 'or on the topic robot_description')
+            publish(one_link('elsewhere'))
+            page.wait_for('**elsewhere**', without=[str(file)])
+
+
+def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
+    (tmp_path / 'arm.urdf').write_text(one_link('named'))
+    other = NodeProcess(DYNAMICS, {'robot_description': one_link('other')}, namespace='/named')
+    with described(client, '/named') as publish, \
+            watched('/named', str(tmp_path / 'arm.urdf')) as page:
+        publish(one_link('topical'))
+        page.wait_for('**named**', 'no node dynamics')
+        with other:
+            source = page.viewer._source
+            wait_until(lambda: source._described and source._topic_xml, 'what both say')
+            page.wait_for('**named**', 'gravity compensation', without=['other', 'topical'])
+
+
+@pytest.mark.parametrize(('names', 'position', 'words'), [
+    (['joint1', 'finger'], [0.1, 0.2], "joint_states lack ['joint2']"),
+    ([], [], "joint_states lack ['joint1', 'joint2']"),
+    (['joint1', 'joint2'], [0.1], "joint_states lack ['joint2']"),
+    (['joint1', 'joint2'], [0.1, float('nan')], "no finite position of ['joint2']")])
+def test_states_that_cannot_be_shown_are_reported_until_others_come(
+        client, tmp_path, names, position, words):
+    (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
+    states = client.publisher(JointState, '/stated/joint_states', subscribers=0)
+    with watched('/stated', str(tmp_path / 'arm.urdf')) as page:
+        page.wait_for('joint_states', words, meanwhile=lambda: states.publish(
+            JointState(name=names, position=position)))
+        page.wait_for(without=['joint_states'], meanwhile=lambda: states.publish(
+            JointState(name=['joint2', 'joint1'], position=[0.2, 0.1])))
+        assert page.sliders() == [0.1, 0.2]
+    client.node.destroy_publisher(states)

@@ -1,0 +1,113 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command line of the viewer: mistakes, signals, and warnings."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import children
+import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools.viewer.cli import AT, main
+from robots import must_have_everything
+from ros_harness import NodeProcess, TIMEOUT
+
+if not must_have_everything():
+    pytest.importorskip('viser', reason='the viewer needs viser')
+from viewer_bench import PROTOCOL, VIEWER
+from websockets.sync.client import connect
+
+OPEN = re.compile(AT)
+
+
+pytestmark = pytest.mark.usefixtures('_no_proxy')
+
+
+def run(*arguments, without=()):
+    """Run the command to its end, as if some libraries were not installed."""
+    script = (
+        f'import sys; sys.modules.update(dict.fromkeys({list(without)!r}))\n'
+        f'from {VIEWER}.cli import main; sys.exit(main({list(arguments)!r}))')
+    return children.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, stdin=subprocess.DEVNULL,
+        timeout=3 * TIMEOUT)
+
+
+def check_one_line(done, status, words):
+    assert done.returncode == status, done.stderr
+    assert done.stdout == ''
+    assert re.fullmatch(rf'viewer: [^\n]*{words}[^\n]*\n', done.stderr), done.stderr
+
+
+def test_help_needs_no_library():
+    done = run('--help', without=('viser', 'websockets', 'trimesh', 'rclpy'))
+    assert (done.returncode, done.stderr) == (0, '')
+    assert all(f'--{option}' in done.stdout for option in ('host', 'port', 'robot', 'dynamics'))
+
+
+def test_without_viser_one_line_names_the_installation():
+    check_one_line(run('--port', '0', without=['viser']), 1, 'pip install viser')
+
+
+@pytest.mark.parametrize('arguments', [
+    ('--port', '-1'), ('--port', '65536'), ('--port', 'http'), ('--port', '8080.0'),
+    ('--port', '²'), ('--port',), ('--robt', 'x'), ('a.urdf',)])
+def test_mistakes_in_the_arguments(arguments, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    assert left.value.code == 2
+    line = r'viewer: [^\n]+ \(viewer --help lists the options\)\n'
+    assert re.fullmatch(line, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize('robot', ['gone.urdf', 'package://no_such_package/a.urdf', 'ftp://a'])
+def test_a_robot_that_is_not_there_is_one_line(robot, tmp_path):
+    name = robot if '://' in robot else str(tmp_path / robot)
+    check_one_line(run('--port', '0', '--robot', name), 1, re.escape(name))
+
+
+@pytest.mark.parametrize('arguments', [
+    ('--dynamics', 'no name'), ('--simulated-arm', '7'), ('--ros-args', '-r', '__ns:=no-name')])
+def test_names_that_are_none_are_reported(arguments):
+    done = run('--port', '0', *arguments)
+    assert (done.returncode, done.stdout, done.stderr.count('Traceback')) == (1, '', 0)
+    assert done.stderr.splitlines()[-1].startswith('viewer: ')  # rcl may log a line before
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+@pytest.mark.parametrize('arm', [(), ('--robot', 'arm.urdf')])
+def test_a_signal_ends_it_in_order_while_a_page_is_open(name, arm, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
+    with NodeProcess(
+            VIEWER, namespace='/ended', arguments=('--port', '0', *arm), ready=OPEN) as viewer:
+        address = re.search(r'http(://\S+)', viewer.wait_for_log(OPEN))[1]
+        with connect(f'ws{address}', subprotocols=[PROTOCOL], max_size=None) as page:
+            page.recv(TIMEOUT)
+            os.kill(viewer.pid, getattr(signal, name))
+            assert viewer.wait() == 0
+        assert viewer.log.count('\n') <= 2, viewer.log  # including the line of the page
+
+
+def test_beyond_this_computer_there_is_a_warning_on_stderr():
+    only_errors = ('sh', '-c', 'exec "$@" >/dev/null', 'sh')
+    arguments = ('--port', '0', '--host', '0.0.0.0')
+    with NodeProcess(VIEWER, namespace='/ended', arguments=arguments, prefix=only_errors,
+                     ready=re.compile('other computers can reach this page')) as viewer:
+        pass
+    assert viewer.log.count('\n') == 1

@@ -1,0 +1,149 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages of the viewer: references, loads and pushes that it sends, and received states."""
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Vector3
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import numpy.testing as npt
+import pinocchio as pin
+import pytest
+from robot_dynamics.arrays import wrap_to_pi
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.conversions import payload_from_ros, trajectory_from_ros
+from robot_dynamics.trajectories.follower import TrajectoryFollower
+from robot_dynamics.trajectories.interpolation import sample_segment
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
+from robots import must_have_everything
+from sensor_msgs.msg import JointState
+
+if not must_have_everything():
+    pytest.importorskip('viser', reason='the viewer needs viser')
+    pytest.importorskip('trimesh', reason='the viewer needs trimesh')
+from robot_dynamics.tools.viewer import requests
+from robot_dynamics.tools.viewer.app import values_of
+from robot_dynamics.tools.viewer.node import worst_words
+from viewer_bench import arm_called, one_joint
+
+SECOND = 1_000_000_000
+
+
+def check_motion_time(arm, fastest, q, goal, speed):
+    """Check on the motion that no joint is too fast, and that the motion is not slower."""
+    T = requests.motion_time(arm, q, goal, speed)
+    turns = np.array(arm.joint_kinds) == 'continuous'  # dynamics takes the shorter direction
+    goal = np.where(turns, q + wrap_to_pi(goal - q), goal)
+    p0, p1 = quintic_point_to_point(arm.joint_names, q, goal, T).points
+    samples = [sample_segment(t, 0.0, p0, T, p1) for t in np.linspace(0.0, T, 601)]
+    v = np.abs([sample.velocity for sample in samples]).max(axis=0) / (speed * fastest)
+    a = np.abs([sample.acceleration for sample in samples]).max(axis=0) / (speed * fastest)
+    used = max(v.max(), requests.RISE_TIME * a.max(), requests.SHORTEST_MOTION / T)
+    assert used == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize('name', ['default', 'ur10', 'panda', 'kinova'])
+def test_no_motion_is_too_fast_and_none_takes_longer_than_that(name):
+    arm = arm_called(name)
+    positions = st.lists(
+        st.floats(-3.0, 3.0), min_size=arm.joint_count, max_size=arm.joint_count).map(np.array)
+
+    @settings(deadline=None, derandomize=True, max_examples=30)
+    @given(positions, positions, st.floats(0.05, 1.0))
+    def check(q, goal, speed):
+        check_motion_time(arm, arm.limits.velocity, q, goal, speed)
+
+    check()
+
+
+@pytest.mark.parametrize('way', [1e-6, 0.01, 3.0])
+def test_joints_without_a_limit_have_a_moderate_speed(way):
+    for kind, limit, fastest in (
+            ('continuous', '', 1.0), ('prismatic', 'lower="-5" upper="5"', 0.25),
+            ('revolute', 'lower="-5" upper="5" velocity="0"', 1.0)):
+        arm = one_joint(kind, limit)
+        check_motion_time(arm, np.array([fastest]), np.zeros(1), np.array([way]), 0.5)
+
+
+@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
+@pytest.mark.parametrize('seconds', [0.3, 1.2345678901, 100.0])
+def test_a_reference_arrives_at_rest_and_stays(name, seconds):
+    arm = arm_called(name)
+    q = np.linspace(-0.3, 0.3, arm.joint_count)
+    goal = np.linspace(0.7, -0.5, arm.joint_count)
+    message = requests.reference_to(arm, goal, seconds, 'me')
+    assert (message.header.frame_id, message.header.stamp) == ('me', Time())  # starts immediately
+    follower = TrajectoryFollower(arm.joint_names)
+    trajectory = trajectory_from_ros(message, arm.joint_names)
+    assert not trajectory.is_set_point
+    follower.start(trajectory, 7 * SECOND, q, np.zeros(arm.joint_count))
+    p0, p1 = quintic_point_to_point(arm.joint_names, q, goal, seconds).points
+    for t in seconds * np.array([0.0, 0.2, 0.5, 0.9]):
+        npt.assert_allclose(
+            follower.sample(7 * SECOND + round(t * SECOND)),
+            sample_segment(t, 0.0, p0, seconds, p1), atol=1e-6)
+    for later in (0.0, 1.0, 0.5 * requests.HELD, 2.0 * requests.HELD):
+        reference = follower.sample(7 * SECOND + round((seconds + later) * SECOND))
+        npt.assert_allclose(reference.position, goal, atol=1e-9)
+        npt.assert_allclose(np.concatenate(reference[1:]), 0.0, atol=1e-6)
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.floats(1e-3, 1e3))
+def test_a_load_is_a_ball_that_is_accepted(mass):
+    arm = arm_called('default')
+    payload = payload_from_ros(arm, requests.ball('tool0', mass))
+    assert (payload.link, payload.mass, *payload.com) == ('tool0', mass, 0.0, 0.0, 0.0)
+    radius = np.sqrt(payload.inertia[0, 0] / (0.4 * mass))
+    npt.assert_allclose(payload.inertia, 0.4 * mass * radius**2 * np.eye(3), atol=1e-15)
+    assert requests.DENSITY * 4.0 / 3.0 * np.pi * radius**3 == pytest.approx(mass)
+
+
+def test_no_mass_clears_a_load_and_a_strange_one_is_refused():
+    assert payload_from_ros(arm_called('default'), requests.ball('tool0', 0.0)) is None
+    with pytest.raises(InvalidInputError, match='payload'):
+        requests.ball('tool0', float('nan'))
+
+
+@settings(deadline=None, derandomize=True)
+@given(*2 * [st.tuples(*3 * [st.floats(-200.0, 200.0)])])
+def test_a_push_is_the_same_force_whatever_the_link_is_turned_by(turn, force):
+    R = pin.exp3(np.array(turn))
+    message = requests.force_on('hand', np.array(force), R)
+    f = message.wrench.force
+    assert message.header.frame_id == 'hand'
+    npt.assert_allclose(R @ [f.x, f.y, f.z], force, atol=1e-9)
+    assert message.wrench.torque == Vector3()
+
+
+def test_values_are_found_by_name():
+    arm = arm_called('default')
+    state = JointState(
+        name=['joint2', 'finger', 'joint1'], position=[2.0, float('nan'), 1.0], velocity=[4.0])
+    npt.assert_array_equal(values_of(arm, state), [1.0, 2.0])
+    assert values_of(arm, state, 'velocity') is None
+    for position in ([], [1.0], [1.0, float('nan')], [float('inf'), 1.0]):
+        assert values_of(arm, JointState(name=['joint1', 'joint2'], position=position)) is None
+    assert values_of(arm, JointState(name=['joint1'], position=[1.0])) is None
+
+
+def test_a_status_that_is_not_ok_is_shown_by_its_name():
+    levels = [getattr(DiagnosticStatus, name) for name in ('OK', 'WARN', 'ERROR', 'STALE')]
+    message = DiagnosticArray(status=[
+        DiagnosticStatus(name=f'/left/dynamics: part {i}', message=f'why {i}', level=level)
+        for i, level in enumerate(levels)])
+    assert worst_words(message) == ['part 1: why 1', 'part 2: why 2', 'part 3: why 3']

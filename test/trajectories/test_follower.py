@@ -1,0 +1,311 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Following trajectories: references in time, the replacement of a trajectory, late starts."""
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from two_joint_trajectories import (
+    assert_same,
+    EPOCH,
+    JOINTS,
+    laws,
+    REST,
+    SECOND,
+    smooth,
+    trajectory,
+    values,
+)
+
+# Active trajectories ---------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('fields', 'continuous'), [
+    (1, (True, False, True)),  # linear: the acceleration is zero on both sides
+    (2, (True, True, False)),
+    (3, (True, True, True)),
+])
+def test_each_degree_is_continuous_up_to_its_own_derivative(fields, continuous):
+    rng = np.random.default_rng(3)
+    rows = rng.uniform(-1.0, 1.0, (3, 4, 2))
+    rows[1:, -1] = 0.0
+    q, v, a = (rows[k] if k < fields else () for k in range(3))
+    before = Reference(*rng.uniform(-1.0, 1.0, (3, 2)))
+    active = ActiveTrajectory(trajectory((0.5, 1.0, 1.7, 2.0), q, v, a), EPOCH, EPOCH, before)
+    for seconds in (0.5, 1.0, 1.7):
+        knot = EPOCH + round(seconds * SECOND)
+        left, right = active.sample(knot - 1), active.sample(knot + 1)
+        for k in range(3):
+            step = np.abs(right[k] - left[k]).max()
+            assert (step < 1e-5) == continuous[k], (seconds, k)
+    for k in range(fields):
+        np.testing.assert_allclose(active.sample(EPOCH)[k], before[k], atol=1e-12)
+
+
+def test_a_knot_gives_its_point():
+    path = smooth((0.5, 1.0, 1.7))
+    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
+    for p in path.points:
+        found = active.sample(EPOCH + round(p.time_from_start * SECOND))
+        assert_same(found, Reference(p.position, p.velocity, p.acceleration), 1e-12)
+
+
+@laws
+@given(start=st.integers(1, 2 * EPOCH), span=st.integers(-SECOND, 4 * SECOND))
+def test_a_shift_of_time_changes_not_one_bit(start, span):
+    path = smooth((0.3, 1.0, 2.5))
+    here, there = (ActiveTrajectory(path, t, t, REST) for t in (start, start + EPOCH))
+    for x, y in zip(here.sample(start + span), there.sample(start + EPOCH + span)):
+        assert x.tobytes() == y.tobytes()
+
+
+def test_one_nanosecond_at_the_epoch_is_one_nanosecond_of_motion():
+    path = trajectory((1.0, 2.0), ((0.0, 0.0), (1.0, -1.0)))
+    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
+    now = EPOCH + SECOND + SECOND // 2
+    step = active.sample(now + 1).position - active.sample(now).position
+    np.testing.assert_allclose(step, (1e-9, -1e-9), rtol=1e-6)
+
+
+def test_the_order_of_samples_does_not_matter():
+    path = smooth(np.linspace(0.1, 3.0, 12))
+    times = [EPOCH + k * SECOND // 50 for k in range(-5, 170)]
+    forth, back, jumping = (ActiveTrajectory(path, EPOCH, EPOCH, REST) for _ in range(3))
+    expected = {t: forth.sample(t) for t in times}
+    shuffled = [int(t) for t in np.random.default_rng(5).permutation(times)]
+    for active, order in ((back, times[::-1]), (jumping, shuffled)):
+        for t in order:
+            assert_same(active.sample(t), expected[t], 0.0)
+
+
+def test_the_end_is_held_at_rest():
+    path = trajectory(
+        (1.0, 2.0), ((0.1, 0.2), (0.3, 0.4)), ((1.0, 1.0), (1e-8, 0.0)), ((1.0, 1.0), (2.0, 3.0)))
+    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
+    for span in (2 * SECOND, 2 * SECOND + 1, 10**6 * SECOND):
+        held = active.sample(EPOCH + span)
+        assert_same(held, Reference(np.array([0.3, 0.4]), np.zeros(2), np.zeros(2)), 0.0)
+
+
+@pytest.mark.parametrize(('v', 'a', 'expected'), [
+    ((), (), ((0.3, 0.4), (0.0, 0.0), (0.0, 0.0))),
+    (((1.0, 2.0),), (), ((0.3, 0.4), (1.0, 2.0), (0.0, 0.0))),
+    (((1.0, 2.0),), ((5.0, 6.0),), ((0.3, 0.4), (1.0, 2.0), (5.0, 6.0))),
+    ((), ((5.0, 6.0),), ((0.3, 0.4), (0.0, 0.0), (5.0, 6.0))),
+])
+def test_a_set_point_is_held_with_what_it_carries(v, a, expected):
+    path = trajectory((0.0,), ((0.3, 0.4),), v, a)
+    assert path.is_set_point
+    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
+    for span in (0, 1, 1000 * SECOND):
+        assert_same(active.sample(EPOCH + span), Reference(*map(np.array, expected)), 0.0)
+
+
+def test_a_set_point_with_a_time_is_reached_from_the_state_before():
+    path = trajectory((2.0,), ((1.0, 0.0),), ((0.0, 0.0),), ((0.0, 0.0),))
+    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
+    middle = active.sample(EPOCH + SECOND)
+    expected = Reference(np.array([0.5, 0.0]), np.array([15.0 / 16.0, 0.0]), np.zeros(2))
+    assert_same(middle, expected, 1e-14)
+
+
+def test_a_start_in_the_future_is_led_to_from_the_arrival():
+    path = trajectory((1.0, 2.0), ((4.0, 0.0), (5.0, 0.0)))
+    active = ActiveTrajectory(path, EPOCH + 3 * SECOND, EPOCH, REST)
+    for seconds, q in ((0, 0.0), (1, 1.0), (3, 3.0), (4, 4.0), (5, 5.0), (6, 5.0)):
+        assert active.sample(EPOCH + seconds * SECOND).position[0] == pytest.approx(q, abs=1e-12)
+
+
+def test_a_late_arrival_enters_where_the_clock_is():
+    path = trajectory((1.0, 3.0), ((1.0, 0.0), (3.0, 0.0)))
+    active = ActiveTrajectory(path, EPOCH, EPOCH + 2 * SECOND, REST)
+    np.testing.assert_allclose(active.sample(EPOCH + 2 * SECOND).position, (2.0, 0.0))
+    assert_same(active.sample(EPOCH + SECOND), REST)
+
+
+def test_an_entry_from_the_state_before_makes_no_step():
+    active = ActiveTrajectory(smooth((0.5, 1.0)), EPOCH, EPOCH, REST)
+    np.testing.assert_array_equal(active.sample(EPOCH).position, REST.position)
+
+
+def test_what_a_sample_shares_cannot_be_written():
+    active = ActiveTrajectory(trajectory(), EPOCH, EPOCH, REST)
+    for row in active.sample(active.end_ns):
+        with pytest.raises(ValueError, match='read-only'):
+            row[0] = 1.0
+
+
+# Replacement -----------------------------------------------------------------------------------
+
+@laws
+@given(span=st.integers(1, 4 * SECOND), delay=st.integers(0, SECOND))
+def test_a_replacement_continues_from_the_active_reference(span, delay):
+    follower = TrajectoryFollower(JOINTS)
+    follower.start(smooth((0.5, 1.0, 3.0), 1), EPOCH, (0.0, 0.0), (0.0, 0.0))
+    now = EPOCH + span
+    before = follower.sample(now)
+    follower.start(
+        smooth((0.4, 2.0), 2), now, (9.0, 9.0), (9.0, 9.0), stamp_ns=now + delay)
+    assert_same(follower.sample(now), before, 1e-12)
+    after = follower.sample(now + 1000)
+    np.testing.assert_allclose(after.position, before.position + 1e-6 * before.velocity, atol=1e-9)
+    np.testing.assert_allclose(after.velocity, before.velocity, atol=1e-3)
+
+
+def test_the_first_trajectory_continues_from_the_measured_state():
+    follower = TrajectoryFollower(JOINTS)
+    assert follower.sample(EPOCH) is None
+    q, v = np.array([0.5, -0.5]), np.array([0.1, 0.2])
+    active = follower.start(smooth((1.0, 2.0)), EPOCH, q, v)
+    q[:] = v[:] = 7.0
+    assert follower.active is active
+    expected = Reference(np.array([0.5, -0.5]), np.array([0.1, 0.2]), np.zeros(2))
+    assert_same(follower.sample(EPOCH), expected, 1e-14)
+
+
+def test_the_largest_values_that_pass_do_not_overflow():
+    largest = ((1e9, -1e9), (-1e9, 1e9))
+    path = trajectory((0.5, 2.0 ** 31 - 1.0), largest, (largest[0], (0.0, 0.0)), largest)
+    follower = TrajectoryFollower(JOINTS)
+    follower.start(path, EPOCH, (0.0, 0.0), (0.0, 0.0))
+    for seconds in (0, 1, 2 ** 30, 2 ** 31):
+        assert all(np.isfinite(x).all() for x in follower.sample(EPOCH + seconds * SECOND))
+
+
+def test_a_reference_that_no_arm_can_follow_does_not_outlive_its_replacement():
+    follower = TrajectoryFollower(JOINTS)
+    follower.start(smooth((100.0, 200.0)), EPOCH, (0.0, 0.0), (1e9, 0.0))
+    assert np.abs(follower.sample(EPOCH + 50 * SECOND).position).max() > 1e9
+    follower.start(smooth((1.0, 2.0)), EPOCH + 50 * SECOND, (0.3, 0.4), (0.0, 0.0))
+    assert_same(
+        follower.sample(EPOCH + 50 * SECOND),
+        Reference(np.array([0.3, 0.4]), np.zeros(2), np.zeros(2)), 1e-14)
+
+
+@pytest.mark.parametrize(('position', 'velocity', 'words'), [
+    ((1e308, 0.0), (0.0, 0.0), r'position\[0\] \(shoulder\) is 1e\+308, expected a number in'),
+    ((0.0, 0.0), (0.0, -1e200), r'velocity\[1\] \(elbow\) is -1e\+200, expected a number in'),
+])
+def test_a_measured_state_that_no_arm_has_starts_nothing(position, velocity, words):
+    follower = TrajectoryFollower(JOINTS)
+    with pytest.raises(InvalidInputError, match=words):
+        follower.start(smooth((1.0, 2.0)), EPOCH, position, velocity)
+    assert follower.active is None
+
+
+def test_after_clear_the_measured_state_counts_again():
+    follower = TrajectoryFollower(JOINTS)
+    follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
+    follower.clear()
+    assert follower.sample(EPOCH) is None
+    follower.start(trajectory(), EPOCH + SECOND, (0.7, 0.8), (0.0, 0.0))
+    np.testing.assert_allclose(follower.sample(EPOCH + SECOND).position, (0.7, 0.8))
+
+
+def test_the_old_trajectory_is_discarded_at_once():
+    follower = TrajectoryFollower(JOINTS)
+    old = trajectory((0.0, 10.0), ((0.0, 0.0), (10.0, 0.0)))
+    new = trajectory((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0)))
+    follower.start(old, EPOCH, (0.0, 0.0), (0.0, 0.0))
+    now = EPOCH + 2 * SECOND
+    follower.start(new, now, (0.0, 0.0), (0.0, 0.0), stamp_ns=now + 2 * SECOND)
+    for seconds, q in ((0, 2.0), (1, 1.0), (2, 0.0), (3, 1.0)):
+        found = follower.sample(now + seconds * SECOND).position[0]
+        assert found == pytest.approx(q, abs=1e-12)
+
+
+def test_a_start_stamp_of_zero_is_now():
+    follower = TrajectoryFollower(JOINTS)
+    active = follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
+    assert (active.start_ns, active.end_ns) == (EPOCH, EPOCH + 2 * SECOND)
+
+
+def test_an_end_in_the_past_is_refused_and_changes_nothing():
+    follower = TrajectoryFollower(JOINTS)
+    in_force = follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
+    with pytest.raises(TrajectoryError) as refusal:
+        follower.start(
+            trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=8 * SECOND - 1)
+    assert str(refusal.value) == (
+        'header.stamp is 7.999999999 s and the last point comes 2 s later, which is 0.000000001 s '
+        'before now (10.000000000 s), expected an end in the future, or a zero stamp to start now')
+    assert follower.active is in_force
+    active = follower.start(
+        trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=8 * SECOND)
+    assert active.end_ns == 10 * SECOND
+
+
+def test_a_set_point_may_be_late_by_its_age():
+    follower = TrajectoryFollower(JOINTS, set_point_max_age=0.5)
+    set_point = trajectory((0.0,), ((0.3, 0.4),), ((1.0, 0.0),))
+    follower.start(set_point, EPOCH, (0.0, 0.0), (0.0, 0.0), stamp_ns=EPOCH - SECOND // 2)
+    np.testing.assert_array_equal(follower.sample(EPOCH).position, (0.3, 0.4))
+    with pytest.raises(TrajectoryError, match='is 0.500000001 s before now'):
+        follower.start(set_point, EPOCH, (0.0, 0.0), (0.0, 0.0), stamp_ns=EPOCH - SECOND // 2 - 1)
+
+
+def test_other_joints_than_the_follower_has_are_refused():
+    other = make_trajectory(JOINTS, (1.0,), ((0.1, 0.2),), (), (), JOINTS[::-1])
+    with pytest.raises(TrajectoryError, match=r"\['elbow', 'shoulder'\], expected \['shoulder'"):
+        TrajectoryFollower(JOINTS).start(other, EPOCH, (0.0, 0.0), (0.0, 0.0))
+
+
+@pytest.mark.parametrize(('q', 'v', 'words'), [
+    ((0.0,), (0.0, 0.0), 'position has 1 values, expected 2'),
+    ((0.0, 0.0), (0.0, math.nan), r'velocity\[1\] \(elbow\) is nan'),
+])
+def test_an_invalid_measured_state_is_rejected(q, v, words):
+    with pytest.raises(InvalidInputError, match=words):
+        TrajectoryFollower(JOINTS).start(trajectory(), EPOCH, q, v)
+
+
+@laws
+@given(q=values, target=values)
+def test_a_continuous_joint_takes_the_shortest_angular_distance(q, target):
+    follower = TrajectoryFollower(JOINTS, continuous_joints=('elbow',))
+    path = trajectory((1.0,), ((target, target),))
+    follower.start(path, EPOCH, (q, q), (0.0, 0.0))
+    shoulder, elbow = follower.sample(EPOCH).position
+    assert shoulder == q
+    assert abs(target - elbow) <= math.pi + 1e-6
+    assert (elbow - q) / math.tau == pytest.approx(round((elbow - q) / math.tau), abs=1e-9)
+    np.testing.assert_array_equal(follower.sample(EPOCH + SECOND).position, (target, target))
+
+
+@pytest.mark.parametrize(('turns', 'way'), [
+    (0.5, 0.5), (1.5, 0.5), (-0.5, -0.5), (-1.5, -0.5), (0.5 + 1e-11, 0.5), (0.5 + 1e-6, -0.5)])
+def test_half_a_turn_keeps_the_direction_of_the_numbers(turns, way):
+    follower = TrajectoryFollower(('wheel',), continuous_joints=('wheel',))
+    target = turns * math.tau
+    path = make_trajectory(('wheel',), (1.0,), ((target,),), (), (), ('wheel',))
+    follower.start(path, EPOCH, (0.0,), (0.0,))
+    assert target - follower.sample(EPOCH).position[0] == pytest.approx(
+        way * math.tau, abs=1e-5)
+
+
+def test_a_continuous_joint_that_is_no_joint_is_refused():
+    with pytest.raises(InvalidInputError, match=r"\['wrist'\], expected names of \['shoulder'"):
+        TrajectoryFollower(JOINTS, continuous_joints=('wrist',))
+
+
+def test_a_negative_age_is_refused():
+    with pytest.raises(InvalidInputError, match='set_point_max_age is -1, expected a number >= 0'):
+        TrajectoryFollower(JOINTS, set_point_max_age=-1.0)

@@ -1,0 +1,166 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trajectories from messages: the order of joints, precision, and rejections."""
+
+import array
+import math
+from pathlib import Path
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.trajectories.goal_limits import check_points
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from two_joint_trajectories import assert_same, EPOCH, JOINTS, laws, SECOND, trajectory
+
+
+@laws
+@given(order=st.permutations(range(4)), fields=st.integers(1, 3), span=st.integers(0, 3 * SECOND))
+def test_the_order_of_the_joints_in_a_message_does_not_matter(order, fields, span):
+    joints = ('a', 'b', 'c', 'd')
+    rows = np.random.default_rng(7).uniform(-1.0, 1.0, (3, 3, 4))
+    rows[1, -1] = 0.0
+    given_rows = [rows[k] if k < fields else () for k in range(3)]
+    mixed_rows = [rows[k][:, order] if k < fields else () for k in range(3)]
+    times, before = (0.5, 1.0, 2.0), Reference(*np.zeros((3, 4)))
+    straight = make_trajectory(joints, times, *given_rows, joints)
+    mixed = make_trajectory([joints[i] for i in order], times, *mixed_rows, joints)
+    assert mixed.joint_names == joints
+    left, right = (
+        ActiveTrajectory(t, EPOCH, EPOCH, before).sample(EPOCH + span) for t in (straight, mixed))
+    assert_same(left, right, 0.0)
+
+
+def test_rows_come_as_a_message_holds_them():
+    path = trajectory(
+        (1.0, 2.0, 3.0),
+        [array.array('d', (0.1, 0.2)), np.array((0.3, 0.4)), (1, 2)],
+        [array.array('d', (1.0, 2.0)), array.array('d'), (0.0, 0.0)],
+        [None, (), []],
+        names=('elbow', 'shoulder'))
+    assert [p.time_from_start for p in path.points] == [1.0, 2.0, 3.0]
+    np.testing.assert_array_equal(path.points[0].position, (0.2, 0.1))
+    np.testing.assert_array_equal(path.points[0].velocity, (2.0, 1.0))
+    assert path.points[1].velocity is None
+    assert all(p.acceleration is None for p in path.points)
+    assert path.duration == 3.0
+    assert not path.is_set_point
+
+
+def test_the_senders_arrays_stay_the_senders():
+    q = np.array([[0.1, 0.2], [0.3, 0.4]])
+    path = trajectory((1.0, 2.0), q)
+    q[:] = 9.0
+    np.testing.assert_array_equal(path.points[1].position, (0.3, 0.4))
+
+
+GOOD = {
+    'names': JOINTS, 'times': (1.0, 2.0), 'q': ((0.1, 0.2), (0.3, 0.4)),
+    'v': ((0.1, 0.2), (0.0, 0.0)), 'a': ((0.1, 0.2), (0.3, 0.4)),
+}
+REFUSALS = [
+    ({'names': ()}, "joint_names is empty, expected ['shoulder', 'elbow']"),
+    ({'names': ('shoulder', 'wrist')},
+     "joint_names has 'wrist', expected only joints of this arm: ['shoulder', 'elbow']"),
+    ({'names': ('elbow',)},
+     "joint_names is ['elbow'], which lacks ['shoulder'], expected all of ['shoulder', 'elbow']"),
+    ({'names': ('elbow', 'shoulder', 'elbow')},
+     "joint_names has 'elbow' twice, expected each name once"),
+    ({'times': ()}, 'points is empty, expected at least one point'),
+    ({'times': (-0.5, 1.0)}, 'points[0].time_from_start is -0.5, expected a number in '),
+    ({'times': (1.0, 1e10)}, 'points[1].time_from_start is 1e+10, expected a number in '),
+    ({'times': (0.0, math.nan)}, 'points[1].time_from_start is nan, expected a finite number'),
+    ({'times': (0.0, math.inf)}, 'points[1].time_from_start is inf, expected a finite number'),
+    ({'times': (0.0, 'soon')}, "points[1].time_from_start is 'soon', expected a finite number"),
+    ({'times': (1.0, 1.0)}, 'points[1].time_from_start is 1.0 s, expected more than the 1.0 s of '
+                            'points[0], by 1 ns or more'),
+    ({'times': (2.0, 1.5)}, 'points[1].time_from_start is 1.5 s, expected more than the 2.0 s'),
+    ({'times': (1.0, 1.0 + 2e-10)}, 'points[1].time_from_start is 1.0000000002 s'),
+    ({'q': ()}, 'points[0].positions is empty, expected 2 values, one for each of '
+                "['shoulder', 'elbow']: a point needs its positions"),
+    ({'q': ((0.1, 0.2), ())}, 'points[1].positions is empty, expected 2 values'),
+    ({'q': ((0.1, 0.2),)}, 'positions has 1 rows, expected 2, one for each point'),
+    ({'q': ((0.1, 0.2), (0.3,))}, 'points[1].positions has 1 values, expected 2, one for each of '
+                                  "['shoulder', 'elbow']"),
+    ({'q': (0.1, 0.2)}, 'points[0].positions has an array of shape (), expected 2'),
+    ({'q': ((0.1, 0.2), (0.3, 'far'))},
+     "points[1].positions[1] (elbow) is 'far', expected a finite number"),
+    ({'q': ((0.1, 0.2), (0.3, '0.4'))},
+     "points[1].positions[1] (elbow) is '0.4', expected a finite number"),
+    ({'q': ((0.1, None), (0.3, 0.4))},
+     f'points[0].positions[1] (elbow) is {None}, expected a finite number'),
+    ({'times': (False, 1.0)}, 'points[0].time_from_start is False, expected a finite number'),
+    ({'q': ((0.1, 0.2), (0.3, 10**400))}, 'points[1].positions[1] (elbow) is 1000'),
+    ({'q': ((0.1, math.nan), (0.3, 0.4))},
+     'points[0].positions[1] (elbow) is nan, expected a finite number'),
+    ({'q': ((0.1, 0.2), (0.3, 1e308))},
+     'points[1].positions[1] (elbow) is 1e+308, expected a number in [-1e+09, 1e+09]'),
+    ({'v': ((-2e9, 0.2), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -2e+09, expected'),
+    ({'v': ((0.1, 0.2, 0.3), (0.0, 0.0))}, 'points[0].velocities has 3 values, expected 2'),
+    ({'v': ((-math.inf, 0.0), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -inf'),
+    ({'v': ((0.1, 0.2),) * 3}, 'velocities has 3 rows, expected 2, one for each point'),
+    ({'v': ((0.1, 0.2), (0.0, 0.3))},
+     'points[1].velocities[1] (elbow) is 0.3, expected 0 at the last point, where the arm '
+     'has to be at rest'),
+    ({'v': ()}, 'points[0].velocities is empty although accelerations are given, expected 2 '
+     'values, one for'),
+    ({'a': ((0.1, 0.2), (0.0,))}, 'points[1].accelerations has 1 values, expected 2'),
+    ({'a': ((0.1, 0.2), (0.0, math.nan))}, 'points[1].accelerations[1] (elbow) is nan'),
+]
+
+
+@pytest.mark.parametrize(('change', 'words'), REFUSALS, ids=[words for _, words in REFUSALS])
+def test_a_refusal_names_point_field_value_and_expectation(change, words):
+    assert isinstance(trajectory(**GOOD), JointTrajectory)
+    with pytest.raises(TrajectoryError) as refusal:
+        trajectory(**{**GOOD, **change})
+    assert words in str(refusal.value)
+
+
+def test_the_documented_words_are_the_words():
+    page = (Path(__file__).parents[2] / 'docs' / 'trajectories.md').read_text(encoding='utf-8')
+    table = page.split('## Rejected trajectories')[1].split('\n## ')[0]
+    documented = re.findall(r'^\|[^|]+\| `(.+)` \|$', table, re.MULTILINE)
+    spoken = set()
+    for change, _ in REFUSALS:
+        with pytest.raises(TrajectoryError) as refusal:
+            trajectory(**{**GOOD, **change})
+        spoken.add(str(refusal.value))
+    with pytest.raises(TrajectoryError) as refusal:
+        TrajectoryFollower(JOINTS).start(
+            trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=7 * SECOND)
+    spoken.add(str(refusal.value))
+    urdf = default_arm_urdf().replace('joint1', 'shoulder').replace('joint2', 'elbow').replace(
+        'type="continuous"', 'type="revolute"').replace('<limit ', '<limit lower="-2" upper="2" ')
+    for change in ({'q': ((0.1, 0.2), (0.3, 2.5))}, {'v': ((0.1, 11.0), (0.0, 0.0))}):
+        with pytest.raises(TrajectoryError) as refusal:
+            check_points(load_arm(urdf), trajectory(**{**GOOD, **change}))
+        spoken.add(str(refusal.value))
+    unread = [words for words in documented  # by test_message_bytes
+              if words.endswith('would delay control') or 'cannot be read' in words]
+    assert (len(documented), len(unread)) == (19, 3)
+    assert [words for words in documented if words not in spoken] == unread
+
+
+def test_the_index_in_a_refusal_is_the_senders():
+    with pytest.raises(TrajectoryError, match=r'velocities\[0\] \(elbow\) is 0.3'):
+        trajectory(v=((0.0, 0.0), (0.3, 0.0)), names=('elbow', 'shoulder'))

@@ -1,0 +1,117 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Generated trajectories: point to point, and through via points."""
+
+from itertools import pairwise
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import sample_segment
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
+from two_joint_trajectories import EPOCH, JOINTS, laws, REST, SECOND, spans, trajectory, vectors
+
+
+@laws
+@given(q0=vectors, q1=vectors, T=spans, s=st.floats(0.0, 1.0))
+def test_point_to_point_is_the_fifth_order_time_scaling(q0, q1, T, s):
+    path = quintic_point_to_point(JOINTS, q0, q1, T)
+    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
+    span = round(s * T * SECOND)
+    t = span / SECOND / T
+    scaling = 10 * t**3 - 15 * t**4 + 6 * t**5
+    found = active.sample(EPOCH + span).position
+    np.testing.assert_allclose(found, q0 + scaling * (q1 - q0), atol=1e-6)
+
+
+def test_point_to_point_has_the_known_greatest_velocity():
+    path = quintic_point_to_point(JOINTS, (0.0, 0.0), (1.0, -2.0), 4.0)
+    middle = ActiveTrajectory(path, EPOCH, EPOCH, REST).sample(EPOCH + 2 * SECOND)
+    np.testing.assert_allclose(middle.velocity, 15.0 / 8.0 / 4.0 * np.array([1.0, -2.0]))
+    np.testing.assert_allclose(middle.acceleration, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize('duration', [0.0, -1.0, math.nan])
+def test_point_to_point_refuses_a_duration_that_is_none(duration):
+    with pytest.raises(TrajectoryError, match=r'points\[1\].time_from_start is'):
+        quintic_point_to_point(JOINTS, (0.0, 0.0), (1.0, 1.0), duration)
+
+
+def segment_polynomials(path: JointTrajectory, joint: int) -> list[np.polynomial.Polynomial]:
+    """Return one polynomial of the time since the start per segment, fitted to samples."""
+    found = []
+    for p0, p1 in pairwise(path.points):
+        T = p1.time_from_start - p0.time_from_start
+        t = np.linspace(0.0, T, 6)
+        q = [sample_segment(x, 0.0, p0, T, p1).position[joint] for x in t]
+        found.append(np.polynomial.Polynomial.fit(t, q, 5, domain=(0.0, T)))
+    return found
+
+
+def squared_jerk(path: JointTrajectory, joint: int) -> float:
+    total = 0.0
+    for polynomial in segment_polynomials(path, joint):
+        integral = (polynomial.deriv(3) ** 2).integ()
+        total += integral(polynomial.domain[1]) - integral(polynomial.domain[0])
+    return float(total)
+
+
+VIA_TIMES = (0.5, 1.2, 2.0, 3.5, 4.0)
+VIA_POSITIONS = ((0.0, 1.0), (0.5, -0.3), (0.2, 0.8), (1.0, 0.0), (0.4, 0.1))
+
+
+def test_via_points_are_met_and_jerk_and_snap_are_continuous():
+    path = quintic_via_points(JOINTS, VIA_TIMES, VIA_POSITIONS)
+    np.testing.assert_array_equal([p.position for p in path.points], VIA_POSITIONS)
+    for end in (path.points[0], path.points[-1]):
+        np.testing.assert_array_equal((end.velocity, end.acceleration), np.zeros((2, 2)))
+    for joint in (0, 1):
+        for left, right in pairwise(segment_polynomials(path, joint)):
+            for order in range(5):
+                before = left.deriv(order)(left.domain[1]) if order else left(left.domain[1])
+                after = right.deriv(order)(0.0) if order else right(0.0)
+                assert before == pytest.approx(after, rel=1e-7, abs=1e-7), (joint, order)
+
+
+def test_via_points_have_the_least_jerk():
+    path = quintic_via_points(JOINTS, VIA_TIMES, VIA_POSITIONS)
+    q, v, a = (
+        np.array([getattr(p, name) for p in path.points])
+        for name in ('position', 'velocity', 'acceleration'))
+    least = [squared_jerk(path, joint) for joint in (0, 1)]
+    rng = np.random.default_rng(11)
+    for _ in range(10):
+        dv, da = (np.vstack((np.zeros(2), x, np.zeros(2))) for x in rng.normal(size=(2, 3, 2)))
+        other = trajectory(VIA_TIMES, q, v + 0.01 * dv, a + 0.01 * da)
+        for joint in (0, 1):
+            assert squared_jerk(other, joint) > least[joint]
+
+
+def test_two_via_points_are_point_to_point():
+    via = quintic_via_points(JOINTS, (0.0, 2.0), ((0.0, 1.0), (2.0, 3.0)))
+    straight = quintic_point_to_point(JOINTS, (0.0, 1.0), (2.0, 3.0), 2.0)
+    for left, right in zip(via.points, straight.points):
+        for name in ('time_from_start', 'position', 'velocity', 'acceleration'):
+            np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
+
+
+def test_one_via_point_is_refused():
+    with pytest.raises(TrajectoryError, match='1 point, expected at least a start and a goal'):
+        quintic_via_points(JOINTS, (1.0,), ((0.0, 1.0),))

@@ -1,0 +1,70 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The URDF for Pinocchio contains the values that the parser checked, and no limits."""
+
+import numpy.testing as npt
+from one_joint_urdf import INERTIA, INERTIAL, link_of, mimics
+import pinocchio as pin
+import pytest
+from robot_dynamics.urdf.parser import parse_urdf
+from robots import robot_urdf, ROBOTS
+
+
+def pinocchio_inertia(xml):
+    return pin.buildModelFromXML(parse_urdf(xml).pinocchio_xml).inertias[1]
+
+
+@pytest.mark.parametrize(('plain', 'unusual'), [
+    ('value="1.5"', 'value="1.5 "'), ('value="1.5"', 'value="\t+15e-1"'),
+    ('ixx="1"', 'ixx="1\n"'), ('xyz="0.1 0.2 0.3"', 'xyz="0.1\t0.2\n0.3"'),
+    ('xyz="0.1 0.2 0.3"', 'xyz="  0.1  0.2 .3 "'), ('rpy="0 0 1"', 'rpy="0\n0\n1"'),
+])
+def test_numbers_with_unusual_space_reach_pinocchio(plain, unusual):
+    # The parser of Pinocchio would silently ignore the whole inertia of the link.
+    xml = link_of(
+        '<inertial><origin xyz="0.1 0.2 0.3" rpy="0 0 1"/><mass value="1.5"/>'
+        f'{INERTIA}</inertial>')
+    assert plain in xml
+    ours, expected = pinocchio_inertia(xml.replace(plain, unusual)), pinocchio_inertia(xml)
+    assert ours.mass == expected.mass == 1.5
+    npt.assert_array_equal(ours.lever, expected.lever)
+    npt.assert_array_equal(ours.inertia, expected.inertia)
+
+
+def test_pinocchio_reads_the_element_that_was_checked():
+    second = '<inertial><mass value="heavy"/></inertial>'
+    inertia = pinocchio_inertia(link_of(INERTIAL + second))
+    assert inertia.mass == 1.5
+
+
+def test_pinocchio_sees_no_limits_no_mimics_and_one_coordinate_a_joint():
+    parsed = parse_urdf(mimics('<mimic joint="turn" multiplier="2"/>', kind='continuous'))
+    model = pin.buildModelFromXML(parsed.pinocchio_xml)
+    assert (model.nq, model.nv) == (2, 2)
+    assert 'mimic' not in parsed.pinocchio_xml
+    assert (model.upperPositionLimit > 1e29).all()
+    assert (model.lowerPositionLimit < -1e29).all()
+
+
+@pytest.mark.parametrize('name', ROBOTS)
+def test_pinocchio_reads_the_same_bodies_from_real_robots(name):
+    urdf = robot_urdf(name)
+    ours = pin.buildModelFromXML(parse_urdf(urdf).pinocchio_xml)
+    plain = pin.buildModelFromXML(urdf)
+    assert list(ours.names) == list(plain.names)
+    for joint, other in zip(ours.inertias, plain.inertias):
+        npt.assert_allclose(joint.toDynamicParameters(), other.toDynamicParameters(), rtol=0)
+    for placement, other in zip(ours.jointPlacements, plain.jointPlacements):
+        npt.assert_array_equal(placement.homogeneous, other.homogeneous)
