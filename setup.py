@@ -83,6 +83,7 @@ setup(
             'apsw', "backports.zstd; python_version < '3.14'", 'lz4', 'matplotlib', 'mcap',
             'pillow', 'pyyaml', 'rosbags', 'scipy'],
         'parquet': ['pyarrow'],  # of analyze_bag
+        'report': ['bokeh>=3.4'],  # zoom in the figures of HTML reports
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
         'completion': ['argcomplete'],  # of `robot_dynamics_dynamics` in a shell

@@ -41,6 +41,7 @@ class Library(NamedTuple):
 
 LIBRARIES = {
     'PIL': Library('Pillow', 'python3-pil', ('pillow',), 'tools'),
+    'bokeh': Library('Bokeh', '', ('bokeh',), 'report'),
     'distributed': Library('distributed', '', ('distributed',), 'dask'),
     'imageio_ffmpeg': Library('imageio-ffmpeg', '', ('imageio-ffmpeg',), 'video'),
     'matplotlib': Library('matplotlib', 'python3-matplotlib', ('matplotlib',), 'tools'),

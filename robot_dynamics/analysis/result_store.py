@@ -70,9 +70,14 @@ def load_result(directory: Path, key: str) -> Any | None:
 
 
 def plain_value(value: Any) -> Any:
-    """Return a dataclass or an array for `json.dumps`; raise TypeError for anything else."""
+    """
+    Return a dataclass or an array for `json.dumps`; raise TypeError for anything else.
+
+    Fields that a dataclass excludes from comparisons are omitted.
+    """
     if is_dataclass(value):
-        return {field.name: getattr(value, field.name) for field in fields(value)}
+        return {field.name: getattr(value, field.name) for field in fields(value)
+                if field.compare}
     if isinstance(value, np.ndarray):
         return value.tolist()
     raise TypeError(f'{type(value).__name__} cannot be stored, expected a dataclass or an array')

@@ -20,7 +20,7 @@ another process, and combined with the results of other recordings.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -30,21 +30,27 @@ from robot_dynamics.analysis.report import write_report
 from robot_dynamics.analysis.residual import ResidualStatistics
 from robot_dynamics.analysis.sample_files import write_csv, write_parquet, write_terms
 from robot_dynamics.analysis.summary import facts
+from robot_dynamics.reporting.html_page import Origin
 
 REPORT, PICTURE, TABLE, PARQUET, TERMS = (
     'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')
-OUTPUTS = {
-    REPORT: write_report, TABLE: write_csv, PARQUET: write_parquet, TERMS: write_terms}
-"""The possible outputs, by file name; PICTURE is written together with the report."""
+_WRITERS = {TABLE: write_csv, PARQUET: write_parquet, TERMS: write_terms}
+OUTPUTS = (REPORT, *_WRITERS)
+"""The file names of the possible outputs; PICTURE is written together with the report."""
 
 
 @dataclass(frozen=True)
 class AnalysisTask:
-    """The settings of an analysis, and the `outputs` (see OUTPUTS) to write to `directory`."""
+    """
+    The settings of an analysis, and the `outputs` (see OUTPUTS) to write to `directory`.
+
+    `origin` is what the report names; a stored result remains valid if it changes.
+    """
 
     settings: AnalysisSettings
     outputs: tuple[str, ...] = ()
     directory: str = ''
+    origin: Origin = field(default=Origin('', '', ''), compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +88,10 @@ def analyze_task(
     written: list[str] = []
     for name in task.outputs:
         directory.mkdir(parents=True, exist_ok=True)
-        OUTPUTS[name](analysis, directory / name)
+        if name == REPORT:
+            write_report(analysis, directory / name, task.origin)
+        else:
+            _WRITERS[name](analysis, directory / name)
         written += [str(directory / each) for each in (
             (REPORT, PICTURE) if name == REPORT else (name,))]
         on_step(name)

@@ -15,7 +15,6 @@
 """The files of an identification: URDF, parameters of the node, report and figures as JSON."""
 
 from collections.abc import Mapping
-from html import escape
 import json
 from pathlib import Path
 from typing import Any
@@ -28,23 +27,9 @@ from robot_dynamics.identification.identified_arm import (
     parameter_file,
     parameter_values,
 )
-from robot_dynamics.identification.summary import (
-    fact_rows,
-    friction_rows,
-    gain_rows,
-    MODELS,
-    parameter_rows,
-    recording_lines,
-    residual_rows,
-    warnings,
-)
-from robot_dynamics.reporting.figures import (
-    effort_panel,
-    joint_figure,
-    residual_panel,
-    scatter_figure,
-)
-from robot_dynamics.reporting.html_page import image, items, page, png, table
+from robot_dynamics.identification.page import identification_page
+from robot_dynamics.identification.summary import warnings
+from robot_dynamics.reporting.html_page import Origin
 
 URDF, PARAMETERS, REPORT, FIGURES = (
     'identified.urdf', 'identified.yaml', 'report.html', 'report.json')
@@ -52,12 +37,14 @@ URDF, PARAMETERS, REPORT, FIGURES = (
 
 def write_identification(
     found: BagIdentification, urdf: str, directory: Path, given: Mapping[str, Any],
+    origin: Origin,
 ) -> list[Path]:
     """
     Write all files, and return their paths; `urdf` is the text that was identified.
 
-    `given` are parameters to which the identified ones are added. Raises OSError, ModelError if
-    the URDF cannot represent the parameters, MissingDependencyError without matplotlib.
+    `given` are parameters to which the identified ones are added; the report names `origin`.
+    Raises OSError, ModelError if the URDF cannot represent the parameters, MissingDependencyError
+    without matplotlib.
     """
     directory.mkdir(parents=True, exist_ok=True)
     paths = [directory / name for name in (URDF, PARAMETERS, REPORT, FIGURES)]
@@ -68,7 +55,7 @@ def write_identification(
     values = {'robot_description_file': str(paths[0].resolve()),
               **parameter_values(arm, fit, gain, given)}
     paths[1].write_text(parameter_file(values, _head(found)), encoding='utf-8')
-    paths[2].write_text(_page(found), encoding='utf-8')
+    paths[2].write_text(identification_page(found, origin), encoding='utf-8')
     paths[3].write_text(json.dumps(as_data(found), indent=2) + '\n', encoding='utf-8')
     return paths
 
@@ -140,44 +127,3 @@ def _numbers(values: Any) -> list[float | None]:
 def _number(value: Any) -> float | None:
     """Return a number, None if it is not finite: JSON has no NaN."""
     return float(value) if np.isfinite(value) else None
-
-
-def _page(found: BagIdentification) -> str:
-    identification = found.identification
-    shown = identification.recordings[0].shown
-    arm = identification.arm
-    title = f'{arm.name}: identified model'
-    said = recording_lines(found)
-    caution = warnings(identification)
-    body = [f'<h1>{escape(title)}</h1>', table(fact_rows(found), has_head=False)]
-    if caution:
-        body += ['<h2>Warnings</h2>', items(caution, 'loss')]
-    if found.failed:
-        body += ['<h2>Recordings that could not be used</h2>', items(
-            [f'{bag}: {error}' for bag, error in found.failed], 'loss')]
-    if said:
-        body += ['<h2>Recordings</h2>', items(said)]
-    body += [
-        '<h2>Residual on samples that were not used for training</h2>',
-        table(residual_rows(identification)),
-        '<p>RMS of the residual (measured − model), relative to the RMS of the measured effort. '
-        'The last column is the consistent set without presliding hysteresis, like an answer of '
-        'the node to a single state.</p>',
-        '<h2>Friction and rotors</h2>', table(friction_rows(identification)),
-        '<p>Units: N·m and rad, or N and m. docs/friction.md has the equations.</p>']
-    if identification.gains is not None:
-        body += ['<h2>Drive gains</h2>', table(gain_rows(identification, identification.gains))]
-    body += ['<h2>Base parameters</h2>', table(parameter_rows(identification)),
-             '<p>By least squares without regularisation; * marks regrouped parameters.</p>']
-    name = found.bags[0].name
-    efforts = joint_figure(
-        f'{name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds, [
-            effort_panel('Measured and model', shown.times, {
-                'measured': shown.measured, 'model': shown.model}),
-            residual_panel(shown.times, shown.measured - shown.model)])
-    scatter = scatter_figure(
-        f'{name}: residual over velocity', arm.joint_names, arm.joint_kinds, shown.velocity,
-        shown.measured - shown.model)
-    body += ['<h2>Effort over time</h2>', image(png(efforts), 'Measured and model effort'),
-             '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity')]
-    return page(title, body)

@@ -27,7 +27,12 @@ from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.regression import bare_arm, model_effort, reduce_motion
+from robot_dynamics.identification.regression import (
+    bare_arm,
+    model_effort,
+    parts_of,
+    reduce_motion,
+)
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import ArmModel
 
@@ -80,12 +85,17 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class EffortSeries:
-    """Measured and modelled effort over time, decimated for a plot: (m,) [s] and (m, n)."""
+    """
+    Measured and modelled effort over time, decimated for a plot: (m,) [s] and (m, n).
+
+    `test_from` is the time of the first test sample [s], NaN if all samples are for training.
+    """
 
     times: FloatArray
     velocity: FloatArray
     measured: FloatArray
     model: FloatArray
+    test_from: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +139,12 @@ def evaluate_recording(
     assert motion.effort is not None
     every = max(1, int(np.ceil(len(motion.effort) / SHOWN)))
     model, _ = model_effort(recording.arm, motion, step.models[step.shown])
+    first = parts_of(motion, train_fraction).test.start
+    test_from = float(motion.times[first]) if first < len(motion.times) else float('nan')
     return EvaluatedRecording(
         recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
         EffortSeries(motion.times[::every], motion.velocity[::every], motion.effort[::every],
-                     model[::every]))
+                     model[::every], test_from))
 
 
 def _with_gain(motion: FilteredMotion, drive_gain: FloatArray | None) -> FilteredMotion:

@@ -93,6 +93,14 @@ class Panel(NamedTuple):
     scale: float = 1.0
 
 
+class TimeBoundary(NamedTuple):
+    """A time [s] that separates two parts of a recording, and the names of both parts."""
+
+    time: float
+    before: str
+    after: str
+
+
 def position_panel(times: FloatArray, reference: FloatArray, measured: FloatArray) -> Panel:
     """Return the panel of a reference and the measured position, both (m, n) [rad] or [m]."""
     return Panel(
@@ -118,11 +126,13 @@ def residual_panel(times: FloatArray, residual: FloatArray) -> Panel:
 
 def joint_figure(
     title: str, joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
+    boundary: TimeBoundary | None = None,
 ) -> Any:
     """
     Return a matplotlib figure with a row for each joint and a column for each panel.
 
-    Raises MissingDependencyError without matplotlib.
+    A dashed line marks the boundary in each field. Raises MissingDependencyError without
+    matplotlib.
     """
     matplotlib, figure_type = _matplotlib()
     n = len(joint_names)
@@ -135,6 +145,8 @@ def joint_figure(
             prismatic = joint_kinds[row] == 'prismatic'
             for column, panel in enumerate(panels):
                 _draw(axes[row, column], panel, row, prismatic)
+                if boundary is not None:
+                    _mark(axes[row, column], boundary)
             axes[row, 0].set_title(name, loc='left', fontweight='bold')
         for column, panel in enumerate(panels):
             axes[-1, column].set_xlabel('time [s]')
@@ -236,6 +248,15 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
     largest = max(float(np.nanmax(np.abs(values[:, row]))) for values in panel.lines.values())
     if panel.scale * largest < 1e-9:
         axes.set_ylim(-1.0, 1.0)  # only zeros and rounding errors
+
+
+def _mark(axes: Any, boundary: TimeBoundary) -> None:
+    """Draw the boundary, with the names of both sides below the upper edge."""
+    axes.axvline(boundary.time, color=GREY, linestyle='--', linewidth=1.2)
+    for text, align in ((f'{boundary.before} ', 'right'), (f' {boundary.after}', 'left')):
+        axes.text(
+            boundary.time, 0.98, text, horizontalalignment=align, verticalalignment='top',
+            transform=axes.get_xaxis_transform(), fontsize=8, color=GREY)
 
 
 def _matplotlib() -> tuple[Any, Any]:

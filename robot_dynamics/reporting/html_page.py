@@ -12,42 +12,155 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Self-contained HTML pages with tables, lists and embedded images."""
+"""
+Self-contained HTML reports: first the verdicts, then the origin, tables, lists and figures.
+
+Every report begins with a verdict and a next step per row (a joint, or a part of the model). The
+origin names the URDF, the tool with its version, the command and the date. On a screen, a
+report shows figures with zoom (`interactive`) if there are any; in print, and without JavaScript,
+it shows their static counterparts.
+"""
 
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
+from datetime import datetime
+from enum import Enum
 from html import escape
 from io import BytesIO
-from typing import Any
+import re
+import shlex
+from typing import Any, NamedTuple
+
+from robot_dynamics.reporting.figures import GREEN, GREY, ORANGE, VERMILION
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem;
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 78rem; margin: 1rem auto; padding: 0 1rem;
   color: #1a1a1a; background: #fff; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .8rem; text-align: right; border-bottom: 1px solid #ddd; }
-th:first-child, td:first-child { text-align: left; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; max-width: 100%; }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd;
+  vertical-align: top; }
+th:first-child, td:first-child, .text td, .text th { text-align: left; }
+td:not(:last-child) { white-space: nowrap; }
+.text td, .long td:last-child { overflow-wrap: anywhere; white-space: normal; }
+.long td:last-child, .long th:last-child { text-align: left; }
 th { border-bottom: 2px solid #888; }
-.loss { border-left: 4px solid #d55e00; padding-left: .8rem; }
+ul { overflow-wrap: anywhere; }
+.loss { border-left: 4px solid #d55e00; padding-left: .8rem; list-style-position: inside; }
+.verdicts td:nth-child(-n+2) { white-space: nowrap; overflow-wrap: normal; }
+.summary { font-size: 1.1rem; }
+.mark { display: inline-block; width: .8em; height: .8em; border-radius: 50%; }
 img { max-width: 100%; height: auto; }
-.wide { overflow-x: auto; }
+@media screen { .zoomable .static { display: none; } }
+@media print { .zoomable .interactive { display: none; } .zoomable .static { display: block; }
+  body { max-width: none; font-size: 10pt; } tr, img { break-inside: avoid; } }
 """
+_NO_SCRIPT = (
+    '<noscript><style>.zoomable .interactive { display: none; } '
+    '.zoomable .static { display: block !important; }</style></noscript>')
 
 
-def page(title: str, body: Sequence[str]) -> str:
-    """Return a page of these elements."""
+class Grade(Enum):
+    """The grade of a verdict: a word, and the colour of its mark."""
+
+    GOOD = ('good', GREEN)
+    CHECK = ('check', ORANGE)
+    BAD = ('bad', VERMILION)
+    UNKNOWN = ('unknown', GREY)
+
+
+class Verdict(NamedTuple):
+    """The verdict on a joint, a link or a whole model: one sentence, and the next step."""
+
+    name: str
+    grade: Grade
+    text: str
+    next_step: str
+
+
+class Origin(NamedTuple):
+    """
+    What a report is about, and the command that made it.
+
+    `subject` names the URDF or its source, `command` is the command line, `version` that of the
+    package.
+    """
+
+    subject: str
+    command: str
+    version: str
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return the origin in rows of names and values, with the version and the date of now."""
+        tool = self.command.partition(' ')[0]
+        return [
+            ('URDF', self.subject),
+            ('tool', f'{tool}, robot_dynamics {self.version}'),
+            ('command', self.command),
+            ('date', datetime.now().astimezone().strftime('%Y-%m-%d %H:%M %z')),
+        ]
+
+
+def command_line(prog: str, arguments: Sequence[str]) -> str:
+    """Return the command line of a tool, quoted for a shell."""
+    return shlex.join([prog, *arguments])
+
+
+def report_page(
+    title: str, verdicts: Sequence[Verdict], rule: str, origin: Origin, body: Sequence[str],
+    head: str = '', subject: str = 'joints',
+) -> str:
+    """
+    Return a report: verdicts, the `rule` that derived them, origin, and the elements of `body`.
+
+    `head` has the scripts of interactive figures; `subject` is what the verdicts are on.
+    """
+    first = escape(summary(verdicts, subject))
+    return _page(title, [
+        f'<h1>{escape(title)}</h1>', f'<p class="summary">{first}</p>',
+        _verdict_table(verdicts), f'<p>{escape(rule)}</p>',
+        '<h2>Origin</h2>', table(origin.rows(), has_head=False, kind='text'), *body], head)
+
+
+def summary(verdicts: Sequence[Verdict], subject: str) -> str:
+    """Return the number of verdicts of each grade in one line; `subject` is what they are on."""
+    counts = {grade: sum(verdict.grade is grade for verdict in verdicts) for grade in Grade}
+    return 'Verdict: ' + ', '.join(
+        f'{count} {grade.value[0]}' for grade, count in counts.items() if count) + (
+            f', of {len(verdicts)} {subject}.')
+
+
+def _verdict_table(verdicts: Sequence[Verdict]) -> str:
+    head = _row(('', 'grade', 'verdict', 'next step'), 'th')
+    rows = ''.join(
+        f'<tr><td>{escape(name)}</td><td><span class="mark" style="background: {grade.value[1]}">'
+        f'</span> {grade.value[0]}</td><td>{_prose(text)}</td><td>{_prose(step)}</td></tr>'
+        for name, grade, text, step in verdicts)
+    return f'<table class="verdicts text">{head}{rows}</table>'
+
+
+def _prose(text: str) -> str:
+    """Return escaped text; parts between backticks are code."""
+    return re.sub('`([^`]+)`', r'<code>\1</code>', escape(text))
+
+
+def _page(title: str, body: Sequence[str], head: str) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width">'
-        f'<title>{escape(title)}</title><style>{_STYLE}</style></head>\n<body>\n'
-        + '\n'.join(body) + '\n</body></html>\n')
+        f'<title>{escape(title)}</title><style>{_STYLE}</style>{_NO_SCRIPT}{head}</head>\n'
+        '<body>\n' + '\n'.join(body) + '\n</body></html>\n')
 
 
-def table(rows: Sequence[Sequence[str]], has_head: bool = True) -> str:
-    """Return a table; the first row may be its head."""
+def table(rows: Sequence[Sequence[str]], has_head: bool = True, kind: str = '') -> str:
+    """
+    Return a table; the first row may be its head.
+
+    `kind` is 'text' for cells of text, 'long' if the last column has long text.
+    """
     head = _row(rows[0], 'th') if has_head else ''
     body = ''.join(_row(row, 'td') for row in rows[has_head:])
-    return f'<div class="wide"><table>{head}{body}</table></div>'
+    return f'<table class="{kind}">{head}{body}</table>'
 
 
 def _row(cells: Sequence[str], tag: str) -> str:
@@ -62,7 +175,7 @@ def items(lines: Iterable[str], kind: str = '') -> str:
 def image(png: bytes, what: str) -> str:
     """Return an image that is embedded in the page."""
     encoded = b64encode(png).decode('ascii')
-    return (f'<div class="wide"><img alt="{escape(what)}" '
+    return (f'<div class="static"><img alt="{escape(what)}" '
             f'src="data:image/png;base64,{encoded}"></div>')
 
 

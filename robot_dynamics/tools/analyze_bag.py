@@ -27,6 +27,7 @@ from pathlib import Path
 import sys
 
 import numpy as np
+from robot_dynamics.analysis.arm_recording import ROBOT_DESCRIPTION
 from robot_dynamics.analysis.bag_analysis import STEPS
 from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.analysis.residual import merged_statistics
@@ -47,6 +48,7 @@ from robot_dynamics.analysis.tasks import (
 )
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
+from robot_dynamics.reporting.html_page import Origin
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
 from robot_dynamics.tools.command_line import (
@@ -58,6 +60,7 @@ from robot_dynamics.tools.command_line import (
     FAILED,
     KEPT,
     MISTAKE,
+    origin_of,
     Parser,
     read_settings,
     run_tool,
@@ -72,7 +75,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     interrupted = 'interrupted' + (
         '; run the same command to resume' if arguments.output else '')
-    return run_tool('analyze_bag', partial(_run, arguments), interrupted=interrupted)
+    origin = origin_of(
+        'analyze_bag', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording')
+    return run_tool('analyze_bag', partial(_run, arguments, origin), interrupted=interrupted)
 
 
 def _parser() -> Parser:
@@ -98,7 +103,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, origin: Origin) -> int:
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:
@@ -108,7 +113,7 @@ def _run(arguments: argparse.Namespace) -> int:
     bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
     settings = read_settings(arguments)
-    task = AnalysisTask(settings, _outputs(arguments))
+    task = AnalysisTask(settings, _outputs(arguments), origin=origin)
     kept, each = None, None
     if task.outputs:
         kept = arguments.output / KEPT

@@ -19,7 +19,7 @@ Nothing here loads numpy: `excite` and `identify` set its threads after the argu
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import sys
@@ -29,6 +29,7 @@ from robot_dynamics.exceptions import RobotDynamicsError
 
 if TYPE_CHECKING:
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
+    from robot_dynamics.reporting.html_page import Origin
 
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 KEPT = 'results'
@@ -176,6 +177,19 @@ def read_robot(text: str | None) -> str:
         return read_description(Path(text).expanduser(), '--urdf')
     from robot_dynamics.ros.robot_description import read_description_file
     return read_description_file(text)
+
+
+def origin_of(
+    prog: str, argv: Sequence[str] | None, urdf: str | Path | None, default: str,
+) -> 'Origin':
+    """Return the origin of a report; `default` describes the URDF if none was given."""
+    from robot_dynamics import __version__
+    from robot_dynamics.reporting.html_page import command_line, Origin
+    subject = default if urdf is None else str(urdf)
+    if urdf is not None and '://' not in subject:
+        subject = str(Path(subject).expanduser().resolve())
+    return Origin(
+        subject, command_line(prog, sys.argv[1:] if argv is None else argv), __version__)
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -36,6 +36,7 @@ from robot_dynamics.tools.command_line import (
     DONE,
     FAILED,
     KEPT,
+    origin_of,
     Parser,
     read_settings,
     run_tool,
@@ -56,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
         os.environ.setdefault(name, '1')
     return run_tool(
-        'identify', partial(_run, arguments),
+        'identify', partial(_run, arguments, argv),
         interrupted='interrupted; run the same command to resume')
 
 
@@ -115,7 +116,7 @@ def _fraction(text: str) -> float:
     return fraction
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     from robot_dynamics.analysis.batch import (
         Outcome,
         require_dask,
@@ -155,7 +156,8 @@ def _run(arguments: argparse.Namespace) -> int:
             None if arguments.effort == 'auto' else arguments.effort == 'current',
             lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None)
     paths = write_identification(
-        found, settings.urdf, arguments.output, settings.parameters)
+        found, settings.urdf, arguments.output, settings.parameters,
+        origin_of('identify', argv, arguments.urdf, ''))
     print_identification(found, paths)
     return FAILED if found.failed else DONE
 

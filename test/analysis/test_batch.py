@@ -21,9 +21,12 @@ import sys
 import children
 import numpy as np
 import pytest
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.analysis.batch import run_tasks, task_key
 from robot_dynamics.analysis.result_store import load_result, save_result
+from robot_dynamics.analysis.tasks import AnalysisTask
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
+from robot_dynamics.reporting.html_page import Origin
 import tasks
 
 
@@ -164,6 +167,10 @@ def test_the_key_depends_on_all_that_counts(tmp_path):
         return is_so
 
     assert not is_new(task_key(tasks.measure, bag, {'a': 1}))
+    assert is_new(task_key(tasks.measure, bag, AnalysisTask(AnalysisSettings())))
+    task = AnalysisTask(
+        AnalysisSettings(), origin=Origin('arm.urdf', 'another command', '1.2.3'))
+    assert not is_new(task_key(tasks.measure, bag, task))
     assert is_new(task_key(tasks.measure, bag, {'a': 2}))
     assert is_new(task_key(tasks.measure_until_file, bag, {'a': 1}))
     assert is_new(task_key(tasks.measure, bag, {'a': 1}, 'other code'))

@@ -27,6 +27,7 @@ from identification_bench import changed_arm, fourier_motion, rigid_effort
 import numpy as np
 import pytest
 from recordings import KnownMotion, START_NS, write_recording
+from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
@@ -97,12 +98,25 @@ def test_the_files_fit_each_other(output):
 
 
 def test_the_report_needs_no_other_file(output):
-    page = (output / 'report.html').read_text()
+    page = ReportPage((output / 'report.html').read_text())
+    assert page.is_complete
     for words in ('identified model', 'Residual on samples that were not used for training',
-                  'joint2', 'Base parameters', 'condition number', 'data:image/png;base64'):
-        assert words in page
-    assert 'src="http' not in page
-    assert 'href=' not in page
+                  'joint2', 'Base parameters', 'condition number'):
+        assert words in page.text
+
+
+def test_the_report_begins_with_the_verdict_and_the_links_with_their_masses(output, urdf):
+    page = ReportPage((output / 'report.html').read_text())
+    places = [page.text.index(words) for words in (
+        'Verdict: 2 good, of 2 joints.', 'use identified.yaml', str(urdf), 'command identify',
+        'mass before [kg]')]
+    assert places == sorted(places)
+    before, after = (inertial_parameters(load_arm(text)).reshape(-1, 10)[:, 0] for text in (
+        urdf.read_text(), (output / 'identified.urdf').read_text()))
+    for link, old, new in zip(('link1', 'link2'), before, after):
+        assert f'{link} {old:.3f} {new:.3f}' in page.text
+    for unit in ('[N·m·s/rad]', '[kg·m²]', 'kg·m', '[mm]'):
+        assert unit in page.text
 
 
 def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(output):

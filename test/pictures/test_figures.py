@@ -40,6 +40,7 @@ from robot_dynamics.reporting.figures import (
     SKY,
     STYLE,
     styled_figure,
+    TimeBoundary,
     title_axes,
     VERMILION,
 )
@@ -62,6 +63,17 @@ def test_every_axis_has_its_unit(figure):
         'position [rad]', 'error [mrad]', 'effort [N·m]',
         'position [m]', 'error [mm]', 'effort [N]']
     assert [axes.get_xlabel() for axes in figure.axes[3:]] == ['time [s]'] * 3
+
+
+def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
+    pytest.importorskip('matplotlib')
+    figure = joint_figure(
+        'two joints', ('turn', 'slide'), ('revolute', 'prismatic'),
+        [effort_panel('Effort', TIMES, {'effort': WAVES})], TimeBoundary(1.5, 'training', 'test'))
+    for axes in figure.axes:
+        assert 1.5 in [x for line in axes.lines for x in line.get_xdata() if len(
+            line.get_xdata()) == 2]
+        assert [text.get_text().strip() for text in axes.texts] == ['training', 'test']
 
 
 def test_lines_show_the_values(figure):

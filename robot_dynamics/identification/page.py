@@ -1,0 +1,198 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The HTML report of an identification."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from robot_dynamics.analysis.summary import Rows
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.identification.bag_identification import BagIdentification
+from robot_dynamics.identification.pipeline import Identification
+from robot_dynamics.identification.regression import bare_arm
+from robot_dynamics.identification.summary import (
+    fact_rows,
+    friction_rows,
+    gain_rows,
+    MODELS,
+    parameter_rows,
+    recording_lines,
+    residual_rows,
+    warnings,
+)
+from robot_dynamics.identification.verdict import joint_verdicts, RULE
+from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.reporting.figures import (
+    effort_panel,
+    joint_figure,
+    residual_panel,
+    scatter_figure,
+    TimeBoundary,
+)
+from robot_dynamics.reporting.html_page import image, items, Origin, png, report_page, table
+from robot_dynamics.reporting.interactive import Zoomable, zoomable_figures
+
+_TORQUE, _INERTIA = ('N·m', 'N'), ('kg·m²', 'kg')
+_JOINT_UNITS = {
+    'Ia': _INERTIA, 'viscous': ('N·m·s/rad', 'N·s/m'), 'offset': _TORQUE, 'sigmoid': _TORQUE,
+    'Coulomb': _TORQUE, 'load': ('1', '1')}
+"""Units of parameters of a joint, revolute and prismatic, by the first word of their names."""
+_CHANGE = 1e-3
+"""Relative change of a mass [1] or of a centre of mass [mm] that is displayed as none."""
+
+
+def identification_page(found: BagIdentification, origin: Origin) -> str:
+    """Return the report; raise MissingDependencyError without matplotlib."""
+    identification = found.identification
+    arm = identification.arm
+    body = _lists(found)
+    body += [
+        '<h2>Links: mass and centre of mass before and after</h2>',
+        table(link_rows(identification)),
+        '<p>Before: URDF. After: identified, as in identified.urdf. Each row is a link with all '
+        'links that are fixed to it, in the frame of the link. Efforts determine only the '
+        'combinations of these values that are listed below as base parameters; the other '
+        'combinations stay near the URDF.</p>',
+        '<h2>Residual on samples that were not used for training</h2>',
+        table(residual_rows(identification)),
+        '<p>RMS of the residual (measured − model), relative to the RMS of the measured effort. '
+        'The last column is the consistent set without presliding hysteresis, like an answer of '
+        'the node to a single state.</p>',
+        '<h2>Friction and rotors</h2>', table(_friction_table(identification)),
+        '<p>docs/friction.md has the equations.</p>']
+    if identification.gains is not None:
+        rows = gain_rows(identification, identification.gains)
+        head = (rows[0][0], 'gain K [effort at the joint / recorded effort]', *rows[0][2:])
+        body += ['<h2>Drive gains</h2>', table([head, *rows[1:]])]
+    figures = _efforts(found)
+    shown = identification.recordings[0].shown
+    scatter = scatter_figure(
+        f'{found.bags[0].name}: residual over velocity', arm.joint_names, arm.joint_kinds,
+        shown.velocity, shown.measured - shown.model)
+    body += [
+        f'<h2>Effort over time{_first_of(found)}</h2>', figures.figures,
+        '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity'),
+        '<h2>Base parameters</h2>', table(with_units(identification), kind='long'),
+        '<p>By least squares without regularisation; * marks regrouped parameters.</p>']
+    return report_page(
+        f'{arm.name}: identified model', joint_verdicts(identification), RULE, origin, body,
+        figures.head)
+
+
+def _lists(found: BagIdentification) -> list[str]:
+    """Return facts, warnings, and remarks on the recordings."""
+    body = ['<h2>Identification</h2>', table(fact_rows(found), has_head=False, kind='text')]
+    caution, said = warnings(found.identification), recording_lines(found)
+    if caution:
+        body += ['<h2>Warnings</h2>', items(caution, 'loss')]
+    if found.failed:
+        body += ['<h2>Recordings that could not be used</h2>', items(
+            [f'{bag}: {error}' for bag, error in found.failed], 'loss')]
+    if said:
+        body += ['<h2>Recordings</h2>', items(said)]
+    return body
+
+
+def _first_of(found: BagIdentification) -> str:
+    return f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''
+
+
+def _efforts(found: BagIdentification) -> Zoomable:
+    """Return measured and modelled effort over time, of the first recording."""
+    arm, shown = found.identification.arm, found.identification.recordings[0].shown
+    boundary = None if np.isnan(shown.test_from) else TimeBoundary(
+        shown.test_from, 'training', 'test')
+    panels = [
+        effort_panel('Measured and model', shown.times, {
+            'measured': shown.measured, 'model': shown.model}),
+        residual_panel(shown.times, shown.measured - shown.model)]
+    static = joint_figure(
+        f'{found.bags[0].name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds,
+        panels, boundary)
+    return zoomable_figures(
+        arm.joint_names, arm.joint_kinds, panels, boundary,
+        image(png(static), 'Measured and model effort'))
+
+
+def link_rows(identification: Identification) -> Rows:
+    """Return mass [kg] and centre of mass [mm] of each link, of the URDF and as identified."""
+    arm = identification.arm
+    before = inertial_parameters(bare_arm(arm)).reshape(-1, COUNT)
+    after = identification.models.consistent.parameters.reshape(-1, COUNT)
+    rows: Rows = [(
+        'link', 'mass before [kg]', 'after [kg]', 'change',
+        'centre of mass before: x, y, z [mm]', 'after [mm]', 'distance [mm]')]
+    for name, old, new in zip(body_names(arm), before, after):
+        change = new[0] / old[0] - 1.0 if old[0] > 0.0 else np.nan
+        moved = np.linalg.norm(_centre(new) - _centre(old))
+        rows.append((
+            name, f'{old[0]:.3f}', f'{new[0]:.3f}',
+            '-' if np.isnan(change) else 'none' if abs(change) < _CHANGE else f'{change:+.1%}',
+            _point(_centre(old)), _point(_centre(new)),
+            '-' if np.isnan(moved) else 'none' if moved < _CHANGE else f'{moved:.1f}'))
+    return rows
+
+
+def _centre(parameters: FloatArray) -> FloatArray:
+    """Return the centre of mass (3,) [mm]; NaN without mass."""
+    mass = float(parameters[0])
+    return np.asarray(1e3 * parameters[1:4] / mass if mass > 0.0 else np.full(3, np.nan))
+
+
+def _point(point: FloatArray) -> str:
+    return '-' if np.isnan(point).any() else ', '.join(f'{x + 0.0:.1f}' for x in point.round(1))
+
+
+def _friction_table(identification: Identification) -> Rows:
+    """Return friction and rotors with units in the headings."""
+    rows = friction_rows(identification)
+    units = {field.heading: field.unit for field in FRICTION_FIELDS if field.heading}
+    kinds = set(identification.arm.joint_kinds)
+
+    def headed(heading: str) -> str:
+        if heading == 'reflected inertia':
+            return f'{heading} [{_of_kinds(_INERTIA, kinds)}]'
+        both = [part.strip(' []').replace(' ', '·').replace('·s/', '·s/')
+                for part in units.get(heading, '').split(' or ')]
+        return heading if len(both) < 2 else f'{heading} [{_of_kinds(both, kinds)}]'
+
+    return [tuple(map(headed, rows[0])), *rows[1:]]
+
+
+def _of_kinds(units: Sequence[str], kinds: set[str]) -> str:
+    """Return the unit for the kinds of the joints: (revolute, prismatic), or both."""
+    if 'prismatic' not in kinds:
+        return units[0]
+    return units[1] if kinds == {'prismatic'} else f'{units[0]} or {units[1]}'
+
+
+def with_units(identification: Identification) -> Rows:
+    """Return the rows of parameters with a column for the unit of value, deviation and URDF."""
+    arm = identification.arm
+    kinds = dict(zip(arm.joint_names, arm.joint_kinds))
+    rows = parameter_rows(identification)
+    return [(rows[0][0], 'unit', *rows[0][1:])] + [
+        (row[0], _unit(row[0], kinds), *row[1:]) for row in rows[1:]]
+
+
+def _unit(name: str, kinds: dict[str, str]) -> str:
+    """Return the unit of a parameter such as 'mx(link1)*' or 'sigmoid 0.1(joint1)'."""
+    symbol, _, rest = name.partition('(')
+    word = symbol.partition(' ')[0]
+    if word in _JOINT_UNITS:
+        return _JOINT_UNITS[word][kinds.get(rest.rstrip('*)'), '') == 'prismatic']
+    return 'kg' if symbol == 'm' else 'kg·m' if symbol.startswith('m') else 'kg·m²'

@@ -1,0 +1,60 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The verdict of `analyze_bag` on a joint names the cause that made the residual."""
+
+import numpy as np
+import pytest
+from robot_dynamics.analysis.verdict import joint_verdict
+from robot_dynamics.reporting.html_page import Grade
+
+TIMES = np.linspace(0.0, 20.0, 4001)
+VELOCITY = 0.8 * np.cos(1.3 * TIMES) + 0.3 * np.cos(3.1 * TIMES)
+MODEL = 10.0 * np.sin(0.9 * TIMES) + 2.0
+
+
+def verdict(residual, model=MODEL):
+    measured = model + residual
+    relative = np.sqrt(np.mean(residual**2) / np.mean(measured**2))
+    return joint_verdict('joint', float(relative), residual, VELOCITY, model)
+
+
+@pytest.mark.parametrize(('residual', 'words', 'step'), [
+    (3.0 * np.sign(VELOCITY) + 2.0 * VELOCITY, 'friction dominates: it explains', '`identify`'),
+    (np.full_like(TIMES, 4.0), 'a constant offset dominates: it explains 100 %', 'zero of the'),
+    (0.4 * MODEL, 'measured effort is 1.4 times the model', 'payload'),
+    (-0.9 * MODEL, 'measured effort is 0.1 times the model', 'unit of the effort'),
+    (5.0 * np.sin(7.0 * TIMES), 'no single cause dominates', '`excite`'),
+])
+def test_the_cause_of_a_residual(residual, words, step):
+    found = verdict(residual)
+    assert found.text.startswith(words)
+    assert step in found.next_step
+    assert found.grade in (Grade.CHECK, Grade.BAD)
+
+
+@pytest.mark.parametrize(('factor', 'grade'), [
+    (0.01, Grade.GOOD), (0.3, Grade.CHECK), (1.5, Grade.BAD)])
+def test_the_grade_follows_the_relative_residual(factor, grade):
+    assert verdict(factor * MODEL).grade is grade
+
+
+def test_zero_effort_is_unknown():
+    found = joint_verdict('joint', float('nan'), -MODEL, VELOCITY, MODEL)
+    assert found.grade is Grade.UNKNOWN
+
+
+def test_a_joint_at_rest_has_no_friction():
+    found = joint_verdict('joint', 0.5, np.full(9, 2.0), np.zeros(9), np.linspace(-1.0, 1.0, 9))
+    assert found.text.startswith('a constant offset dominates')

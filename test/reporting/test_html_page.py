@@ -1,0 +1,86 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The frame of every HTML report, and its figures with and without Bokeh."""
+
+import re
+import sys
+
+import numpy as np
+import pytest
+from report_page import ReportPage
+from robot_dynamics.reporting.figures import effort_panel, TimeBoundary
+from robot_dynamics.reporting.html_page import (
+    command_line,
+    Grade,
+    Origin,
+    report_page,
+    summary,
+    Verdict,
+)
+from robot_dynamics.reporting.interactive import zoomable_figures
+
+VERDICTS = [
+    Verdict('joint1', Grade.GOOD, 'residual 3 % < 10 %', 'use the model'),
+    Verdict('joint2', Grade.BAD, 'friction dominates', 'run `identify`')]
+COMMAND = command_line('identify', ['my bag', '--urdf', 'a.urdf'])
+ORIGIN = Origin('/robots/arm & hand.urdf', COMMAND, '1.2.3')
+TIMES = np.linspace(0.0, 2.0, 201)
+PANEL = effort_panel('Measured and model', TIMES, {
+    'measured': np.column_stack([np.sin(TIMES), np.cos(TIMES)]),
+    'model': np.column_stack([np.sin(TIMES), np.zeros_like(TIMES)])})
+
+
+def test_a_report_begins_with_the_verdicts_then_names_its_origin():
+    text = report_page('An arm', VERDICTS, 'Rule: 10 %.', ORIGIN, ['<h2>Details</h2>'])
+    page = ReportPage(text)
+    places = [page.text.index(words) for words in (
+        'Verdict: 1 good, 1 bad, of 2 joints.', 'joint1', 'residual 3 % < 10 %', 'use the model',
+        'joint2', 'friction dominates', 'Rule: 10 %.', '/robots/arm & hand.urdf',
+        'identify, robot_dynamics 1.2.3',
+        "identify 'my bag' --urdf a.urdf", 'Details')]
+    assert places == sorted(places)
+    assert re.search(r'date \d{4}-\d\d-\d\d \d\d:\d\d [+-]\d{4}', page.text)
+    assert '<code>identify</code>' in text
+
+
+def test_the_summary_counts_grades():
+    assert summary([VERDICTS[0]] * 3, 'links') == 'Verdict: 3 good, of 3 links.'
+
+
+def figures():
+    return zoomable_figures(
+        ('turn', 'slide'), ('revolute', 'prismatic'), [PANEL], TimeBoundary(1.0, 'left', 'right'),
+        '<b>static</b>')
+
+
+def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
+    found = figures()
+    assert found.head == ''
+    assert found.figures.startswith('<b>static</b><p>')
+    assert 'install bokeh' in found.figures
+
+
+def test_the_figures_contain_their_script_units_and_boundary():
+    pytest.importorskip('bokeh', reason='needs the extra report')
+    found = figures()
+    page = ReportPage(f'<html><head>{found.head}</head><body>{found.figures}</body></html>')
+    assert page.is_complete
+    assert 500_000 < len(found.head) < 2_000_000
+    assert '<b>static</b>' in found.figures
+    texts = re.sub(r'\\+u00b7', '·', found.figures)
+    for words in ('effort [N·m]', 'effort [N]', 'slide', 'turn: Measured and model', 'left',
+                  'right', 'time [s]'):
+        assert words in texts
