@@ -1,0 +1,114 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""HTML reports in a real browser: no request, no horizontal scrolling, and zoom."""
+
+from browser import chromium, PATIENCE
+import pytest
+from recordings import KnownMotion, write_recording
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools import analyze_bag, identify
+from robots import must_have_everything
+
+if not must_have_everything():
+    pytest.importorskip('bokeh', reason='the figures with zoom need the extra report')
+
+SIZE = {'width': 1300, 'height': 900}
+WIDE = """() => [...document.querySelectorAll('body, body *')].filter(
+    element => element.clientWidth > 0 && element.scrollWidth > element.clientWidth + 1).map(
+    element => element.tagName + ' ' + element.className)"""
+"""The elements whose content is wider than they are."""
+RANGES = """name => {
+    const figure = Bokeh.documents[0].get_model_by_name(name)
+    return [figure.x_range.start, figure.x_range.end, figure.y_range.start, figure.y_range.end]}"""
+FIGURE = '.bk-Figure'
+MOST_DRAGS = 100
+
+
+@pytest.fixture(scope='session')
+def reports(tmp_path_factory):
+    """Return the report of each tool, by the name of the tool, all from one recording."""
+    directory = tmp_path_factory.mktemp('reports')
+    urdf = directory / 'arm.urdf'
+    urdf.write_text(default_arm_urdf())
+    bag = write_recording(directory / 'bag', KnownMotion(seconds=16.0).messages())
+    for tool in (analyze_bag, identify):
+        name = tool.__name__.rpartition('.')[2]
+        assert tool.main([
+            str(bag), '--urdf', str(urdf), '--output', str(directory / name)]) == 0
+    return {name: directory / name / 'report.html' for name in ('analyze_bag', 'identify')}
+
+
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory):
+    with chromium(tmp_path_factory.mktemp('browser')) as started:
+        yield started
+
+
+@pytest.fixture(params=['analyze_bag', 'identify'])
+def tab(request, browser, reports):
+    """Yield a report in the browser, with the addresses it requested and its errors."""
+    tab = browser.new_page(viewport=SIZE)
+    tab.set_default_timeout(PATIENCE)
+    tab.requested, tab.errors = [], []
+    tab.on('request', lambda made: tab.requested.append(made.url))
+    tab.on('pageerror', lambda error: tab.errors.append(str(error)))
+    tab.goto(f'file://{reports[request.param]}')
+    tab.wait_for_selector(FIGURE)
+    yield tab
+    tab.close()
+
+
+def drag(tab):
+    """Drag over a fifth of the width of the first figure."""
+    figure = tab.locator(FIGURE).first
+    figure.scroll_into_view_if_needed()
+    box = figure.bounding_box()
+    y = box['y'] + 0.6 * box['height']
+    tab.mouse.move(box['x'] + 0.4 * box['width'], y)
+    tab.mouse.down()
+    tab.mouse.move(box['x'] + 0.6 * box['width'], y, steps=20)
+    tab.wait_for_timeout(200)
+    tab.mouse.up()
+    tab.wait_for_timeout(200)
+
+
+def test_a_report_needs_no_network_fits_the_screen_and_zooms(tab):
+    assert [url for url in tab.requested if not url.startswith('data:')] == [tab.url]
+    assert tab.evaluate('document.documentElement.scrollWidth') <= SIZE['width']
+    assert tab.evaluate(WIDE) == []
+    name = 'joint1: Measured and model'
+    tab.wait_for_function(f'Bokeh.documents[0].get_model_by_name("{name}").y_range.end > 0')
+    start, end, low, high = tab.evaluate(RANGES, name)
+    assert 15.0 < end - start < 17.0  # the whole recording
+
+    for _ in range(MOST_DRAGS):  # the page may still be busy during the first one
+        drag(tab)
+        left, right, _, _ = tab.evaluate(RANGES, name)
+        if right < end - 1.0:
+            break
+    assert start < left < right < end
+    assert right - left < 0.5 * (end - start)
+    # all figures zoom together
+    assert tab.evaluate(RANGES, 'joint2: Measured − model')[:2] == [left, right]
+    assert tab.errors == []
+
+
+def test_print_shows_the_static_figures(tab):
+    static, interactive = tab.locator('.zoomable .static'), tab.locator('.interactive')
+    assert interactive.is_visible()
+    assert not static.is_visible()
+    tab.emulate_media(media='print')
+    assert static.is_visible()
+    assert not interactive.is_visible()
