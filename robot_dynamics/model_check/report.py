@@ -39,6 +39,14 @@ def findings_of(
     return check_model(xml, arm, meshes=meshes)
 
 
+def joint_names_of(xml: str, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints of the arm in a URDF, none if a finding prevents its creation."""
+    try:
+        return load_arm(xml, joints).joint_names
+    except ModelError:
+        return ()
+
+
 def findings_as_data(
     findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str] = (),
 ) -> dict[str, object]:

@@ -23,9 +23,23 @@ import sys
 
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.finding import CHECKS, errors_of
+from robot_dynamics.model_check.html_report import findings_page
 from robot_dynamics.model_check.mesh_bounds import MeshReader
-from robot_dynamics.model_check.report import findings_as_data, findings_of, findings_report
-from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE, Parser, run_tool
+from robot_dynamics.model_check.report import (
+    findings_as_data,
+    findings_of,
+    findings_report,
+    joint_names_of,
+)
+from robot_dynamics.tools.command_line import (
+    DONE,
+    FAILED,
+    MISTAKE,
+    origin_of,
+    Parser,
+    run_tool,
+    writing,
+)
 from robot_dynamics.urdf.description_file import read_description
 from robot_dynamics.urdf.inertials import read_bodies
 
@@ -42,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.urdf is None:
         parser.print_help(sys.stderr)
         return MISTAKE
-    return run_tool('check_model', partial(_run, arguments))
+    return run_tool('check_model', partial(_run, arguments, argv))
 
 
 def _parser() -> Parser:
@@ -61,15 +75,25 @@ def _parser() -> Parser:
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Actuated joints, like the parameter joints (default: all); the others are locked')
+    parser.add_argument(
+        '--report', type=Path, metavar='FILE',
+        help='HTML file with a verdict and a next step per joint and link, to write')
     parser.add_argument('--json', action='store_true', help='Print the findings as JSON')
     return parser
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     xml = read_description(arguments.urdf, 'URDF')
     meshes = MeshReader(arguments.urdf.parent)
     findings = findings_of(xml, arguments.joints, meshes)
     unread = list(unmeasured(read_bodies(xml, meshes)))
+    if arguments.report is not None:
+        text = findings_page(
+            f'{arguments.urdf.name}: model check', joint_names_of(xml, arguments.joints), findings,
+            arguments.ignore, unread, origin_of('check_model', argv, arguments.urdf, ''))
+        with writing(arguments.report):
+            arguments.report.parent.mkdir(parents=True, exist_ok=True)
+            arguments.report.write_text(text, encoding='utf-8')
     if arguments.json:
         print(json.dumps(findings_as_data(findings, arguments.ignore, unread), indent=2))
     else:

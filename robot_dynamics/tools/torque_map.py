@@ -31,6 +31,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.pictures.torque_grid import (
     gravity_efforts,
@@ -45,18 +46,27 @@ from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel,
 from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
-from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
+from robot_dynamics.tools.command_line import (
+    DONE,
+    origin_of,
+    Parser,
+    read_robot,
+    run_tool,
+    writing,
+)
 from robot_dynamics.validation import check_scalar
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
-FORMATS = ('.png', '.pdf', '.svg')
+PAGE = '.html'
+FORMATS = ('.png', '.pdf', '.svg', PAGE)
 MOST_SAMPLES = 1001
+DEFAULT_ARM = 'the planar two-link arm of this package'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool, and return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('torque_map', partial(_run, arguments))
+    return run_tool('torque_map', partial(_run, arguments, argv))
 
 
 def _parser() -> Parser:
@@ -108,11 +118,12 @@ def _parser() -> Parser:
         help='Number of positions of each of the two joints (default: %(default)d)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
-        help=f'Output file: {", ".join(FORMATS)} (default: out/<name of the arm>_<what>.png)')
+        help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
+             '(default: out/<name of the arm>_<what>.png)')
     return parser
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if arguments.output is not None and arguments.output.suffix.lower() not in FORMATS:
         raise InvalidInputError(
             f'the figure is {str(arguments.output)!r}, expected a name that ends in one of '
@@ -132,27 +143,37 @@ def _run(arguments: argparse.Namespace) -> int:
             f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace',
             arm, link, found)
         said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
+        verdicts = workspace_verdicts(arm, found)
     else:
-        figure, said = _map(arguments, arm, load)
+        figure, panels = _map(arguments, arm, load)
+        said = ', '.join(
+            f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
+            for panel in panels)
+        verdicts = [panel_verdict(panel) for panel in panels]
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
     with writing(output):
         output.parent.mkdir(parents=True, exist_ok=True)
-        save_figure(figure, output)
+        if output.suffix.lower() == PAGE:
+            output.write_text(map_page(
+                f'{arm.name}{load}: {arguments.what}', verdicts, figure,
+                origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)), encoding='utf-8')
+        else:
+            save_figure(figure, output)
     print(f'{output.resolve()}: {said}')
     return DONE
 
 
-def _map(arguments: argparse.Namespace, arm: ArmModel, load: str) -> tuple[Any, str]:
+def _map(
+    arguments: argparse.Namespace, arm: ArmModel, load: str,
+) -> tuple[Any, list[MapPanel]]:
+    """Return the figure of a map over two joints, and its panels."""
     samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
     grid = make_grid(arm, arguments.joints, arguments.position, samples)
     shown = [joint_index(arm, '--at', name) for name in arguments.at] or list(grid.joints)
     values, title = _values(arguments, arm, grid)
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
     poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
-    figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
-    return figure, ', '.join(
-        f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
-        for panel in panels)
+    return map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses), panels
 
 
 def _values(

@@ -23,7 +23,9 @@ import sys
 
 import children
 import pytest
+from report_page import ReportPage
 from robot_dynamics.model_check.finding import CHECKS
+from robot_dynamics.model_check.html_report import NEXT_STEPS
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import missing, PACKAGE, robot_path
 
@@ -70,6 +72,32 @@ def test_errors_and_warnings_by_level(bad: Path):
     assert "joint 'wrist' has no effort limit" in warnings
     assert warnings.splitlines()[-1] == f'{bad}: 1 error'
     assert max(map(len, done.stdout.splitlines()[:-1])) <= 110
+
+
+def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(bad: Path, tmp_path: Path):
+    done = run(bad, '--report', tmp_path / 'new' / 'check.html')
+    assert done.stdout == run(bad).stdout
+    page = ReportPage((tmp_path / 'new' / 'check.html').read_text(encoding='utf-8'))
+    assert page.is_complete
+    places = [page.text.index(words) for words in (
+        'Verdict: 1 good, 2 check, 1 bad, of 4', "hinge bad joint 'hinge' moves 2 kg",
+        'new export from CAD', "wrist check joint 'wrist' has no effort limit",
+        'add the limit from the data sheet', 'arm check', 'whole arm good no findings',
+        str(bad), f'command check_model {bad} --report', 'Findings')]
+    assert places[0] < min(places[1:])
+    assert places[-3:] == sorted(places[-3:])
+    assert max(places[:-3]) < places[-3]
+
+
+def test_every_check_has_a_next_step():
+    assert set(NEXT_STEPS) == set(CHECKS)
+
+
+def test_a_report_that_cannot_be_written(bad: Path, tmp_path: Path):
+    (tmp_path / 'file').write_text('')
+    done = run(bad, '--report', tmp_path / 'file' / 'check.html')
+    assert done.returncode == 1
+    assert done.stderr.startswith('check_model: cannot write')
 
 
 def test_ignored_errors_are_still_shown(bad: Path):

@@ -19,8 +19,10 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
+from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.pictures.contour_labels import along
+from robot_dynamics.pictures.map_report import panel_verdict
 from robot_dynamics.pictures.torque_grid import gravity_efforts, make_grid
 from robot_dynamics.pictures.torque_map import (
     angle_ticks,
@@ -31,6 +33,7 @@ from robot_dynamics.pictures.torque_map import (
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import save_figure
+from robot_dynamics.reporting.html_page import Grade
 from robot_dynamics.tools.torque_map import main
 from robots import robot_path
 
@@ -222,3 +225,34 @@ def test_a_place_that_cannot_be_written_to_is_named(tmp_path, capsys):
     (tmp_path / 'file').write_text('')
     assert main(['--samples', '5', '-o', str(tmp_path / 'file' / 'x.png')]) == 1
     assert capsys.readouterr().err.startswith('torque_map: cannot write ')
+
+
+@pytest.mark.parametrize(('values', 'limit', 'grade', 'words'), [
+    ([-7.0, 8.0], 10.0, Grade.GOOD, 'at most 80 % of the limit of 10 N·m'),
+    ([-9.0, 8.0], 10.0, Grade.CHECK, 'at most 90 %'),
+    ([-11.0, 8.0, 1.0, 12.0], 10.0, Grade.BAD, 'above the limit at 50.0 % of the positions'),
+    ([1.0, 2.0], np.inf, Grade.UNKNOWN, 'no effort limit'),
+])
+def test_the_verdict_on_an_effort(values, limit, grade, words):
+    found = panel_verdict(MapPanel('Effort', np.array([values]), 'N·m', True, limit))
+    assert found.grade is grade
+    assert words in found.text
+
+
+def test_the_verdict_on_an_inertia():
+    grades = [panel_verdict(MapPanel('Inertia', np.array([[1.0, high]]), 'kg·m²', False)).grade
+              for high in (2.9, 3.1)]
+    assert grades == [Grade.GOOD, Grade.CHECK]
+
+
+@pytest.mark.parametrize('what', ['gravity', 'workspace'])
+def test_the_report_of_a_map(tmp_path, capsys, what):
+    path = tmp_path / 'map.html'
+    assert main([what, '--payload', '3', '--samples', '21', '-o', str(path)]) == 0
+    assert capsys.readouterr().out.startswith(f'{path}: ')
+    page = ReportPage(path.read_text(encoding='utf-8'))
+    assert page.is_complete
+    assert len(page.links) == 1
+    for words in (
+            'Verdict: ', 'the planar two-link arm', f'command torque_map {what} --payload 3'):
+        assert words in page.text

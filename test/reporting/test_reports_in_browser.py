@@ -14,11 +14,13 @@
 
 """HTML reports in a real browser: no request, no horizontal scrolling, and zoom."""
 
+from contextlib import contextmanager
+
 from browser import chromium, PATIENCE
 import pytest
 from recordings import KnownMotion, write_recording
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.tools import analyze_bag, identify
+from robot_dynamics.tools import analyze_bag, check_model, identify, torque_map
 from robots import must_have_everything
 
 if not must_have_everything():
@@ -34,11 +36,12 @@ RANGES = """name => {
     return [figure.x_range.start, figure.x_range.end, figure.y_range.start, figure.y_range.end]}"""
 FIGURE = '.bk-Figure'
 MOST_DRAGS = 100
+ZOOMABLE, STATIC = ('analyze_bag', 'identify'), ('check_model', 'torque_map')
 
 
 @pytest.fixture(scope='session')
 def reports(tmp_path_factory):
-    """Return the report of each tool, by the name of the tool, all from one recording."""
+    """Return the reports of the tools for one arm, and of those with a recording."""
     directory = tmp_path_factory.mktemp('reports')
     urdf = directory / 'arm.urdf'
     urdf.write_text(default_arm_urdf())
@@ -47,7 +50,10 @@ def reports(tmp_path_factory):
         name = tool.__name__.rpartition('.')[2]
         assert tool.main([
             str(bag), '--urdf', str(urdf), '--output', str(directory / name)]) == 0
-    return {name: directory / name / 'report.html' for name in ('analyze_bag', 'identify')}
+    assert check_model.main([str(urdf), '--report', str(directory / 'check_model.html')]) == 0
+    assert torque_map.main(['--urdf', str(urdf), '-o', str(directory / 'torque_map.html')]) == 0
+    return {**{name: directory / name / 'report.html' for name in ZOOMABLE},
+            **{name: directory / f'{name}.html' for name in STATIC}}
 
 
 @pytest.fixture(scope='module')
@@ -56,18 +62,40 @@ def browser(tmp_path_factory):
         yield started
 
 
-@pytest.fixture(params=['analyze_bag', 'identify'])
-def tab(request, browser, reports):
+@contextmanager
+def opened(browser, path):
     """Yield a report in the browser, with the addresses it requested and its errors."""
     tab = browser.new_page(viewport=SIZE)
     tab.set_default_timeout(PATIENCE)
     tab.requested, tab.errors = [], []
     tab.on('request', lambda made: tab.requested.append(made.url))
     tab.on('pageerror', lambda error: tab.errors.append(str(error)))
-    tab.goto(f'file://{reports[request.param]}')
-    tab.wait_for_selector(FIGURE)
+    tab.goto(path.as_uri())
     yield tab
     tab.close()
+
+
+@pytest.fixture(params=ZOOMABLE)
+def tab(request, browser, reports):
+    """Yield a report with figures over time."""
+    with opened(browser, reports[request.param]) as tab:
+        tab.wait_for_selector(FIGURE)
+        yield tab
+
+
+def assert_complete_and_narrow(tab):
+    """Assert that the page requested only itself, and scrolls in no element horizontally."""
+    assert [url for url in tab.requested if not url.startswith('data:')] == [tab.url]
+    assert tab.evaluate('document.documentElement.scrollWidth') <= SIZE['width']
+    assert tab.evaluate(WIDE) == []
+    assert tab.errors == []
+
+
+@pytest.mark.parametrize('name', STATIC)
+def test_a_report_without_zoom_needs_no_network_and_fits_the_screen(browser, reports, name):
+    with opened(browser, reports[name]) as tab:
+        tab.wait_for_selector('h1')
+        assert_complete_and_narrow(tab)
 
 
 def drag(tab):
@@ -85,9 +113,7 @@ def drag(tab):
 
 
 def test_a_report_needs_no_network_fits_the_screen_and_zooms(tab):
-    assert [url for url in tab.requested if not url.startswith('data:')] == [tab.url]
-    assert tab.evaluate('document.documentElement.scrollWidth') <= SIZE['width']
-    assert tab.evaluate(WIDE) == []
+    assert_complete_and_narrow(tab)
     name = 'joint1: Measured and model'
     tab.wait_for_function(f'Bokeh.documents[0].get_model_by_name("{name}").y_range.end > 0')
     start, end, low, high = tab.evaluate(RANGES, name)
