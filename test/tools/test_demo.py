@@ -22,9 +22,12 @@ from children import is_gone
 from demo_process import nodes_of, relative_residuals, run_demo, start_demo, wait_for_line
 import numpy as np
 import pytest
+from report_page import ReportPage
 from robot_dynamics.recordings.reader import Recording, stack
+from robot_dynamics.reporting.html_page import Grade
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.demo.cli import _make_directory
+from robot_dynamics.tools.demo.page import tracking_verdict
 from robot_dynamics.tools.demo.processes import choose_domain
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
@@ -156,6 +159,31 @@ def test_the_picture_is_not_blank(closed_loop):
     assert 0.01 < (pixels.min(axis=2) < 0.9).mean() < 0.5
 
 
+def test_the_report_begins_with_a_verdict_per_joint(closed_loop):
+    directory, out, _ = closed_loop
+    page = ReportPage((directory / 'report.html').read_text(encoding='utf-8'))
+    assert page.is_complete
+    places = [page.text.index(words) for words in (
+        'Verdict: 2 good, of 2 joints.', 'the joint tracks: RMS error', 'limit 10 mrad',
+        'the planar two-link arm', 'command demo --duration 2 --out here', 'Control rate')]
+    assert places == sorted(places)
+    for line in out.splitlines():
+        if line.startswith('joint'):
+            assert ' '.join(line.split()) in page.text
+
+
+@pytest.mark.parametrize(('rms', 'effort_ratio', 'answered', 'grade', 'words'), [
+    (0.002, 1.0, 1.0, Grade.GOOD, 'RMS error 2 mrad, limit 10 mrad'),
+    (0.02, 0.99, 1.0, Grade.BAD, 'the effort reaches its limit'),
+    (0.02, 0.5, 0.6, Grade.BAD, '60 % of the states were answered'),
+    (float('nan'), 0.5, 1.0, Grade.BAD, 'does not track'),
+])
+def test_the_verdict_on_tracking(rms, effort_ratio, answered, grade, words):
+    found = tracking_verdict('joint', 'revolute', rms, effort_ratio, answered)
+    assert found.grade is grade
+    assert words in found.text
+
+
 def test_progress_is_lines_where_there_is_no_terminal(closed_loop):
     _, _, err = closed_loop
     fractions = [int(fraction) for fraction in re.findall(r'(\d+) %', err)]
@@ -218,6 +246,10 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
     np.testing.assert_array_equal(again.position, played.position)
     np.testing.assert_array_equal(answers.stamps_ns, played.stamps_ns)
     assert (tmp_path / 'here' / 'demo.png').stat().st_size > 10000
+    page = ReportPage((tmp_path / 'here' / 'report.html').read_text(encoding='utf-8'))
+    assert page.is_complete
+    assert 'Verdict: 2 good, of 2 joints.' in page.text
+    assert 'robot_description of the recording' in page.text
 
 
 # --- mistakes ------------------------------------------------------------------------------------

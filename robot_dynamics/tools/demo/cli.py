@@ -37,6 +37,7 @@ from robot_dynamics.tools.command_line import (
     add_robot,
     DONE,
     INTERRUPTED,
+    origin_of,
     os_error_text,
     Parser,
     read_parameters,
@@ -47,6 +48,7 @@ from robot_dynamics.tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
     from robot_dynamics.model.arm import ArmModel
+    from robot_dynamics.reporting.html_page import Origin
     from robot_dynamics.trajectories.demo_motion import ReferenceMotion
 
 DEFAULT_DURATION = 10.0
@@ -60,7 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     # A signal that ends the demo also ends its nodes; the recording is kept.
     for name in ('SIGTERM', 'SIGHUP'):
         signal.signal(getattr(signal, name), _interrupt)
-    return run_tool('demo', partial(_run, arguments))
+    default = 'the planar two-link arm of this package' if arguments.replay is None else (
+        'robot_description of the recording, or else the planar two-link arm of this package')
+    origin = origin_of('demo', argv, arguments.robot, default)
+    return run_tool('demo', partial(_run, arguments, origin))
 
 
 def _interrupt(*_: object) -> None:
@@ -103,12 +108,14 @@ def _parser() -> Parser:
              'topic of type sensor_msgs/msg/JointState)')
     parser.add_argument(
         '--out', type=Path, metavar='DIR',
-        help='Directory of the figure, the recording and the logs (default: out/demo-<time>)')
+        help='Directory of the figure, the report, the recording and the logs (default: '
+             'out/demo-<time>)')
     parser.add_argument(
         '--viewer', type=port_number, nargs='?', const=DEFAULT_PORT, metavar='PORT',
         help='Show the arm in a browser, where sliders move it, until Ctrl-C; port of the page '
              f'(default: {DEFAULT_PORT})')
-    parser.add_argument('--no-plot', action='store_true', help='Do not draw the figure')
+    parser.add_argument(
+        '--no-plot', action='store_true', help='Write neither the figure nor the report')
     return parser
 
 
@@ -126,7 +133,7 @@ def _number(low: float, high: float) -> 'type[float]':
     return number  # type: ignore[return-value]
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
     if arguments.topic is not None and arguments.replay is None:
         raise InvalidInputError(
             '--topic is given without --replay; it is a topic of the recording')
@@ -144,8 +151,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
     if arguments.replay is not None:
-        return _replay(arguments, directory)
-    return _closed_loop(arguments, directory)
+        return _replay(arguments, directory, origin)
+    return _closed_loop(arguments, directory, origin)
 
 
 def _check_libraries(arguments: argparse.Namespace) -> None:
@@ -158,10 +165,11 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
         optional('viser', 'demo --viewer')
 
 
-def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
+def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
     from robot_dynamics.tools.demo.loop import Page, run_closed_loop
+    from robot_dynamics.tools.demo.page import write_loop_page
     from robot_dynamics.tools.demo.report import loop_report, print_report, save_picture
-    from robot_dynamics.tools.demo.session import PICTURE, RECORDING
+    from robot_dynamics.tools.demo.session import PICTURE, RECORDING, REPORT
     urdf = _description(arguments.robot, directory)
     arm = _arm(urdf, arguments.parameters)
     run = run_closed_loop(
@@ -175,6 +183,9 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path) -> int:
         if not arguments.no_plot:
             save_picture(report, arm, directory / PICTURE)
             print(f'Picture          {directory / PICTURE}')
+            write_loop_page(
+                report, run, arm, directory / PICTURE, directory / REPORT, origin)
+            print(f'Report           {directory / REPORT}')
     except (RobotDynamicsError, OSError) as error:
         if not run.interrupted:
             raise ToolError(str(error)) from None
@@ -200,7 +211,8 @@ def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion'
     return motion_along(arm, read_trajectory(arguments.trajectory, arm.joint_names))
 
 
-def _replay(arguments: argparse.Namespace, directory: Path) -> int:
+def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
+    from robot_dynamics.tools.demo.page import write_comparison_page
     from robot_dynamics.tools.demo.replay import (
         compare,
         play_recording,
@@ -208,7 +220,7 @@ def _replay(arguments: argparse.Namespace, directory: Path) -> int:
         read_recording,
         save_comparison,
     )
-    from robot_dynamics.tools.demo.session import PICTURE, RECORDING
+    from robot_dynamics.tools.demo.session import PICTURE, RECORDING, REPORT
     recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
     urdf = _description(arguments.robot, directory, recorded.urdf)
     replay = play_recording(recorded, urdf, arguments.rate, directory)
@@ -218,9 +230,12 @@ def _replay(arguments: argparse.Namespace, directory: Path) -> int:
     if not arguments.no_plot:
         try:
             save_comparison(comparison, directory / PICTURE)
+            write_comparison_page(
+                comparison, directory / PICTURE, directory / REPORT, origin)
         except (RobotDynamicsError, OSError) as error:
             raise ToolError(str(error)) from None
         print(f'Picture          {directory / PICTURE}')
+        print(f'Report           {directory / REPORT}')
     return DONE
 
 

@@ -174,7 +174,7 @@ def print_comparison(comparison: Comparison, recorded: Recorded, replay: Replay)
     if motion.effort is None:
         print(f'{recorded.topic} has no measured effort: the table has only modelled '
               'efforts.\n')
-    print(quantity_table(_rows(comparison)))
+    print(quantity_table(comparison_rows(comparison)))
     if motion.effort is not None:
         print('\nresidual: measured effort minus the inverse dynamics of the model for the '
               'measured motion;\nrelative: RMS of the residual divided by the RMS of the measured '
@@ -182,24 +182,31 @@ def print_comparison(comparison: Comparison, recorded: Recorded, replay: Replay)
     print()
 
 
-def save_comparison(comparison: Comparison, path: Path) -> None:
-    """Write the figure: measured and modelled effort, and terms; raise OSError."""
-    arm, motion, terms = comparison.arm, comparison.motion, comparison.terms
+def comparison_panels(comparison: Comparison) -> list[Panel]:
+    """Return the panels of measured and modelled effort, and of the terms."""
+    motion, terms = comparison.motion, comparison.terms
     panels: list[Panel] = []
     residual = comparison.residual('effort')
-    title = f'{arm.name}: modelled effort of the recorded motion'
     if motion.effort is not None and residual is not None:
         panels.append(effort_panel('Measured effort and model', motion.times, {
             'measured': motion.effort, 'model': terms['effort'], 'residual': residual}))
-        title = f'{arm.name}: measured and modelled effort of the recorded motion'
     by_term = {name: terms[name] for name in ('gravity', 'inertial', 'coriolis', 'effort')}
     if np.any(terms['friction']):
         by_term['friction'] = terms['friction']
-    panels.append(effort_panel('Model by term', motion.times, by_term))
-    save_figure(joint_figure(title, arm.joint_names, arm.joint_kinds, panels), path)
+    return [*panels, effort_panel('Model by term', motion.times, by_term)]
 
 
-def _rows(comparison: Comparison) -> list[tuple[str, ...]]:
+def save_comparison(comparison: Comparison, path: Path) -> None:
+    """Write the figure of `comparison_panels`; raise OSError."""
+    arm = comparison.arm
+    compared = 'measured and modelled' if comparison.motion.effort is not None else 'modelled'
+    save_figure(joint_figure(
+        f'{arm.name}: {compared} effort of the recorded motion', arm.joint_names,
+        arm.joint_kinds, comparison_panels(comparison)), path)
+
+
+def comparison_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return efforts and residuals of each joint, after a row of titles."""
     def away_from_ends(values: FloatArray | None) -> FloatArray | None:
         return None if values is None else values[comparison.motion.usable]
 

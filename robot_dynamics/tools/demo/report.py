@@ -26,6 +26,7 @@ from robot_dynamics.reporting.figures import (
     effort_panel,
     error_panel,
     joint_figure,
+    Panel,
     position_panel,
     save_figure,
 )
@@ -109,42 +110,57 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
 
 def print_report(report: LoopReport, run: LoopRun) -> None:
     """Print errors per joint, and rates."""
-    motion = run.motion
-    rows = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
+    print()
+    print(quantity_table(error_rows(report)))
+    print()
+    print('\n'.join(rate_lines(report, run)))
+
+
+def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
+    """Return the errors of each joint, after a row of titles."""
+    rows: list[tuple[str, ...]] = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
     for name, kind, rms, largest in zip(
             report.joint_names, report.joint_kinds, report.rms, report.largest):
         unit = 'm' if kind == 'prismatic' else 'rad'
         rows.append((
             name, f'{_short(rms)} {unit}', f'{_short(largest)} {unit}',
             f'{LARGEST_RMS:g} {unit}'))
-    print()
-    print(quantity_table(rows))
-    print()
-    print(f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
-          f'{100.0 * report.answered:.2f} % of the states were answered')
-    print(f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
-          f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
-          'by the recorder')
+    return rows
+
+
+def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
+    """Return lines about the rates, the losses and the planned effort."""
+    lines = [
+        f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
+        f'{100.0 * report.answered:.2f} % of the states were answered',
+        f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
+        f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
+        'by the recorder']
     if run.lost:
-        print('                 The recording is incomplete: try a lower real_time_factor or a '
-              'lower --rate.')
+        lines.append('                 The recording is incomplete: try a lower real_time_factor '
+                     'or a lower --rate.')
     if report.answered < FEW_ANSWERS:
-        print('                 This machine is too slow for the rate: errors may be larger; try '
-              'a lower --rate.')
-    print(f'Largest effort   {100.0 * motion.effort_ratio:.0f} % of its limit at '
-          f'{motion.worst_joint} (planned)')
+        lines.append('                 This machine is too slow for the rate: errors may be '
+                     'larger; try a lower --rate.')
+    return [*lines, f'Largest effort   {100.0 * run.motion.effort_ratio:.0f} % of its limit at '
+            f'{run.motion.worst_joint} (planned)']
+
+
+def loop_panels(report: LoopReport, arm: ArmModel) -> tuple[Panel, ...]:
+    """Return the panels of positions, errors, and the effort by term."""
+    lines = {name: values for name, values in report.terms.items()
+             if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}
+    return (
+        position_panel(report.times, report.reference, report.measured),
+        error_panel(report.times, report.error),
+        effort_panel('Effort by term', report.term_times, lines))
 
 
 def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
-    """Write the figure: positions, errors, and the effort by term; raise OSError."""
+    """Write the figure of `loop_panels`; raise OSError."""
     title = f'{arm.name}: reference and measured position, and the commanded effort by term'
-    lines = {name: values for name, values in report.terms.items()
-             if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}
-    figure = joint_figure(title, report.joint_names, report.joint_kinds, (
-        position_panel(report.times, report.reference, report.measured),
-        error_panel(report.times, report.error),
-        effort_panel('Effort by term', report.term_times, lines)))
-    save_figure(figure, path)
+    save_figure(joint_figure(
+        title, report.joint_names, report.joint_kinds, loop_panels(report, arm)), path)
 
 
 def _short(error: float) -> str:

@@ -46,6 +46,7 @@ from trajectory_msgs.msg import JointTrajectory
 RECORDING = 'recording'
 DESCRIPTION = 'robot.urdf'
 PICTURE = 'demo.png'
+REPORT = 'report.html'
 
 JOINT_STATES = '/joint_states'
 EFFORT_COMMAND = '/effort_command'
