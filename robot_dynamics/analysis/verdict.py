@@ -42,11 +42,11 @@ RULE = (
     'viscous and Coulomb friction; a factor between measured and modelled effort.')
 MASSES = ('check payload and gravity of the model, then run `identify` with this recording, or '
           'with a trajectory generated with `excite`')
-FRICTION = ('run `identify` with this recording: it fits friction.viscous and friction.coulomb, '
-            'among others')
+FRICTION = ('run `identify` with this recording: it fits `friction.viscous` and '
+            '`friction.coulomb`, among others')
 OFFSET = ('check the zero of the effort sensor, the payload, and the direction of gravity; '
-          '`identify` fits the offset as friction.effort_offset')
-SCALE = 'check the unit of the effort: parameter measured_effort, or `identify --effort current`'
+          '`identify` fits the offset as `friction.effort_offset`')
+SCALE = 'check the unit of the effort: parameter `measured_effort`, or `identify --effort current`'
 
 
 def joint_verdicts(analysis: BagAnalysis) -> list[Verdict]:
