@@ -45,6 +45,7 @@ from robot_dynamics.analysis.tasks import (
     TABLE,
     TERMS,
 )
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics.reporting.progress import Progress
@@ -99,6 +100,8 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    with_figure = arguments.output is not None and not arguments.no_report
+    require('analyze_bag', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:

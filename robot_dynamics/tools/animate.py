@@ -35,6 +35,7 @@ from robot_dynamics.animation.arm_motion import (
 )
 from robot_dynamics.animation.chain_animation import chain_frames
 from robot_dynamics.animation.video import check_format, write_video
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
@@ -114,8 +115,10 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')
-    if arguments.output is not None:
-        check_format(arguments.output)
+    output = arguments.output or Path('arm.gif')
+    require('animate', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
+            *(['rosbags', 'yaml', 'scipy'] if recorded else []))
+    check_format(output)
     motion = _recorded_motion(arguments, duration, rate / speed) if recorded else (
         _simulated_motion(arguments, duration, rate / speed))
     stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_FRACTION * duration]

@@ -162,20 +162,17 @@ def read_parameters(path: Path | None) -> Mapping[str, Any]:
     return {} if path is None else read_parameter_file(path)
 
 
-def read_robot(text: str | None) -> str:
+def read_robot(text: str | None, option: str = '--urdf') -> str:
     """
     Return the URDF of a path, or of file:// or package://; the default arm for None.
 
-    xacro is expanded; only package:// needs ROS. Raises ModelError if there is no URDF.
+    xacro is expanded. Raises ModelError, which names `option`, if there is no URDF.
     """
     if text is None:
         from robot_dynamics.planar.urdf import default_arm_urdf
         return default_arm_urdf()
-    if '://' not in text:
-        from robot_dynamics.urdf.description_file import read_description
-        return read_description(Path(text).expanduser(), '--urdf')
-    from robot_dynamics.ros.robot_description import read_description_file
-    return read_description_file(text)
+    from robot_dynamics.urdf.description_file import read_description_file
+    return read_description_file(text, option)
 
 
 def _pair(text: str) -> tuple[str, str]:

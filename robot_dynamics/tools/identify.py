@@ -124,6 +124,7 @@ def _run(arguments: argparse.Namespace) -> int:
         Task,
         TaskOutcome,
     )
+    from robot_dynamics.dependencies import require
     from robot_dynamics.identification.bag_identification import identify_bags
     from robot_dynamics.identification.pipeline import STAGES
     from robot_dynamics.identification.report import write_identification
@@ -131,6 +132,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.reporting.progress import Progress
+    require('identify', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
     settings = read_settings(arguments)
     if arguments.dask is not None:

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
@@ -121,6 +122,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
+    require('torque_map', 'matplotlib')
     arm = load_arm(read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')

@@ -18,7 +18,6 @@ Ask a running `dynamics` node on the command line, or move the arm: `ros2 dynami
 Without ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
 `python -m robot_dynamics.tools.ros2_dynamics inverse 0.1 0.2`.
 """
-# PYTHON_ARGCOMPLETE_OK
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
