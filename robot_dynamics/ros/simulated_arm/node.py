@@ -204,6 +204,10 @@ class SimulatedArmNode(GuardedCallbacks):
             f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
         self.call_when_spun(self._loop.start)
 
+    def request_shutdown(self) -> None:
+        """Log that the node ends."""
+        self.get_logger().info('Ending: the simulation stops.')
+
     def destroy_node(self) -> None:
         """Stop the simulation, then destroy the node."""
         loop = getattr(self, '_loop', None)
