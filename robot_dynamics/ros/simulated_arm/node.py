@@ -137,16 +137,27 @@ SPECS = (
 )
 
 USAGE = NodeUsage(
-    'simulated_arm',
-    'Simulates the arm of a URDF: integrates its motion under the commanded efforts, and '
-    'publishes its joint states.',
+    'simulated_arm', 'simulated_arm',
+    'Simulates the arm of a URDF: integrates its motion under the received efforts, and '
+    'publishes its joint states. The brakes hold the arm until the first effort arrives.',
+    (('', 'Simulate the planar two-link arm; dynamics_node without arguments commands it.'),
+     ('--ros-args -p robot_description_file:=arm.urdf -p initial_position:="[0.5, 0.2]"',
+      'Simulate the arm in arm.urdf, which starts at these joint positions.'),
+     ('--ros-args -p lock_step:=true',
+      'Simulate as fast as the commands arrive, in simulated time on /clock.')),
     SPECS,
     ('robot_description_file', 'joints', 'rate', 'lock_step', 'initial_position', 'brakes',
      'command_timeout', 'measured_effort', 'robot_compensates', 'position_noise'),
-    (('effort_command', 'Subscribed: the efforts of the joints.'),
-     ('~/external_wrench', 'Subscribed: a wrench on a link.'),
-     ('joint_states', 'Published: position, velocity and effort.'),
-     ('~/reset, ~/set_payload', 'Services: return to the initial pose, attach a payload.')))
+    (('effort_command', 'Subscribed, sensor_msgs/msg/JointState: the effort [N·m] or [N] at each '
+      'joint, by joint name.'),
+     ('~/external_wrench', 'Subscribed, geometry_msgs/msg/WrenchStamped: a wrench on the link '
+      'frame_id, until the next message.'),
+     ('joint_states', 'Published, sensor_msgs/msg/JointState: position, velocity and effort.'),
+     ('/clock', 'Published, rosgraph_msgs/msg/Clock: simulated time, with lock_step or '
+      'publish_clock.'),
+     ('~/reset', 'Service, std_srvs/srv/Trigger: return the arm to its initial pose.'),
+     ('~/set_payload', 'Service, robot_dynamics_interfaces/srv/SetPayload: set the load on a '
+      'link.')))
 
 
 class SimulatedArmNode(GuardedCallbacks):
