@@ -24,7 +24,7 @@ from rclpy.clock import Clock, ClockType
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
-from robot_dynamics.model.payload import describe_payloads
+from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.conversions import wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
@@ -258,9 +258,9 @@ class SimulatedArmNode(GuardedCallbacks):
         self, request: SetPayload.Request, response: SetPayload.Response,
     ) -> SetPayload.Response:
         try:
+            before = self._plant.simulation.arm.payloads
             payloads = changed_payloads(
-                self._arm, self._plant.simulation.arm.payloads, request.payload,
-                self._settings.values)
+                self._arm, before, request.payload, self._settings.values)
             if request.transition_time != 0.0:
                 raise InvalidInputError(
                     f'transition_time is {request.transition_time:g}, expected 0: the simulated '
@@ -271,7 +271,7 @@ class SimulatedArmNode(GuardedCallbacks):
             response.success, response.message = False, describe_error(error)
             return response
         response.success = True
-        response.message = describe_payloads(payloads)
+        response.message = describe_change(before, payloads)
         return response
 
 
