@@ -21,13 +21,11 @@ import json
 from pathlib import Path
 import sys
 
-from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.finding import CHECKS, errors_of
 from robot_dynamics.model_check.mesh_bounds import MeshReader
-from robot_dynamics.model_check.report import findings_as_data, findings_of, findings_report
+from robot_dynamics.model_check.report import check_description, findings_as_data, findings_report
 from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE, Parser, run_tool
 from robot_dynamics.urdf.description_file import read_description
-from robot_dynamics.urdf.inertials import read_bodies
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -68,13 +66,12 @@ def _parser() -> Parser:
 def _run(arguments: argparse.Namespace) -> int:
     xml = read_description(arguments.urdf, 'URDF')
     meshes = MeshReader(arguments.urdf.parent)
-    findings = findings_of(xml, arguments.joints, meshes)
-    unread = list(unmeasured(read_bodies(xml, meshes)))
+    checked = check_description(xml, arguments.joints, meshes=meshes)
     if arguments.json:
-        print(json.dumps(findings_as_data(findings, arguments.ignore, unread), indent=2))
+        print(json.dumps(findings_as_data(checked, arguments.ignore), indent=2))
     else:
-        print(findings_report(arguments.urdf, findings, arguments.ignore, unread))
-    return FAILED if errors_of(findings, arguments.ignore) else DONE
+        print(findings_report(arguments.urdf, checked, arguments.ignore))
+    return FAILED if errors_of(checked.findings, arguments.ignore) else DONE
 
 
 if __name__ == '__main__':
