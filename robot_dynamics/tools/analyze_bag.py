@@ -140,10 +140,7 @@ def _run_with_progress(
     single = len(bags) == 1 and arguments.dask is None
     steps = len(STEPS) + len(task.outputs) if single else len(bags)
     with Progress(steps, 'steps' if single else 'recordings') as progress:
-        def advance(_: object) -> None:
-            if not single or sys.stderr.isatty():
-                progress.advance()
-
+        advance = progress.advance
         return run_tasks(
             partial(analyze_task, on_step=advance) if single else analyze_task, bags,
             task, arguments.jobs, kept, arguments.dask, None if single else advance,

@@ -20,7 +20,7 @@ cannot be used.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 import sys
@@ -46,12 +46,15 @@ from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel,
 from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
+from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
 from robot_dynamics.validation import check_scalar
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
 FORMATS = ('.png', '.pdf', '.svg')
 MOST_SAMPLES = 1001
+STEPS = 3
+"""Steps of the progress display: computed, drawn, written."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -128,27 +131,40 @@ def _run(arguments: argparse.Namespace) -> int:
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
-    if arguments.what == WORKSPACE:
-        found = map_gravity(arm, link)
-        figure = workspace_figure(
-            f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace',
-            arm, link, found)
-        said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
-    else:
-        figure, said = _map(arguments, arm, load)
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
     with writing(output):
         output.parent.mkdir(parents=True, exist_ok=True)
-        save_figure(figure, output)
+    with Progress(STEPS, 'steps') as progress:
+        draw = _workspace if arguments.what == WORKSPACE else _map
+        figure, said = draw(arguments, arm, load, progress.advance)
+        progress.advance()
+        with writing(output):
+            save_figure(figure, output)
+        progress.advance()
     print(f'{output.resolve()}: {said}')
     return DONE
 
 
-def _map(arguments: argparse.Namespace, arm: ArmModel, load: str) -> tuple[Any, str]:
+def _workspace(
+    arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
+) -> tuple[Any, str]:
+    link = arguments.link or tool_link(arm)
+    found = map_gravity(arm, link)
+    on_computed()
+    figure = workspace_figure(
+        f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace', arm,
+        link, found)
+    return figure, f'{100.0 * found.held:.1f} % of the positions tried can be held'
+
+
+def _map(
+    arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
+) -> tuple[Any, str]:
     samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
     grid = make_grid(arm, arguments.joints, arguments.position, samples)
     shown = [joint_index(arm, '--at', name) for name in arguments.at] or list(grid.joints)
     values, title = _values(arguments, arm, grid)
+    on_computed()
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
     poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
     figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
