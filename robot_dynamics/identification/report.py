@@ -46,7 +46,7 @@ from robot_dynamics.reporting.figures import (
 )
 from robot_dynamics.reporting.html_page import image, items, page, png, table
 
-URDF, PARAMETERS, REPORT, FIGURES = (
+FILES = URDF, PARAMETERS, REPORT, FIGURES = (
     'identified.urdf', 'identified.yaml', 'report.html', 'report.json')
 
 
@@ -60,7 +60,7 @@ def write_identification(
     the URDF cannot represent the parameters, MissingDependencyError without matplotlib.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    paths = [directory / name for name in (URDF, PARAMETERS, REPORT, FIGURES)]
+    paths = [directory / name for name in FILES]
     arm, fit = found.identification.arm, found.identification.models.consistent
     paths[0].write_text(fitted_urdf(urdf, arm, fit), encoding='utf-8')
     gains = found.identification.gains

@@ -52,14 +52,15 @@ from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
 from robot_dynamics.tools.command_line import (
     add_cutoff,
+    add_force,
     add_parameters,
     add_recordings,
     add_workers,
     DONE,
     FAILED,
-    KEPT,
     MISTAKE,
     Parser,
+    prepare_directory,
     read_settings,
     run_tool,
 )
@@ -95,6 +96,7 @@ def _parser() -> Parser:
         '--parquet', action='store_true', help=f'Also write {PARQUET} (extra: parquet)')
     parser.add_argument(
         '--no-report', action='store_true', help=f'Write neither {REPORT} nor {PICTURE}')
+    add_force(parser)
     add_workers(parser)
     return parser
 
@@ -114,11 +116,12 @@ def _run(arguments: argparse.Namespace) -> int:
     task = AnalysisTask(settings, _outputs(arguments))
     kept, each = None, None
     if task.outputs:
-        kept = arguments.output / KEPT
-        kept.mkdir(parents=True, exist_ok=True)
-        each = [
-            replace(task, directory=str(
-                arguments.output.resolve() / (name if len(bags) > 1 else ''))) for name in names]
+        places = [
+            arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
+        kept = prepare_directory(
+            arguments.output, [place / name for place in places for name in task.outputs],
+            arguments)
+        each = [replace(task, directory=str(place)) for place in places]
     outcomes = _run_with_progress(bags, task, arguments, kept, each)
     results = [outcome.result for outcome in outcomes if outcome.result is not None]
     if len(bags) == 1 and results:

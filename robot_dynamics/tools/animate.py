@@ -41,7 +41,15 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
+from robot_dynamics.tools.command_line import (
+    add_force,
+    DONE,
+    Parser,
+    prepare_file,
+    read_robot,
+    run_tool,
+    writing,
+)
 from robot_dynamics.validation import check_scalar
 
 DEFAULT_DURATION = 5.0
@@ -103,6 +111,7 @@ def _parser() -> Parser:
         '-o', '--output', type=Path, metavar='FILE',
         help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
              'arm>.gif)')
+    add_force(parser)
     return parser
 
 
@@ -127,11 +136,12 @@ def _run(arguments: argparse.Namespace) -> int:
         load_arm(read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm
     output = arguments.output or Path('out', f'{arm.name}.gif')
-    with writing(output):
-        output.parent.mkdir(parents=True, exist_ok=True)
-    motion = _simulated_motion(arm, duration, rate / speed) if series is None else (
-        _recorded_motion(arm, series, arguments, duration, rate / speed))
-    title = 'Double pendulum' if not recorded and arguments.urdf is None else arm.name
+    prepare_file(output, arguments.force)
+    if series is not None:
+        motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
+    else:
+        motion = _simulated_motion(arm, duration, rate / speed)
+    title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
     print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
     with Progress(frame_count(motion, stops), 'frames') as progress, writing(output):

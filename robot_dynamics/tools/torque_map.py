@@ -47,7 +47,15 @@ from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
+from robot_dynamics.tools.command_line import (
+    add_force,
+    DONE,
+    Parser,
+    prepare_file,
+    read_robot,
+    run_tool,
+    writing,
+)
 from robot_dynamics.validation import check_scalar
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
@@ -113,6 +121,7 @@ def _parser() -> Parser:
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help=f'Output file: {", ".join(FORMATS)} (default: out/<name of the arm>_<what>.png)')
+    add_force(parser)
     return parser
 
 
@@ -132,8 +141,7 @@ def _run(arguments: argparse.Namespace) -> int:
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
-    with writing(output):
-        output.parent.mkdir(parents=True, exist_ok=True)
+    prepare_file(output, arguments.force)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map
         figure, said = draw(arguments, arm, load, progress.advance)

@@ -171,6 +171,10 @@ def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
     assert status == 0
     assert 'from an earlier run' in out
+    status, out, err = run(
+        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--cutoff', '5')
+    assert (status, out) == (2, '')
+    assert "report.html' exists and is not of the same command" in err
     (written / 'report.png').unlink()
     status, out, _ = run(
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')

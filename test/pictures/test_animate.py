@@ -229,8 +229,9 @@ def test_a_recording_whose_positions_wrap_has_the_same_picture(tmp_path):
             ('straight', motion.position), ('wrapped', wrap_to_pi(motion.position))):
         bag = write_bag(
             tmp_path / name, replace(motion, position=position), ['joint1', 'joint2'])
-        assert main([str(bag), '--rate', '2', '--stop', '-o', str(tmp_path / 'x.gif')]) == 0
-        with Image.open(tmp_path / 'x.gif') as picture:
+        path = tmp_path / f'{name}.gif'
+        assert main([str(bag), '--rate', '2', '--stop', '-o', str(path)]) == 0
+        with Image.open(path) as picture:
             picture.seek(picture.n_frames - 1)
             pictures.append(np.asarray(picture.convert('RGB'), dtype=float))
     assert np.abs(pictures[0] - pictures[1]).mean() < 0.01
