@@ -103,7 +103,7 @@ def _parser() -> Parser:
 
 def _run(arguments: argparse.Namespace) -> int:
     with_figure = arguments.output is not None and not arguments.no_report
-    require('analyze_bag', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
+    require('the tool', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:

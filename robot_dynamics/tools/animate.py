@@ -129,7 +129,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
     output = arguments.output or Path('arm.gif')
-    require('animate', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
+    require('the tool', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
             *(['rosbags', 'yaml', 'scipy'] if recorded else []))
     check_format(output)
     arm, series = _read_recording(arguments) if recorded else (

@@ -134,7 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.reporting.progress import Progress
-    require('identify', 'rosbags', 'yaml', 'scipy', 'matplotlib')
+    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
     settings = read_settings(arguments)
     if arguments.dask is not None:

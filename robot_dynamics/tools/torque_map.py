@@ -134,7 +134,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
-    require('torque_map', 'matplotlib')
+    require('the tool', 'matplotlib')
     arm = load_arm(read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')

@@ -151,8 +151,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _check_libraries(arguments: argparse.Namespace) -> None:
     """Raise MissingDependencyError before any node starts if a library is not installed."""
-    require_ros('demo')
-    require('demo', 'yaml', 'rosbags')
+    require_ros('the demo')
+    require('the demo', 'yaml', 'rosbags')
     if arguments.replay is not None:
         require('demo --replay', 'scipy')
     if not arguments.no_plot:

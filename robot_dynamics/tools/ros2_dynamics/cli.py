@@ -28,6 +28,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None) -> int:
-    require_ros('dynamics')
+    require_ros('the tool')
     from robot_dynamics.tools.ros2_dynamics.verbs import main as run_verb
     return run_verb(argv)

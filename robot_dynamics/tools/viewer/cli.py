@@ -84,7 +84,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     is_over = threading.Event()
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: is_over.set())
-    require_ros('viewer')
+    require_ros('the viewer')
     from robot_dynamics.tools.viewer.server import (
         address_of,
         is_loopback,
