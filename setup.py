@@ -30,7 +30,7 @@ EXECUTABLES = {
     'animate': 'robot_dynamics.tools.animate:main',
     'check_model': 'robot_dynamics.tools.check_model:main',
     'demo': 'robot_dynamics.tools.demo.cli:main',
-    'dynamics': 'robot_dynamics.tools.ros2_dynamics.verbs:main',
+    'dynamics': 'robot_dynamics.tools.ros2_dynamics.cli:main',
     'excite': 'robot_dynamics.tools.excite:main',
     'identify': 'robot_dynamics.tools.identify:main',
     'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',

@@ -14,6 +14,7 @@
 
 """Optional libraries that some functions need, and the ways to install them."""
 
+from collections.abc import Sequence
 import importlib
 from importlib.util import find_spec
 from pathlib import Path
@@ -55,6 +56,13 @@ LIBRARIES = {
 }
 """The libraries by module."""
 
+_ROS = (
+    ('rclpy', 'ROS 2 Jazzy', 'Activate ROS first: source /opt/ros/jazzy/setup.bash'),
+    ('robot_dynamics_interfaces', 'the message package of robot_dynamics',
+     'Build it with both paths, in a workspace: colcon build --base-paths src '
+     'src/robot_dynamics/robot_dynamics_interfaces && source install/setup.bash'))
+"""Modules of ROS, what each belongs to, and how to make it available."""
+
 NUMPY_OF_APT = 'numpy<2'
 """What the modules of ROS and Pinocchio from apt are compiled for on Ubuntu 24.04."""
 
@@ -65,28 +73,68 @@ def optional(module: str, purpose: str) -> Any:
 
     Raises MissingDependencyError if the library is not installed.
     """
-    library = module.partition('.')[0]
+    require(purpose, module.partition('.')[0])
     try:
-        importlib.import_module(library)
         return importlib.import_module(module)
     except ImportError:
-        name = LIBRARIES[library].name
-        raise MissingDependencyError(
-            f'{purpose} needs the library {name}, which cannot be imported. Install it: '
-            f'{install_command(library)}') from None
+        raise _missing(purpose, [module.partition('.')[0]]) from None
 
 
-def install_command(module: str) -> str:
-    """Return the command that installs a library of LIBRARIES for this Python interpreter."""
-    library = LIBRARIES[module]
+def require(purpose: str, *modules: str) -> None:
+    """
+    Check before long work that libraries of LIBRARIES can be imported; `purpose` is their user.
+
+    Raises MissingDependencyError, which names all that are missing and one command.
+    """
+    missing = [module for module in modules if not _is_importable(module)]
+    if missing:
+        raise _missing(purpose, missing)
+
+
+def require_ros(purpose: str) -> None:
+    """Raise MissingDependencyError if ROS, or the package of the messages, is not available."""
+    for module, origin, remedy in _ROS:
+        if not _is_importable(module):
+            raise MissingDependencyError(
+                f'{purpose} needs {origin} (the module {module}), which cannot be imported. '
+                f'{remedy}. In a clone without ROS, start the command with scripts/run')
+
+
+def install_command(*modules: str) -> str:
+    """Return the command that installs libraries of LIBRARIES for this Python interpreter."""
+    libraries = [LIBRARIES[module] for module in modules]
     if not _belongs_to_system():
-        return shlex.join([sys.executable, '-m', 'pip', 'install', *library.pip])
-    if library.apt:
-        return f'sudo apt install {library.apt}'
-    command = shlex.join([
-        sys.executable, '-m', 'pip', 'install', '--user', '--break-system-packages',
-        *library.pip, NUMPY_OF_APT])
-    return command if find_spec('pip') else f'sudo apt install python3-pip && {command}'
+        packages = [name for library in libraries for name in library.pip]
+        return shlex.join([sys.executable, '-m', 'pip', 'install', *packages])
+    of_apt = [library.apt for library in libraries if library.apt]
+    packages = [name for library in libraries if not library.apt for name in library.pip]
+    commands = []
+    if packages and not find_spec('pip'):
+        of_apt.append('python3-pip')
+    if of_apt:
+        commands.append(f'sudo apt install {" ".join(of_apt)}')
+    if packages:
+        commands.append(shlex.join([
+            sys.executable, '-m', 'pip', 'install', '--user', '--break-system-packages',
+            *packages, NUMPY_OF_APT]))
+    return ' && '.join(commands)
+
+
+def _missing(purpose: str, modules: Sequence[str]) -> MissingDependencyError:
+    names = [LIBRARIES[module].name for module in modules]
+    which = f'library {names[0]}' if len(names) == 1 else (
+        f'libraries {", ".join(names[:-1])} and {names[-1]}')
+    return MissingDependencyError(
+        f'{purpose} needs the {which}, which cannot be imported. Install '
+        f'{"it" if len(names) == 1 else "them"}: {install_command(*modules)}')
+
+
+def _is_importable(module: str) -> bool:
+    try:
+        importlib.import_module(module)
+    except ImportError:
+        return False
+    return True
 
 
 def _belongs_to_system() -> bool:

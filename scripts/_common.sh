@@ -10,7 +10,7 @@ has_ros() { [ -e "$ros_prefix/setup.bash" ]; }
 
 say() { printf '\033[2m== %s\033[0m\n' "$*" >&2; }
 
-# fail MESSAGE [LOG]: one clear line; the log of what went wrong is kept and named.
+# fail MESSAGE [LOG] [STATUS]: one clear line; the log of what went wrong is kept and named.
 fail() {
   local details=''
   if [ -s "${2:-}" ]; then
@@ -19,7 +19,7 @@ fail() {
     details=" (What it said: log/setup.txt.)"
   fi
   printf 'robot_dynamics: %s%s\n' "$1" "$details" >&2
-  exit 1
+  exit "${3:-1}"
 }
 
 # The environment of ROS, without this workspace.

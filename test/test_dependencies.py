@@ -15,14 +15,17 @@
 """What the package imports is declared, and a missing library is named with its command."""
 
 import ast
+import os
 from pathlib import Path
 import re
 import shlex
 import subprocess
 import sys
 
+from absent_libraries import environment_without
+import children
 import pytest
-from robot_dynamics.dependencies import install_command, LIBRARIES, optional
+from robot_dynamics.dependencies import install_command, LIBRARIES, optional, require
 from robot_dynamics.exceptions import MissingDependencyError
 
 ROOT = Path(__file__).parents[1]
@@ -92,6 +95,85 @@ def test_a_missing_library_is_named_with_its_command(
     assert str(caught.value) == words + install_command(library)
     in_extra = {re.split('[~=<>;]', required)[0] for required in extras()[extra]}
     assert set(packages) <= in_extra
+
+
+def test_all_missing_libraries_are_named_with_one_command(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ('rosbags', 'scipy'):
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingDependencyError) as caught:
+        require('a test', 'rosbags', 'yaml', 'scipy')
+    assert str(caught.value) == (
+        'a test needs the libraries rosbags and scipy, which cannot be imported. Install them: '
+        + install_command('rosbags', 'scipy'))
+    assert install_command('rosbags', 'scipy').count('pip install') == 1
+
+
+RECORDED = ['rosbags', 'PyYAML', 'scipy', 'matplotlib']
+TOOLS = {
+    'analyze_bag': (['BAG', '--output', 'out'], RECORDED),
+    'identify': (['BAG', '--urdf', 'arm.urdf'], RECORDED),
+    'animate': ([], ['matplotlib', 'Pillow']),
+    'animate BAG': (['BAG'], ['Pillow', *RECORDED]),
+    'torque_map': ([], ['matplotlib']),
+    'demo': ([], ['ROS 2 Jazzy']),
+    'viewer': ([], ['ROS 2 Jazzy']),
+    'ros2_dynamics': (['status'], ['ROS 2 Jazzy']),
+}
+"""Arguments of tools, and what they need beyond numpy and Pinocchio."""
+
+
+@pytest.mark.parametrize('name', TOOLS)
+def test_a_tool_names_all_missing_libraries_before_its_work(name: str, tmp_path: Path) -> None:
+    arguments, missing = TOOLS[name]
+    (site := tmp_path / 'site').mkdir()
+    (place := tmp_path / 'here').mkdir()
+    environment = environment_without(site, [*LIBRARIES, 'rclpy'])
+    done = children.run(
+        [sys.executable, '-m', f'robot_dynamics.tools.{name.partition(" ")[0]}', *arguments],
+        capture_output=True, text=True, cwd=place, env={**os.environ, **environment})
+    assert done.stdout == ''
+    line, = done.stderr.splitlines()
+    assert all(library in line for library in missing), line
+    assert ('Install' if len(missing) > 1 or missing == ['matplotlib'] else 'source ') in line
+    assert done.returncode in (1, 2)
+    assert not list(place.iterdir())
+
+
+@pytest.mark.parametrize(('name', 'arguments'), [
+    ('check_model', ['arm.urdf']), ('planar_urdf', ['-o', 'x.urdf']),
+    ('excite', ['--urdf', 'package://arm/arm.urdf', '--duration', '2', '--harmonics', '2'])])
+def test_other_tools_need_neither_ros_nor_a_library(
+        name: str, arguments: list[str], tmp_path: Path) -> None:
+    """A description of a package is found without the modules of ROS."""
+    from robot_dynamics.planar.urdf import default_arm_urdf
+    (tmp_path / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
+    share = tmp_path / 'share'
+    for directory in (share / 'arm', share / 'ament_index/resource_index/packages'):
+        directory.mkdir(parents=True)
+    (share / 'ament_index/resource_index/packages/arm').touch()
+    (share / 'arm/arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
+    environment = environment_without(tmp_path, [*LIBRARIES, 'rclpy', 'ament_index_python'])
+    done = children.run(
+        [sys.executable, '-m', f'robot_dynamics.tools.{name}', *arguments], capture_output=True,
+        text=True, cwd=tmp_path,
+        env={**os.environ, **environment, 'AMENT_PREFIX_PATH': str(tmp_path)})
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize('absent', ['rclpy', 'robot_dynamics_interfaces'])
+def test_a_node_without_ros_names_the_command(absent: str, tmp_path: Path) -> None:
+    environment = environment_without(tmp_path, [absent])
+    done = children.run(
+        [sys.executable, '-c', 'from robot_dynamics.ros import entry_points; '
+         'entry_points.dynamics_node()'], capture_output=True, text=True,
+        env={**os.environ, **environment})
+    assert done.returncode == 1
+    line, = done.stderr.splitlines()
+    command = {'rclpy': 'source /opt/ros/jazzy/setup.bash',
+               'robot_dynamics_interfaces': 'colcon build --base-paths src '}[absent]
+    assert f'(the module {absent}), which cannot be imported. ' in line
+    assert command in line
 
 
 @pytest.mark.skipif(

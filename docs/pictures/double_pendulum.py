@@ -22,7 +22,7 @@ from robot_dynamics.tools.animate import main as animate
 
 def main(directory: Path) -> int:
     """Write the moving picture into a directory."""
-    return animate(['-o', str(directory / 'double_pendulum.gif')])
+    return animate(['--force', '-o', str(directory / 'double_pendulum.gif')])
 
 
 if __name__ == '__main__':

@@ -34,7 +34,7 @@ def main(directory: Path) -> int:
         'torque_map_ur10.png': [*ur10, 'workspace', '--payload', '20'],
     }
     return max(
-        torque_map([*arguments, '-o', str(directory / name)])
+        torque_map([*arguments, '--force', '-o', str(directory / name)])
         for name, arguments in pictures.items())
 
 

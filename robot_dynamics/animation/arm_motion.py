@@ -18,7 +18,7 @@ A motion of an arm with its efforts by term, energies, work and heat.
 The motion is simulated, or it is the measured motion of a recording, compared with its model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,18 +84,22 @@ class ArmMotion:
             heat=self.heat[rows], driven=self.driven[rows])
 
 
-def simulate_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
+def simulate_motion(
+    arm: ArmModel, duration: float, rate: float,
+    on_time: Callable[[float], object] = lambda _: None,
+) -> ArmMotion:
     """
     Return a simulated motion for `duration` [s], with `rate` instants per second.
 
     An arm whose joints all turn freely is lifted from its lowest pose and then released, with its
     motors off. If it has no friction, viscous friction is added, because it would swing
-    indefinitely. Any other arm follows a reference motion within its limits. Raises
-    RobotDynamicsError if neither is possible.
+    indefinitely. Any other arm follows a reference motion within its limits. `on_time` is called
+    with the simulated time [s] at each instant. Raises RobotDynamicsError if neither is possible.
     """
     if any(kind != 'continuous' for kind in arm.joint_kinds):
         motion = make_reference_motion(arm, duration)
-        return _simulate(arm, motion.trajectory, motion.start, duration, np.inf, rate)
+        return _simulate(
+            arm, motion.trajectory, motion.start, duration, np.inf, rate, on_time)
     hanging = lowest_position(arm)
     if arm.friction.is_zero:
         inertia = np.diag(RigidBody(arm).mass_matrix(hanging))
@@ -105,12 +109,12 @@ def simulate_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
     lifted[0] = hanging[0] + np.copysign(np.pi, -hanging[0]) + LEAN
     lift = LIFT_FRACTION * duration
     path = quintic_point_to_point(arm.joint_names, hanging, lifted, lift)
-    return _simulate(arm, path, hanging, duration, lift, rate)
+    return _simulate(arm, path, hanging, duration, lift, rate, on_time)
 
 
 def _simulate(
     arm: ArmModel, path: JointTrajectory, start: FloatArray, duration: float, driven: float,
-    rate: float,
+    rate: float, on_time: Callable[[float], object],
 ) -> ArmMotion:
     """Follow a path under computed torque for `driven` [s]; then the motors are off."""
     simulation, dynamics = ArmSimulation(arm, start), ArmDynamics(arm)
@@ -133,6 +137,7 @@ def _simulate(
             row = k // steps
             q[row], v[row] = now
             tau[row], work[row], heat[row] = effort, simulation.work, simulation.heat
+            on_time(float(t))
         simulation.step(effort, period)
     a = np.array([dynamics.forward_dynamics(*state) for state in zip(q, v, tau)])
     times = all_times[::steps]

@@ -62,6 +62,12 @@ def chain_frames(
     return _Animation(motion, PlanarView(motion.arm), title).frames(stops, speed)
 
 
+def frame_count(motion: ArmMotion, stops: Sequence[float]) -> int:
+    """Return the number of frames that `chain_frames` yields for a planar chain."""
+    links = len(PlanarView(motion.arm).chain_names)
+    return len(motion.times) + 2 * links * len(_rows_at(motion, stops))
+
+
 class _Animation:
     def __init__(self, motion: ArmMotion, view: PlanarView, title: str) -> None:
         self._motion, self._view, self._title = motion, view, title
@@ -80,7 +86,7 @@ class _Animation:
             self._lay_out(figure, n)
             period = float(np.median(np.diff(motion.times))) / speed if (
                 len(motion.times) > 1) else STEP_SECONDS
-            at_stops = {int(np.abs(motion.times - stop).argmin()) for stop in stops}
+            at_stops = _rows_at(motion, stops)
             for k in range(len(motion.times)):
                 self._show_motion(k)
                 yield Frame(_pixels(figure), period)
@@ -200,6 +206,11 @@ class _Animation:
         if i + 1 < n:
             stage.draw_force(now.joint_position[i + 1], -now.force[i + 1], f'$-f_{i + 2}$')
         stage.draw_keys()
+
+
+def _rows_at(motion: ArmMotion, stops: Sequence[float]) -> set[int]:
+    """Return the indices of the instants next to these times [s]."""
+    return {int(np.abs(motion.times - stop).argmin()) for stop in stops}
 
 
 def _trail(motion: ArmMotion, view: PlanarView) -> tuple[FloatArray, FloatArray]:

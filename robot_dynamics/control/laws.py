@@ -132,6 +132,9 @@ def equation_terms(
     """
     Return the terms of M(q) a + C(q, v) v + g(q) + friction, all arrays (n,).
 
+    `a` is the commanded acceleration, which contains the feedback of position and velocity
+    errors. The feedback is therefore part of the term `inertial`, M(q) a.
+
     `gravity` replaces g(q) of the same position, because each algorithm of Pinocchio rounds g(q)
     differently. The terms therefore sum to the effort exactly, to the last bit.
     """

@@ -31,7 +31,7 @@ from robot_dynamics.identification.page import identification_page
 from robot_dynamics.identification.summary import warnings
 from robot_dynamics.reporting.html_page import Origin
 
-URDF, PARAMETERS, REPORT, FIGURES = (
+FILES = URDF, PARAMETERS, REPORT, FIGURES = (
     'identified.urdf', 'identified.yaml', 'report.html', 'report.json')
 
 
@@ -47,7 +47,7 @@ def write_identification(
     without matplotlib.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    paths = [directory / name for name in (URDF, PARAMETERS, REPORT, FIGURES)]
+    paths = [directory / name for name in FILES]
     arm, fit = found.identification.arm, found.identification.models.consistent
     paths[0].write_text(fitted_urdf(urdf, arm, fit), encoding='utf-8')
     gains = found.identification.gains

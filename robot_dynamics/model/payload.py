@@ -14,7 +14,7 @@
 
 """A load that is fixed to a link, in addition to the link's own inertia."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +85,14 @@ def with_payload_on(
 def describe_payloads(payloads: Iterable[Payload]) -> str:
     """Return masses and links of loads as text."""
     return ', '.join(f'{one.mass:g} kg on {one.link!r}' for one in payloads) or 'no payload'
+
+
+def describe_change(before: Iterable[Payload], after: Sequence[Payload]) -> str:
+    """Return the loads after a change as text, and the load that the newest one has replaced."""
+    replaced = [one for one in before if after and one.link == after[-1].link]
+    is_new = replaced and replaced != [after[-1]]
+    return describe_payloads(after) + (
+        f' (replaces {describe_payloads(replaced)})' if is_new else '')
 
 
 def merged(payloads: Iterable[Payload]) -> tuple[Payload, ...]:

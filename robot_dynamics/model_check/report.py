@@ -12,31 +12,60 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The findings in a URDF, as text and as data."""
+"""The findings in a URDF with the scope of their checks, as text and as data."""
 
 from collections.abc import Sequence
 import textwrap
+from typing import NamedTuple
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.worst_gravity import Search, THOROUGH
+from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import ERROR, errors_of, Finding, WARNING
-from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.urdf.inertials import MeshBounds, read_bodies
 
 _WIDTH = 110
 
 
-def findings_of(
-    xml: str, joints: Sequence[str], meshes: MeshReader | None = None,
-) -> list[Finding]:
-    """Return the findings in a URDF; raise RobotDynamicsError if it cannot be used at all."""
-    try:
-        arm = load_arm(xml, joints)
-    except InvalidInputError:
-        raise
-    except ModelError:
-        arm = None  # a negative mass is a finding; check_model raises all other errors
-    return check_model(xml, arm, meshes=meshes)
+class CheckedModel(NamedTuple):
+    """
+    The findings in a URDF, and what the checks cover.
+
+    `unread` are the links with mass whose geometry was not read, so that it was not compared.
+    """
+
+    findings: Sequence[Finding]
+    unread: Sequence[str]
+    reads_meshes: bool
+    search: Search
+
+    def of_level(self, level: str) -> list[Finding]:
+        """Return the findings of a level."""
+        return [finding for finding in self.findings if finding.level == level]
+
+    @property
+    def counts(self) -> str:
+        """The numbers of errors and warnings as text."""
+        return ', '.join(
+            _count(len(self.of_level(level)), level) for level in (ERROR, WARNING))
+
+    @property
+    def scope(self) -> str:
+        """What the checks cover, and which program covers more or less, as text."""
+        not_compared = f' (not compared: {_count(len(self.unread), "link")})'
+        geometry = 'links compared with their shapes ' + (
+            'and meshes' if self.reads_meshes else 'only, meshes are not read') + (
+            not_compared if self.unread else '')
+        other = (
+            'The check of dynamics_node reads no meshes and tries fewer positions: it may report '
+            'fewer warnings.') if self.reads_meshes else (
+            f'The tool check_model also reads meshes and tries {THOROUGH.samples} positions: it '
+            'may report more warnings.')
+        return (
+            f'{geometry}; largest gravity torque searched from {self.search.samples} positions. '
+            f'{other}')
 
 
 def joint_names_of(xml: str, joints: Sequence[str]) -> tuple[str, ...]:
@@ -47,36 +76,56 @@ def joint_names_of(xml: str, joints: Sequence[str]) -> tuple[str, ...]:
         return ()
 
 
-def findings_as_data(
-    findings: Sequence[Finding], ignored: Sequence[str], unread: Sequence[str] = (),
-) -> dict[str, object]:
-    """Return findings as types of JSON."""
+def check_description(
+    xml: str, joints: Sequence[str] = (), arm: ArmModel | None = None,
+    search: Search = THOROUGH, meshes: MeshBounds | None = None,
+) -> CheckedModel:
+    """
+    Return the findings in a URDF, for `arm`, or for an arm with these joints.
+
+    Without `meshes`, meshes are not read. Raises RobotDynamicsError if the URDF cannot be used at
+    all.
+    """
+    if arm is None:
+        try:
+            arm = load_arm(xml, joints)
+        except InvalidInputError:
+            raise
+        except ModelError:
+            pass  # a negative mass is a finding; check_model raises all other errors
+    findings = check_model(xml, arm, search=search, meshes=meshes)
+    unread = unmeasured(read_bodies(xml, meshes))
+    return CheckedModel(findings, list(unread), meshes is not None, search)
+
+
+def findings_as_data(checked: CheckedModel, ignored: Sequence[str]) -> dict[str, object]:
+    """Return findings and their scope as types of JSON."""
     return {
         'findings': [
             {'check': finding.check, 'level': finding.level, 'where': finding.where,
              'message': finding.message, 'ignored': finding.check in ignored}
-            for finding in findings],
-        'links_with_unread_geometry': list(unread)}
+            for finding in checked.findings],
+        'links_with_unread_geometry': list(checked.unread),
+        'scope': checked.scope}
 
 
-def findings_report(
-    where: object, findings: Sequence[Finding], ignored: Sequence[str],
-    unread: Sequence[str] = (),
-) -> str:
+def findings_report(where: object, checked: CheckedModel, ignored: Sequence[str]) -> str:
     """Return findings in lines, with a verdict on `where` they were found as the last one."""
     lines = []
     for level, title in ((ERROR, 'Errors'), (WARNING, 'Warnings')):
-        of_level = [finding for finding in findings if finding.level == level]
+        of_level = checked.of_level(level)
         lines += [f'{title}: {len(of_level)}']
         lines += [row for finding in of_level for row in _rows(finding, ignored)]
         lines += [''] if of_level else []
-    if unread:
-        lines.append(
-            f'Links not compared with their geometry, which could not be read: {len(unread)}')
-    count = len(errors_of(findings, ignored))
-    verdict = f'{count} error{"" if count == 1 else "s"}' if count else (
-        'accepted, as the errors are ignored' if errors_of(findings) else 'no errors')
+    lines += textwrap.wrap(f'Scope: {checked.scope}', _WIDTH)
+    count = len(errors_of(checked.findings, ignored))
+    verdict = _count(count, 'error') if count else (
+        'accepted, as the errors are ignored' if errors_of(checked.findings) else 'no errors')
     return '\n'.join([*lines, f'{where}: {verdict}'])
+
+
+def _count(number: int, name: str) -> str:
+    return f'{number} {name}{"" if number == 1 else "s"}'
 
 
 def _rows(finding: Finding, ignored: Sequence[str]) -> list[str]:

@@ -40,6 +40,11 @@ def simulated_arm() -> int:
 def _run(module: str) -> int:
     for end_signal in (signal.SIGINT, signal.SIGTERM):
         signal.signal(end_signal, _leave)
+    dependencies = importlib.import_module('robot_dynamics.dependencies')
+    try:
+        dependencies.require_ros(os.path.basename(sys.argv[0]))
+    except dependencies.MissingDependencyError as error:
+        sys.exit(f'robot_dynamics: {error}')  # status 1
     status = int(importlib.import_module(module).main())
     leave: Callable[[int], NoReturn] = importlib.import_module(
         'robot_dynamics.ros.shutdown').leave

@@ -39,8 +39,9 @@ TOPICS: Descriptions = {
         '~/gravity_compensation': 'Gravity-compensation torque g(q).',
         '~/computed_torque': 'Computed torque M(q̈_ref + K_d ė + K_p e) + C q̇ + g + friction, '
                              'while there is a reference.',
-        '~/terms': 'Command before its limits, split by term, and the energies. Published while '
-                   'there are subscribers.',
+        '~/terms': 'Command before its limits, split by term, and the energies. The term '
+                   '`inertial` contains the feedback of position and velocity errors. Published '
+                   'while there are subscribers.',
         '~/reference': 'Position and velocity of the reference at the stamp of the joint state, '
                        'while there is a reference and a subscriber.',
         '~/external_effort': 'External joint torque Jᵀf, estimated by the momentum observer '

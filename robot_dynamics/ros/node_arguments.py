@@ -21,18 +21,28 @@ from typing import NamedTuple
 from robot_dynamics.ros.declared_parameters import ParameterSpec
 
 WIDTH = 88
+OPTIONS = (
+    ('--help, -h', 'Print this text.'),
+    ('--ros-args', 'The options of ROS follow: `-p NAME:=VALUE` sets a parameter, '
+     '`--params-file FILE` reads parameters from a YAML file, `-r FROM:=TO` renames a topic or a '
+     'service, and `-r __ns:=/NAMESPACE` sets the namespace.'))
+EXIT_STATUS = 'Exit status: 0 ended by Ctrl-C or SIGTERM, 1 cannot start, 2 unknown arguments.'
 
 
 class NodeUsage(NamedTuple):
     """The `--help` text of a node."""
 
     program: str
+    node: str
+    """The name of the node, for which `~` stands."""
     summary: str
+    examples: Sequence[tuple[str, str]]
+    """Arguments, each with their effect."""
     specs: Sequence[ParameterSpec]
     main_parameters: Sequence[str]
     """Names of the listed parameters, from `specs`."""
     topics: Sequence[tuple[str, str]]
-    """Topics and services, each with direction and meaning."""
+    """Topics and services, each with direction, type and meaning."""
 
     def help(self) -> str:
         """Return the text."""
@@ -43,9 +53,14 @@ class NodeUsage(NamedTuple):
         return '\n'.join([
             f'usage: {self.program} [--help] [--ros-args [-p NAME:=VALUE] [--params-file FILE] '
             '[-r FROM:=TO] ...]', '', textwrap.fill(self.summary, WIDTH), '',
-            f'Main parameters, of {len(self.specs)} (`ros2 param describe NODE NAME` describes '
-            'each):', *_entries(parameters), '',
-            'Main topics and services:', *_entries(self.topics), ''])
+            'Options:', *_entries(OPTIONS), '',
+            'Examples:', *_entries([
+                (f'{self.program} {arguments}'.rstrip(), effect)
+                for arguments, effect in self.examples]), '',
+            f'Main parameters, of {len(self.specs)} (all of them: docs/reference/parameters.md):',
+            *_entries(parameters), '',
+            f'Main topics and services (all of them: docs/reference/topics.md); ~ stands for '
+            f'{self.node}:', *_entries(self.topics), '', EXIT_STATUS, ''])
 
     def refusal(self, unknown: Sequence[str]) -> str:
         """Return the error line for these arguments."""

@@ -18,14 +18,12 @@ The parameters that describe the robot, and the source of the URDF of a node.
 The URDF is in a parameter, in a file or in a package, or it is the URDF of the embedded arm.
 """
 
-from pathlib import Path
-
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
-from robot_dynamics.urdf.description_file import read_description
+from robot_dynamics.urdf.description_file import read_description_file
 
 FILE = 'robot_description_file'
 MOST_JOINTS = 100
@@ -120,34 +118,9 @@ def description_from_parameters(values: Values) -> str | None:
         raise InvalidInputError(
             f'robot_description_file is {file!r} and robot_description is given too, '
             'expected one of them')
-    return read_description_file(file) if file else xml or None
+    return read_description_file(file, FILE) if file else xml or None
 
 
 def embedded_description() -> str:
     """Return the URDF of the planar two-link arm."""
     return default_arm_urdf()
-
-
-def read_description_file(file: str, field: str = FILE) -> str:
-    """Return the URDF in a file, expanding xacro; raise ModelError, naming `field`, on failure."""
-    return read_description(description_path(file, field), field)
-
-
-def description_path(file: str, field: str = FILE) -> Path:
-    """Return the path for a path, file:// or package://; raise ModelError for other texts."""
-    scheme, separator, rest = file.partition('://')
-    if not separator:
-        return Path(file).expanduser()
-    if scheme == 'file':
-        return Path(rest)
-    if scheme != 'package':
-        raise ModelError(
-            f'{field} is {file!r}, expected a path, file:// or package://')
-    from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
-    package, _, inside = rest.partition('/')
-    try:
-        return Path(get_package_share_directory(package)) / inside
-    except (PackageNotFoundError, ValueError):
-        raise ModelError(
-            f'{field} is {file!r}, but there is no package {package!r} in this '
-            'environment') from None

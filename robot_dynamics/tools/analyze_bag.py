@@ -46,6 +46,7 @@ from robot_dynamics.analysis.tasks import (
     TABLE,
     TERMS,
 )
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics.reporting.html_page import Origin
@@ -53,15 +54,16 @@ from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
 from robot_dynamics.tools.command_line import (
     add_cutoff,
+    add_force,
     add_parameters,
     add_recordings,
     add_workers,
     DONE,
     FAILED,
-    KEPT,
     MISTAKE,
     origin_of,
     Parser,
+    prepare_directory,
     read_settings,
     run_tool,
 )
@@ -99,11 +101,14 @@ def _parser() -> Parser:
         '--parquet', action='store_true', help=f'Also write {PARQUET} (extra: parquet)')
     parser.add_argument(
         '--no-report', action='store_true', help=f'Write neither {REPORT} nor {PICTURE}')
+    add_force(parser)
     add_workers(parser)
     return parser
 
 
 def _run(arguments: argparse.Namespace, origin: Origin) -> int:
+    with_figure = arguments.output is not None and not arguments.no_report
+    require('the tool', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:
@@ -116,11 +121,12 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
     task = AnalysisTask(settings, _outputs(arguments), origin=origin)
     kept, each = None, None
     if task.outputs:
-        kept = arguments.output / KEPT
-        kept.mkdir(parents=True, exist_ok=True)
-        each = [
-            replace(task, directory=str(
-                arguments.output.resolve() / (name if len(bags) > 1 else ''))) for name in names]
+        places = [
+            arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
+        kept = prepare_directory(
+            arguments.output, [place / name for place in places for name in task.outputs],
+            arguments)
+        each = [replace(task, directory=str(place)) for place in places]
     outcomes = _run_with_progress(bags, task, arguments, kept, each)
     results = [outcome.result for outcome in outcomes if outcome.result is not None]
     if len(bags) == 1 and results:
@@ -142,10 +148,7 @@ def _run_with_progress(
     single = len(bags) == 1 and arguments.dask is None
     steps = len(STEPS) + len(task.outputs) if single else len(bags)
     with Progress(steps, 'steps' if single else 'recordings') as progress:
-        def advance(_: object) -> None:
-            if not single or sys.stderr.isatty():
-                progress.advance()
-
+        advance = progress.advance
         return run_tasks(
             partial(analyze_task, on_step=advance) if single else analyze_task, bags,
             task, arguments.jobs, kept, arguments.dask, None if single else advance,

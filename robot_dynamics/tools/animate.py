@@ -20,7 +20,7 @@ that cannot be used.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 import sys
@@ -33,13 +33,23 @@ from robot_dynamics.animation.arm_motion import (
     motion_of,
     simulate_motion,
 )
-from robot_dynamics.animation.chain_animation import chain_frames
-from robot_dynamics.animation.video import check_format, write_video
+from robot_dynamics.animation.chain_animation import chain_frames, frame_count
+from robot_dynamics.animation.video import check_format, Frame, write_video
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JointSeries, Recording
-from robot_dynamics.tools.command_line import DONE, Parser, read_robot, run_tool, writing
+from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.tools.command_line import (
+    add_force,
+    DONE,
+    Parser,
+    prepare_file,
+    read_robot,
+    run_tool,
+    writing,
+)
 from robot_dynamics.validation import check_scalar
 
 DEFAULT_DURATION = 5.0
@@ -101,6 +111,7 @@ def _parser() -> Parser:
         '-o', '--output', type=Path, metavar='FILE',
         help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
              'arm>.gif)')
+    add_force(parser)
     return parser
 
 
@@ -114,31 +125,44 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')
-    if arguments.output is not None:
-        check_format(arguments.output)
-    motion = _recorded_motion(arguments, duration, rate / speed) if recorded else (
-        _simulated_motion(arguments, duration, rate / speed))
     stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_FRACTION * duration]
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
+    output = arguments.output or Path('arm.gif')
+    require('the tool', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
+            *(['rosbags', 'yaml', 'scipy'] if recorded else []))
+    check_format(output)
+    arm, series = _read_recording(arguments) if recorded else (
+        load_arm(read_robot(arguments.urdf), arguments.joints), None)
+    PlanarView(arm)  # before the work, because it may reject the arm
+    output = arguments.output or Path('out', f'{arm.name}.gif')
+    prepare_file(output, arguments.force)
+    if series is not None:
+        motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
+    else:
+        motion = _simulated_motion(arm, duration, rate / speed)
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
-    output = arguments.output or Path('out', f'{motion.arm.name}.gif')
+    print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
-    with writing(output):
-        output.parent.mkdir(parents=True, exist_ok=True)
-        print(f'Drawing {len(motion.times)} instants of {motion.arm.name} ...', flush=True)
-        count = write_video(output, frames)
+    with Progress(frame_count(motion, stops), 'frames') as progress, writing(output):
+        count = write_video(output, _counted(frames, progress))
     print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
     return DONE
 
 
-def _simulated_motion(arguments: argparse.Namespace, duration: float, rate: float) -> ArmMotion:
-    arm = load_arm(read_robot(arguments.urdf), arguments.joints)
-    PlanarView(arm)  # before the work, because it may reject the arm
-    return simulate_motion(arm, duration, rate)
+def _counted(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
+    for frame in frames:
+        progress.advance()
+        yield frame
 
 
-def _recorded_motion(arguments: argparse.Namespace, duration: float, rate: float) -> ArmMotion:
+def _simulated_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
+    print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
+    with Progress(duration, 's') as progress:
+        return simulate_motion(arm, duration, rate, progress.update)
+
+
+def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSeries]:
     with Recording(arguments.bag) as recording:
         topic = arguments.topic or recording.joint_state_topic()
         series = recording.joint_series(topic)
@@ -148,8 +172,13 @@ def _recorded_motion(arguments: argparse.Namespace, duration: float, rate: float
             urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
         else:
             urdf = read_robot(arguments.urdf)
-    arm = load_arm(urdf, arguments.joints)
-    PlanarView(arm)
+    return load_arm(urdf, arguments.joints), series
+
+
+def _recorded_motion(
+    arm: ArmModel, series: JointSeries, arguments: argparse.Namespace, duration: float,
+    rate: float,
+) -> ArmMotion:
     _check_joints(arm, series, arguments.bag)
     series = series.of_joints(arm.joint_names).unwrapped(arm.is_continuous)
     measured = filter_motion_below(series, CUTOFF)

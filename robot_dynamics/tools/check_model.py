@@ -21,27 +21,27 @@ import json
 from pathlib import Path
 import sys
 
-from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.finding import CHECKS, errors_of
 from robot_dynamics.model_check.html_report import findings_page
 from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.model_check.report import (
+    check_description,
     findings_as_data,
-    findings_of,
     findings_report,
     joint_names_of,
 )
 from robot_dynamics.tools.command_line import (
+    add_force,
     DONE,
     FAILED,
     MISTAKE,
     origin_of,
     Parser,
+    prepare_file,
     run_tool,
     writing,
 )
 from robot_dynamics.urdf.description_file import read_description
-from robot_dynamics.urdf.inertials import read_bodies
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -78,6 +78,7 @@ def _parser() -> Parser:
     parser.add_argument(
         '--report', type=Path, metavar='FILE',
         help='HTML file with a verdict and a next step per joint and link, to write')
+    add_force(parser)
     parser.add_argument('--json', action='store_true', help='Print the findings as JSON')
     return parser
 
@@ -85,20 +86,21 @@ def _parser() -> Parser:
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     xml = read_description(arguments.urdf, 'URDF')
     meshes = MeshReader(arguments.urdf.parent)
-    findings = findings_of(xml, arguments.joints, meshes)
-    unread = list(unmeasured(read_bodies(xml, meshes)))
+    if arguments.report is not None:
+        prepare_file(arguments.report, arguments.force)
+    checked = check_description(xml, arguments.joints, meshes=meshes)
     if arguments.report is not None:
         text = findings_page(
-            f'{arguments.urdf.name}: model check', joint_names_of(xml, arguments.joints), findings,
-            arguments.ignore, unread, origin_of('check_model', argv, arguments.urdf, ''))
+            f'{arguments.urdf.name}: model check', joint_names_of(xml, arguments.joints),
+            checked.findings, arguments.ignore, checked.unread,
+            origin_of('check_model', argv, arguments.urdf, ''))
         with writing(arguments.report):
-            arguments.report.parent.mkdir(parents=True, exist_ok=True)
             arguments.report.write_text(text, encoding='utf-8')
     if arguments.json:
-        print(json.dumps(findings_as_data(findings, arguments.ignore, unread), indent=2))
+        print(json.dumps(findings_as_data(checked, arguments.ignore), indent=2))
     else:
-        print(findings_report(arguments.urdf, findings, arguments.ignore, unread))
-    return FAILED if errors_of(findings, arguments.ignore) else DONE
+        print(findings_report(arguments.urdf, checked, arguments.ignore))
+    return FAILED if errors_of(checked.findings, arguments.ignore) else DONE
 
 
 if __name__ == '__main__':

@@ -19,13 +19,14 @@ Nothing here loads numpy: `excite` and `identify` set its threads after the argu
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+import json
 from pathlib import Path
 import sys
 from typing import Any, NoReturn, TYPE_CHECKING
 
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 
 if TYPE_CHECKING:
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 KEPT = 'results'
 """Directory below the output that keeps results, from which an interrupted run resumes."""
+COMMAND = 'command.json'
+"""File in KEPT with the arguments of the run that made the output."""
+_WITHOUT_EFFECT = ('dask', 'force', 'jobs')
+"""Arguments that do not change the results."""
 
 
 class ToolError(RobotDynamicsError):
@@ -91,6 +96,53 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise ToolError(f'cannot write {path}: {error.strerror or error}') from None
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Add --force."""
+    parser.add_argument(
+        '--force', action='store_true',
+        help='Replace output files that exist; without it, they are an error')
+
+
+def prepare_file(path: Path, force: bool) -> None:
+    """
+    Make the directory of an output file, before any work.
+
+    Raises InvalidInputError if the file exists, unless `force`; ToolError if the directory cannot
+    be made. A device such as /dev/stdout is no file, also if it is redirected to one.
+    """
+    if path.is_file() and path.parent != Path('/dev') and not force:
+        raise InvalidInputError(
+            f'output {str(path)!r} exists, expected the name of a new file, or --force to '
+            'replace it')
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+
+
+def prepare_directory(
+    directory: Path, outputs: Iterable[Path], arguments: argparse.Namespace,
+) -> Path:
+    """
+    Return the directory KEPT below an output directory; both exist then.
+
+    The same command may use the directory again, also to resume. Raises InvalidInputError if one
+    of the `outputs` exists and is of another command, unless `arguments.force`.
+    """
+    kept = directory / KEPT
+    command = kept / COMMAND
+    wanted = json.dumps({
+        name: value for name, value in sorted(vars(arguments).items())
+        if name not in _WITHOUT_EFFECT}, default=str, indent=2) + '\n'
+    existing = next((path for path in outputs if path.exists()), None)
+    is_same = command.is_file() and command.read_text(encoding='utf-8') == wanted
+    if existing is not None and not is_same and not arguments.force:
+        raise InvalidInputError(
+            f'output {str(existing)!r} exists and is not of the same command, expected another '
+            '--output, or --force to replace it')
+    kept.mkdir(parents=True, exist_ok=True)
+    command.write_text(wanted, encoding='utf-8')
+    return kept
 
 
 def add_recordings(parser: argparse.ArgumentParser, urdf_default: str | None) -> None:
@@ -163,20 +215,17 @@ def read_parameters(path: Path | None) -> Mapping[str, Any]:
     return {} if path is None else read_parameter_file(path)
 
 
-def read_robot(text: str | None) -> str:
+def read_robot(text: str | None, option: str = '--urdf') -> str:
     """
     Return the URDF of a path, or of file:// or package://; the default arm for None.
 
-    xacro is expanded; only package:// needs ROS. Raises ModelError if there is no URDF.
+    xacro is expanded. Raises ModelError, which names `option`, if there is no URDF.
     """
     if text is None:
         from robot_dynamics.planar.urdf import default_arm_urdf
         return default_arm_urdf()
-    if '://' not in text:
-        from robot_dynamics.urdf.description_file import read_description
-        return read_description(Path(text).expanduser(), '--urdf')
-    from robot_dynamics.ros.robot_description import read_description_file
-    return read_description_file(text)
+    from robot_dynamics.urdf.description_file import read_description_file
+    return read_description_file(text, option)
 
 
 def origin_of(

@@ -27,10 +27,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from robot_dynamics.tools.command_line import (
+    add_force,
     add_parameters,
     add_robot,
     DONE,
     Parser,
+    prepare_file,
     read_parameters,
     read_robot,
     run_tool,
@@ -66,6 +68,7 @@ def _parser() -> Parser:
     parser.add_argument(
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
         help='Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)')
+    add_force(parser)
     add_parameters(parser, 'joints, gravity, friction, motors')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
@@ -107,6 +110,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
     from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
     from robot_dynamics.trajectories.files import write_trajectory
+    prepare_file(arguments.output, arguments.force)
     arm = _arm(arguments)
     dynamics = ArmDynamics(arm)
     fractions = LimitFractions(

@@ -30,14 +30,15 @@ from typing import TYPE_CHECKING
 
 from robot_dynamics.tools.command_line import (
     add_cutoff,
+    add_force,
     add_parameters,
     add_recordings,
     add_workers,
     DONE,
     FAILED,
-    KEPT,
     origin_of,
     Parser,
+    prepare_directory,
     read_settings,
     run_tool,
 )
@@ -90,6 +91,7 @@ def _parser() -> Parser:
     parser.add_argument(
         '--output', type=Path, default=OUTPUT, metavar='DIR',
         help=f'Output directory (default: {OUTPUT})')
+    add_force(parser)
     add_workers(parser)
     return parser
 
@@ -125,13 +127,15 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         Task,
         TaskOutcome,
     )
+    from robot_dynamics.dependencies import require
     from robot_dynamics.identification.bag_identification import identify_bags
     from robot_dynamics.identification.pipeline import STAGES
-    from robot_dynamics.identification.report import write_identification
+    from robot_dynamics.identification.report import FILES, write_identification
     from robot_dynamics.identification.tasks import IdentificationSettings
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.reporting.progress import Progress
+    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
     settings = read_settings(arguments)
     if arguments.dask is not None:
@@ -141,9 +145,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         tuple(make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0))
               for link, values in arguments.payload))
     identification.arm(())  # report a mistake before the recordings are read
-    kept = arguments.output / KEPT if len(bags) > 1 else None
-    if kept is not None:
-        kept.mkdir(parents=True, exist_ok=True)
+    directory = prepare_directory(
+        arguments.output, [arguments.output / name for name in FILES], arguments)
+    kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
         def run(
             function: Task[Settings, Outcome], left: Sequence[Path], task: Settings,

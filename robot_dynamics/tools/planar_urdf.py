@@ -29,7 +29,14 @@ from robot_dynamics.planar.urdf import (
     GENEROUS_VELOCITY_LIMIT,
     planar_arm_urdf,
 )
-from robot_dynamics.tools.command_line import DONE, Parser, run_tool, writing
+from robot_dynamics.tools.command_line import (
+    add_force,
+    DONE,
+    Parser,
+    prepare_file,
+    run_tool,
+    writing,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,6 +77,7 @@ def _parser() -> Parser:
         '--name', default='planar_arm', help='name of the robot (default: %(default)s)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='output file (default: stdout)')
+    add_force(parser)
     return parser
 
 
@@ -86,6 +94,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.output is None:
         sys.stdout.write(urdf)
     else:
+        prepare_file(arguments.output, arguments.force)
         with writing(arguments.output):
             arguments.output.write_text(urdf, encoding='utf-8')
     return DONE

@@ -20,7 +20,7 @@ cannot be used.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 import sys
@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
@@ -46,10 +47,14 @@ from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel,
 from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
+from robot_dynamics.reporting.html_page import Verdict
+from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.command_line import (
+    add_force,
     DONE,
     origin_of,
     Parser,
+    prepare_file,
     read_robot,
     run_tool,
     writing,
@@ -61,6 +66,8 @@ PAGE = '.html'
 FORMATS = ('.png', '.pdf', '.svg', PAGE)
 MOST_SAMPLES = 1001
 DEFAULT_ARM = 'the planar two-link arm of this package'
+STEPS = 3
+"""Steps of the progress display: computed, drawn, written."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -120,6 +127,7 @@ def _parser() -> Parser:
         '-o', '--output', type=Path, metavar='FILE',
         help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
              '(default: out/<name of the arm>_<what>.png)')
+    add_force(parser)
     return parser
 
 
@@ -132,48 +140,60 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
+    require('the tool', 'matplotlib')
     arm = load_arm(read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
-    if arguments.what == WORKSPACE:
-        found = map_gravity(arm, link)
-        figure = workspace_figure(
-            f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace',
-            arm, link, found)
-        said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
-        verdicts = workspace_verdicts(arm, found)
-    else:
-        figure, panels = _map(arguments, arm, load)
-        said = ', '.join(
-            f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
-            for panel in panels)
-        verdicts = [panel_verdict(panel) for panel in panels]
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
-    with writing(output):
-        output.parent.mkdir(parents=True, exist_ok=True)
-        if output.suffix.lower() == PAGE:
-            output.write_text(map_page(
-                f'{arm.name}{load}: {arguments.what}', verdicts, figure,
-                origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)), encoding='utf-8')
-        else:
-            save_figure(figure, output)
+    prepare_file(output, arguments.force)
+    with Progress(STEPS, 'steps') as progress:
+        draw = _workspace if arguments.what == WORKSPACE else _map
+        figure, said, verdicts = draw(arguments, arm, load, progress.advance)
+        progress.advance()
+        with writing(output):
+            if output.suffix.lower() == PAGE:
+                output.write_text(map_page(
+                    f'{arm.name}{load}: {arguments.what}', verdicts, figure,
+                    origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)), encoding='utf-8')
+            else:
+                save_figure(figure, output)
+        progress.advance()
     print(f'{output.resolve()}: {said}')
     return DONE
 
 
+def _workspace(
+    arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
+) -> tuple[Any, str, list[Verdict]]:
+    """Return the figure of a map over the workspace, its summary, and the verdicts."""
+    link = arguments.link or tool_link(arm)
+    found = map_gravity(arm, link)
+    on_computed()
+    figure = workspace_figure(
+        f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace', arm,
+        link, found)
+    said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
+    return figure, said, workspace_verdicts(arm, found)
+
+
 def _map(
-    arguments: argparse.Namespace, arm: ArmModel, load: str,
-) -> tuple[Any, list[MapPanel]]:
-    """Return the figure of a map over two joints, and its panels."""
+    arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
+) -> tuple[Any, str, list[Verdict]]:
+    """Return the figure of a map over two joints, its summary, and the verdicts."""
     samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
     grid = make_grid(arm, arguments.joints, arguments.position, samples)
     shown = [joint_index(arm, '--at', name) for name in arguments.at] or list(grid.joints)
     values, title = _values(arguments, arm, grid)
+    on_computed()
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
     poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
-    return map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses), panels
+    figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
+    said = ', '.join(
+        f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
+        for panel in panels)
+    return figure, said, [panel_verdict(panel) for panel in panels]
 
 
 def _values(

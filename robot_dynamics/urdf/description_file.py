@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Read a robot description from a file, expanding xacro."""
+"""Read a robot description from a file or a package, expanding xacro."""
 
 import io
+import os
 from pathlib import Path
 
 from robot_dynamics.dependencies import optional
@@ -39,6 +40,32 @@ def read_description(path: Path, field: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f'{field} is {str(path)!r}, which cannot be read: {error}') from None
     return _expand_xacro(path, field)
+
+
+def read_description_file(file: str, field: str) -> str:
+    """Return the URDF in a file, expanding xacro; raise ModelError, naming `field`, on failure."""
+    return read_description(description_path(file, field), field)
+
+
+def description_path(file: str, field: str) -> Path:
+    """Return the path for a path, file:// or package://; raise ModelError for other texts."""
+    scheme, separator, rest = file.partition('://')
+    if not separator:
+        return Path(file).expanduser()
+    if scheme == 'file':
+        return Path(rest)
+    if scheme != 'package':
+        raise ModelError(
+            f'{field} is {file!r}, expected a path, file:// or package://')
+    package, _, inside = rest.partition('/')
+    # The ament index: an installed package has a file of its name there.
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '')
+    for prefix in filter(None, prefixes.split(os.pathsep)):
+        if Path(prefix, 'share/ament_index/resource_index/packages', package).is_file():
+            return Path(prefix, 'share', package, inside)
+    raise ModelError(
+        f'{field} is {file!r}, but there is no package {package!r} in this environment'
+        f'{"" if prefixes else ", in which AMENT_PREFIX_PATH is not set"}')
 
 
 def _expand_xacro(path: Path, field: str) -> str:

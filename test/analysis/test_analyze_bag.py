@@ -69,7 +69,8 @@ def run(directory, capsys, *arguments):
 def test_the_console(directory, capsys):
     status, out, err = run(directory, capsys, directory / 'bags' / 'whole')
     assert status == 0
-    assert err == ''  # no progress display without a terminal
+    assert [line.split()[:2] for line in err.splitlines()] == [
+        ['30', '%'], ['60', '%'], ['100', '%']]  # one line per step
     lines = out.splitlines()
     head = next(i for i, line in enumerate(lines) if line.startswith('joint '))
     for line, name, rms in zip(lines[head + 1:], JOINTS, np.sqrt(np.mean(MOTION.tau**2, axis=0))):
@@ -163,6 +164,10 @@ def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
     assert status == 0
     assert 'from an earlier run' in out
+    status, out, err = run(
+        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--cutoff', '5')
+    assert (status, out) == (2, '')
+    assert "report.html' exists and is not of the same command" in err
     (written / 'report.png').unlink()
     status, out, _ = run(
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
@@ -217,7 +222,8 @@ def test_mistakes_get_one_clear_message(directory, capsys, arguments, words):
     assert status == 2
     out, err = capsys.readouterr()
     assert out == ''
-    assert err.startswith('analyze_bag: ')
+    lines = [line for line in err.splitlines() if not line.endswith(' steps')]  # the progress
+    assert lines[0].startswith('analyze_bag: ')
     import re
     assert re.search(words, err)
 

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import threading
@@ -59,6 +60,7 @@ def check_ended(bench: FaultBench, sent_at: float) -> str:
     """Check that the node exited cleanly after a signal at `sent_at` [s]; return the figures."""
     assert bench.node.wait() == 0, bench.node.log
     assert 'Traceback' not in bench.node.log, bench.node.log
+    assert len(bench.node.log.split('Ending: the command ramps to zero.')) == 2, bench.node.log
     bench.wait_silent()
     bench.check_efforts()
     times = np.array([t for t, _ in bench.efforts.published()])
@@ -82,8 +84,11 @@ def signal_node(node: NodeProcess, end_signal: signal.Signals) -> float:
     pytest.param(one, marks=fault(GROUP, f'{one.name} while the node commands', RAMPED))
     for one in SIGNALS])
 def test_while_it_commands(client: RosClient, end_signal: signal.Signals, seen: Any) -> None:
-    with commanding(client) as bench:
-        seen(check_ended(bench, signal_node(bench.node, end_signal)))
+    with commanding(client, ramp_time=10.0 * RAMP) as bench:
+        sent_at = signal_node(bench.node, end_signal)
+        seen(check_ended(bench, sent_at))
+        logged, = re.findall(r'\[([\d.]+)\] .*Ending: ', bench.node.log)
+        assert float(logged) < bench.efforts.published()[-1][0]  # not after the ramp
 
 
 @fault(GROUP, 'a second SIGINT while the command ramps to zero', RAMPED)
@@ -140,6 +145,7 @@ def test_before_it_commands(client: RosClient) -> None:
         for node in nodes:
             assert node.wait() == 0, node.log
             assert 'Traceback' not in node.log, node.log
+            assert 'Ending: no command was active.' in node.log
         assert not efforts.messages
 
 
@@ -158,6 +164,7 @@ def test_the_simulated_arm(client: RosClient) -> None:
         for node in nodes:
             assert node.wait() == 0, node.log
             assert 'Traceback' not in node.log, node.log
+            assert 'Ending: the simulation stops.' in node.log
 
 
 # --- while it starts -----------------------------------------------------------------------------

@@ -168,6 +168,8 @@ def test_payloads_on_two_links(bench: FaultBench) -> None:
     assert set_payload(bench, MASS).message == "5 kg on 'tool0'"
     answer = set_payload(bench, 2.0, link='link2')
     assert answer.message == "5 kg on 'tool0', 2 kg on 'link2'"
+    assert set_payload(bench, 2.0, link='link2').message == (
+        "5 kg on 'tool0', 2 kg on 'link2' (replaces 2 kg on 'link2')")
     bench.efforts.wait_for(lambda m: np.allclose(m.effort, LOADED + elbow, atol=1e-5))
     status = wait_payloads(bench, "5 kg on 'tool0', 2 kg on 'link2'")
     assert figure_of(status, 'payloads') == 2

@@ -235,7 +235,11 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
     assert main(call) == DONE
     assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
-    assert main([*call, '--effort', 'current']) == DONE
+    written = (tmp_path / 'out' / 'identified.yaml').read_bytes()
+    assert main([*call, '--effort', 'current']) == MISTAKE
+    assert "identified.urdf' exists and is not of the same command" in capsys.readouterr().err
+    assert (tmp_path / 'out' / 'identified.yaml').read_bytes() == written
+    assert main([*call, '--effort', 'current', '--force']) == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
     # the masses of the URDF are the reference, and they are correct here

@@ -21,7 +21,12 @@ import numpy.testing as npt
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.payload import (
+    describe_change,
+    make_payload,
+    Payload,
+    with_payload_on,
+)
 from robot_dynamics.model.rigid_body import RigidBody
 from robots import robot_urdf
 
@@ -215,6 +220,18 @@ def test_a_payload_is_a_point_at_the_origin_where_nothing_else_is_said():
     payload = make_payload('hand', 2.0)
     npt.assert_array_equal(payload.com, np.zeros(3))
     npt.assert_array_equal(payload.inertia, np.zeros((3, 3)))
+
+
+def test_the_replaced_payload_is_named():
+    changes = [('tool0', 1.0, "1 kg on 'tool0'"),
+               ('link2', 3.0, "1 kg on 'tool0', 3 kg on 'link2'"),
+               ('tool0', 2.0, "3 kg on 'link2', 2 kg on 'tool0' (replaces 1 kg on 'tool0')"),
+               ('tool0', None, "3 kg on 'link2'"), ('', None, 'no payload')]
+    loads = ()
+    for link, mass, words in changes:
+        new = None if mass is None else make_payload(link, mass)
+        before, loads = loads, with_payload_on(loads, link, new)
+        assert describe_change(before, loads) == words
 
 
 @laws

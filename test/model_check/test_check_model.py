@@ -26,6 +26,8 @@ import pytest
 from report_page import ReportPage
 from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.model_check.html_report import NEXT_STEPS
+from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.model_check.report import check_description
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import missing, PACKAGE, robot_path
 
@@ -60,7 +62,11 @@ def test_a_good_model(tmp_path: Path):
     path.write_text(default_arm_urdf(), encoding='utf-8')
     done = run(path)
     assert (done.returncode, done.stderr) == (0, '')
-    assert done.stdout.splitlines() == ['Errors: 0', 'Warnings: 0', f'{path}: no errors']
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ['Errors: 0', 'Warnings: 0']
+    checked = check_description(default_arm_urdf(), meshes=MeshReader(tmp_path))
+    assert ' '.join(lines[2:-1]) == f'Scope: {checked.scope}'
+    assert lines[-1] == f'{path}: no errors'
 
 
 def test_errors_and_warnings_by_level(bad: Path):
@@ -118,6 +124,7 @@ def test_json(bad: Path):
     assert done.returncode == 1
     data = json.loads(done.stdout)
     assert data['links_with_unread_geometry'] == []
+    assert data['scope'].startswith('links compared with their shapes and meshes; ')
     assert [(f['check'], f['level'], f['where'], f['ignored']) for f in data['findings']] == [
         ('inertia', 'error', 'hinge', False), ('inertia', 'warning', 'arm', False),
         ('limits', 'warning', 'wrist', True)]
@@ -134,7 +141,8 @@ def test_unread_geometry_is_counted(bad: Path):
     bad.write_text(POINT_MASS.replace(
         '<link name="arm">', '<link name="arm"><visual><geometry><mesh filename="no.stl"/>'
         '</geometry></visual>'), encoding='utf-8')
-    assert 'not compared with their geometry, which could not be read: 1' in run(bad).stdout
+    assert 'Scope: links compared with their shapes and meshes (not compared: 1 link);' in (
+        run(bad).stdout)
 
 
 def test_without_arguments_it_explains_itself():

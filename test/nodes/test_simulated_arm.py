@@ -207,6 +207,8 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
     response = stepped.set_payload(payload=payload_to_ros(payload))
     assert response.success
     assert response.message == "3 kg on 'tool0'"
+    response = stepped.set_payload(payload=payload_to_ros(payload))
+    assert response.message == "3 kg on 'tool0' (replaces 3 kg on 'tool0')"
     stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
     stepped.step([0.0, 0.0])
     stepped.client.call(Trigger, '/stepped/simulated_arm/reset')

@@ -15,6 +15,7 @@
 """Nodes that cannot start: status 1 and a one-line error; and nodes with a xacro file."""
 
 from collections.abc import Mapping, Sequence
+import importlib
 from importlib.util import find_spec
 import json
 from pathlib import Path
@@ -32,6 +33,7 @@ from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, TIMEOUT, write_parameters
 
+ROOT = Path(__file__).parents[2]
 ARM_JOINTS = ['joint1', 'joint2']
 MOTORS = {'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [50.0]}
 
@@ -264,6 +266,14 @@ def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: l
     lines = [line.strip() for line in done.stdout.splitlines()]
     assert {part for line in lines for part in line.split(', ')} >= set(names)
     assert f'Main parameters, of {len(specs)} ' in done.stdout
+    assert lines[lines.index('Examples:') + 1] == function  # without arguments
+    for page in re.findall(r'docs/[\w/]+\.md', done.stdout):
+        assert (ROOT / page).is_file()
+    types = re.findall(r'\b\w+_(?:msgs|srvs|interfaces)/(?:msg|srv)/\w+', done.stdout)
+    assert len(types) >= 6
+    for package, kind, name in (one.split('/') for one in types):
+        assert hasattr(importlib.import_module(f'{package}.{kind}'), name)
+    assert 'Exit status: 0 ' in done.stdout
     joints = next(spec for spec in specs if spec.name == 'joints')
     assert joints.description in ' '.join(lines)
 

@@ -46,7 +46,8 @@ def lines_of(node: NodeProcess) -> list[str]:
 def check_lines(node: NodeProcess, *patterns: str) -> None:
     """Check that the log has few lines, and that these are among them, in this order."""
     lines = lines_of(node)
-    assert len(lines) <= MOST_LINES, node.log
+    slow = 'Gains and references at'  # on a loaded machine, where joint states come late
+    assert len([line for line in lines if slow not in line]) <= MOST_LINES, node.log
     places = [next((i for i, line in enumerate(lines) if re.search(pattern, line)), -1)
               for pattern in patterns]
     assert -1 not in places, (places, node.log)
@@ -81,7 +82,8 @@ def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
     with running(dynamics, arm):
         dynamics.wait_for_log('Effort check', LONG)
         check_lines(
-            dynamics, r"INFO.*Model 'ur10': joints \['shoulder_pan_joint', ",
+            dynamics, 'INFO.*Model check: 0 errors, 2 warnings. Scope: ',
+            r"INFO.*Model 'ur10': joints \['shoulder_pan_joint', ",
             f'INFO.*Active with command: none. Nothing is commanded; the results for the '
             f'states on {NS}/joint_states are published on dynamics/gravity_compensation and '
             'dynamics/computed_torque.')

@@ -229,8 +229,9 @@ def test_a_recording_whose_positions_wrap_has_the_same_picture(tmp_path):
             ('straight', motion.position), ('wrapped', wrap_to_pi(motion.position))):
         bag = write_bag(
             tmp_path / name, replace(motion, position=position), ['joint1', 'joint2'])
-        assert main([str(bag), '--rate', '2', '--stop', '-o', str(tmp_path / 'x.gif')]) == 0
-        with Image.open(tmp_path / 'x.gif') as picture:
+        path = tmp_path / f'{name}.gif'
+        assert main([str(bag), '--rate', '2', '--stop', '-o', str(path)]) == 0
+        with Image.open(path) as picture:
             picture.seek(picture.n_frames - 1)
             pictures.append(np.asarray(picture.convert('RGB'), dtype=float))
     assert np.abs(pictures[0] - pictures[1]).mean() < 0.01
@@ -280,3 +281,18 @@ def test_a_place_that_cannot_be_written_to_is_named(tmp_path, capsys):
         ['--duration', '1', '--rate', '1', '-o', str(tmp_path / 'file' / 'x.gif')])
     assert status == 1
     assert capsys.readouterr().err.startswith('animate: cannot write ')
+
+
+def test_progress_is_lines_on_stderr_without_a_terminal(tmp_path, capsys):
+    """Both phases, simulation and drawing, report each 10 %; stdout gets none of them."""
+    arguments = ['--duration', '1', '--rate', '10', '--stop', '-o', str(tmp_path / 'x.gif')]
+    assert main(arguments) == 0
+    out, err = capsys.readouterr()
+    assert '%' not in out
+    lines = err.splitlines()
+    frames = [line for line in lines if line.endswith(' frames')]
+    assert frames[-1].split() == ['100', '%', '21', '/', '21', 'frames']
+    assert [int(line.split()[0]) for line in frames] == list(range(0, 101, 10))
+    seconds = [line for line in lines if line.endswith(' 1.0 s')]
+    assert seconds[-1].split() == ['100', '%', '1.0', '/', '1.0', 's']
+    assert len(lines) == len(frames) + len(seconds)

@@ -194,7 +194,9 @@ def test_without_arguments_the_path_of_the_picture_is_printed(tmp_path, monkeypa
     assert main([]) == 0
     path = tmp_path / 'out' / 'planar_arm_gravity.png'
     assert path.exists()
-    assert str(path) in capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert str(path) in out
+    assert err.splitlines()[-1].split() == ['100', '%', '3', '/', '3', 'steps']
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [

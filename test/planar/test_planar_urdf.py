@@ -278,7 +278,8 @@ def test_tool_reports_errors_in_one_line(arguments, message, capsys):
 
 
 def test_tool_reports_the_path_that_it_cannot_write(tmp_path, capsys):
-    assert main(['-o', str(tmp_path / 'missing' / 'arm.urdf')]) == 1
+    (tmp_path / 'file').touch()
+    assert main(['-o', str(tmp_path / 'file' / 'arm.urdf')]) == 1
     err = capsys.readouterr().err
     assert err.startswith('planar_urdf: cannot write ')
     assert err.count('\n') == 1

@@ -190,6 +190,9 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
     status, out, _ = ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
     assert (status, out) == (0, "/dynamics: 2.5 kg on 'tool0'\n")
     assert gravity() == pytest.approx(without - 2.5 * 9.81 * 1.9 * np.sin(1.0))
+    assert ask('payload', 'tool0', '1')[1] == (
+        "/dynamics: 1 kg on 'tool0' (replaces 2.5 kg on 'tool0')\n")
+    ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
     assert "2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m" in ask('payload')[1]
     assert json.loads(ask('payload', '--json')[1])['payload']['mass'] == 2.5
     out = ask('payload', 'link2', '1')[1]

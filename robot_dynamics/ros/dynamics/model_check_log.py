@@ -18,8 +18,8 @@ from typing import Any
 
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
-from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, refuse_errors
+from robot_dynamics.model_check.report import check_description
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 
 LARGEST_ARM = 12
@@ -33,14 +33,16 @@ IGNORE_CHECKS_SPEC = ParameterSpec(
 
 def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> None:
     """
-    Log the findings of the model check; raise ModelError with the first error that is not ignored.
+    Log findings and scope of the model check; raise ModelError with the first error not ignored.
 
     `arm` is the model of the URDF `xml` with the parameters `values`. Meshes are not read, and the
     search for the worst gravity is quick; the tool check_model reads them and searches fully.
     """
     ignored = values['ignore_checks']
     search = QUICK if arm.joint_count <= LARGEST_ARM else BRIEF
-    findings = check_model(xml, arm, search=search)
-    refuse_errors(findings, ignored)
-    for finding in findings:
+    checked = check_description(xml, arm=arm, search=search)
+    refuse_errors(checked.findings, ignored)
+    for finding in checked.findings:
         logger.warning(f'Model check: {finding}')
+    if checked.findings or checked.unread:
+        logger.info(f'Model check: {checked.counts}. Scope: {checked.scope}')

@@ -135,8 +135,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.trigger_activate()
 
     def request_shutdown(self) -> None:
-        """Start to ramp the effort to zero, also while a service is computing."""
+        """Start to ramp the effort to zero, also while a service is computing, and log it."""
+        was_commanding = self._path.command.is_commanding
         self._path.command.request_shutdown()
+        self.get_logger().info(
+            'Ending: the command ramps to zero.' if was_commanding else
+            'Ending: no command was active.')
 
     def destroy_node(self) -> None:
         """Ramp the effort to zero, stop the control path, and destroy the rest."""

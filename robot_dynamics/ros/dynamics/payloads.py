@@ -22,7 +22,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.payload import describe_payloads, Payload, with_payload_on
+from robot_dynamics.model.payload import (
+    describe_change,
+    describe_payloads,
+    Payload,
+    with_payload_on,
+)
 from robot_dynamics.ros.conversions import payload_to_ros
 from robot_dynamics.ros.declared_parameters import Values
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status
@@ -83,19 +88,20 @@ class PayloadKeeper:
 
     def change(
         self, controller: Controller, message: InertiaStamped, transition_time: float,
-    ) -> tuple[Payload, ...]:
-        """Set or remove the payload of a link; return all; raise InvalidInputError."""
+    ) -> str:
+        """Set or remove the payload of a link; return a report; raise InvalidInputError."""
         payloads = changed_payloads(
             controller.arm, self._payloads, message, self._values())
         controller.set_payloads(payloads, transition_time, self._in_force)
+        report = describe_change(self._payloads, payloads)
         self._payloads, self.obstacle = payloads, ''
-        return payloads
+        return report
 
-    def remove(self, link: str) -> tuple[Payload, ...]:
-        """Remove the payload of a link, or of all links if `link` is empty, without a model."""
+    def remove(self, link: str) -> str:
+        """Do the same without a model: remove the payload of a link, or all if it is empty."""
         self._payloads, self.obstacle = with_payload_on(self._payloads, link, None), ''
         self._in_force(self._payloads)
-        return self._payloads
+        return describe_payloads(self._payloads)
 
     def status(self) -> Status:
         """Return the status for the diagnostics."""

@@ -24,7 +24,6 @@ from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.joint_order import JointOrder
-from robot_dynamics.model.payload import describe_payloads
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
     stamp_to_ros,
@@ -189,10 +188,9 @@ class DynamicsServices:
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
         if self._controller is None and self._payloads and request.payload.inertia.m == 0.0:
-            payloads = self._payloads.remove(request.payload.header.frame_id)
+            response.message = self._payloads.remove(request.payload.header.frame_id)
         else:
-            payloads = self._payloads.change(self._used(), request.payload, seconds)
-        response.message = describe_payloads(payloads)
+            response.message = self._payloads.change(self._used(), request.payload, seconds)
 
 
 def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:

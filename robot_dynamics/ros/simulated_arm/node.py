@@ -24,7 +24,7 @@ from rclpy.clock import Clock, ClockType
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
-from robot_dynamics.model.payload import describe_payloads
+from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.conversions import wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
@@ -137,16 +137,27 @@ SPECS = (
 )
 
 USAGE = NodeUsage(
-    'simulated_arm',
-    'Simulates the arm of a URDF: integrates its motion under the commanded efforts, and '
-    'publishes its joint states.',
+    'simulated_arm', 'simulated_arm',
+    'Simulates the arm of a URDF: integrates its motion under the received efforts, and '
+    'publishes its joint states. The brakes hold the arm until the first effort arrives.',
+    (('', 'Simulate the planar two-link arm; dynamics_node without arguments commands it.'),
+     ('--ros-args -p robot_description_file:=arm.urdf -p initial_position:="[0.5, 0.2]"',
+      'Simulate the arm in arm.urdf, which starts at these joint positions.'),
+     ('--ros-args -p lock_step:=true',
+      'Simulate as fast as the commands arrive, in simulated time on /clock.')),
     SPECS,
     ('robot_description_file', 'joints', 'rate', 'lock_step', 'initial_position', 'brakes',
      'command_timeout', 'measured_effort', 'robot_compensates', 'position_noise'),
-    (('effort_command', 'Subscribed: the efforts of the joints.'),
-     ('~/external_wrench', 'Subscribed: a wrench on a link.'),
-     ('joint_states', 'Published: position, velocity and effort.'),
-     ('~/reset, ~/set_payload', 'Services: return to the initial pose, attach a payload.')))
+    (('effort_command', 'Subscribed, sensor_msgs/msg/JointState: the effort [N·m] or [N] at each '
+      'joint, by joint name.'),
+     ('~/external_wrench', 'Subscribed, geometry_msgs/msg/WrenchStamped: a wrench on the link '
+      'frame_id, until the next message.'),
+     ('joint_states', 'Published, sensor_msgs/msg/JointState: position, velocity and effort.'),
+     ('/clock', 'Published, rosgraph_msgs/msg/Clock: simulated time, with lock_step or '
+      'publish_clock.'),
+     ('~/reset', 'Service, std_srvs/srv/Trigger: return the arm to its initial pose.'),
+     ('~/set_payload', 'Service, robot_dynamics_interfaces/srv/SetPayload: set the load on a '
+      'link.')))
 
 
 class SimulatedArmNode(GuardedCallbacks):
@@ -204,6 +215,10 @@ class SimulatedArmNode(GuardedCallbacks):
             f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
         self.call_when_spun(self._loop.start)
 
+    def request_shutdown(self) -> None:
+        """Log that the node ends."""
+        self.get_logger().info('Ending: the simulation stops.')
+
     def destroy_node(self) -> None:
         """Stop the simulation, then destroy the node."""
         loop = getattr(self, '_loop', None)
@@ -243,9 +258,9 @@ class SimulatedArmNode(GuardedCallbacks):
         self, request: SetPayload.Request, response: SetPayload.Response,
     ) -> SetPayload.Response:
         try:
+            before = self._plant.simulation.arm.payloads
             payloads = changed_payloads(
-                self._arm, self._plant.simulation.arm.payloads, request.payload,
-                self._settings.values)
+                self._arm, before, request.payload, self._settings.values)
             if request.transition_time != 0.0:
                 raise InvalidInputError(
                     f'transition_time is {request.transition_time:g}, expected 0: the simulated '
@@ -256,7 +271,7 @@ class SimulatedArmNode(GuardedCallbacks):
             response.success, response.message = False, describe_error(error)
             return response
         response.success = True
-        response.message = describe_payloads(payloads)
+        response.message = describe_change(before, payloads)
         return response
 
 

@@ -31,7 +31,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from robot_dynamics.dependencies import optional
+from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.tools.command_line import (
     add_robot,
@@ -41,6 +41,7 @@ from robot_dynamics.tools.command_line import (
     os_error_text,
     Parser,
     read_parameters,
+    read_robot,
     run_tool,
     ToolError,
 )
@@ -157,12 +158,14 @@ def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
 
 def _check_libraries(arguments: argparse.Namespace) -> None:
     """Raise MissingDependencyError before any node starts if a library is not installed."""
-    optional('yaml', 'demo')
-    optional('rosbags', 'demo')
+    require_ros('the demo')
+    require('the demo', 'yaml', 'rosbags')
+    if arguments.replay is not None:
+        require('demo --replay', 'scipy')
     if not arguments.no_plot:
-        optional('matplotlib', 'the figure of demo (omit it with --no-plot)')
+        require('the figure of demo (omit it with --no-plot)', 'matplotlib')
     if arguments.viewer is not None:
-        optional('viser', 'demo --viewer')
+        require('demo --viewer', 'viser')
 
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
@@ -241,12 +244,8 @@ def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') ->
 
 def _description(robot: str | None, directory: Path, recorded: str | None = None) -> str:
     """Return the URDF, and write it into `directory`."""
-    from robot_dynamics.ros.robot_description import embedded_description, read_description_file
     from robot_dynamics.tools.demo.session import DESCRIPTION
-    if robot is not None:
-        urdf = read_description_file(robot)
-    else:
-        urdf = embedded_description() if recorded is None else recorded
+    urdf = recorded if robot is None and recorded is not None else read_robot(robot, '--robot')
     (directory / DESCRIPTION).write_text(urdf, encoding='utf-8')
     return urdf
 

@@ -16,6 +16,6 @@
 
 import sys
 
-from robot_dynamics.tools.ros2_dynamics.verbs import main
+from robot_dynamics.tools.ros2_dynamics.cli import main
 
 sys.exit(main())

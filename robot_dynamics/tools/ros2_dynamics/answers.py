@@ -140,17 +140,21 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
 def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return what the model check finds in the URDF that the node uses."""
     from robot_dynamics.model_check.finding import CHECKS, errors_of
-    from robot_dynamics.model_check.report import findings_as_data, findings_of, findings_report
+    from robot_dynamics.model_check.report import (
+        check_description,
+        findings_as_data,
+        findings_report,
+    )
     from robot_dynamics.validation import check_choice
     parameters = client.parameters(['joints', 'ignore_checks'])
     ignored = parameters['ignore_checks'] if arguments.ignore is None else arguments.ignore
     for name in ignored:
         check_choice('--ignore', name, tuple(CHECKS))
-    findings = findings_of(client.description(), list(parameters['joints'] or []))
+    checked = check_description(client.description(), list(parameters['joints'] or []))
     return Answer(
-        {'node': client.name, **findings_as_data(findings, ignored)},
-        findings_report(client.name, findings, ignored),
-        1 if errors_of(findings, ignored) else 0)
+        {'node': client.name, **findings_as_data(checked, ignored)},
+        findings_report(client.name, checked, ignored),
+        1 if errors_of(checked.findings, ignored) else 0)
 
 
 def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:

@@ -18,7 +18,6 @@ Ask a running `dynamics` node on the command line, or move the arm: `ros2 dynami
 Without ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
 `python -m robot_dynamics.tools.ros2_dynamics inverse 0.1 0.2`.
 """
-# PYTHON_ARGCOMPLETE_OK
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -72,7 +71,8 @@ def _check_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _payload_arguments(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_links, 'link', nargs='?', metavar='LINK', help='where the load is')
-    _add(parser, complete_nothing, 'mass', nargs='?', type=float, metavar='MASS', help='[kg]')
+    _add(parser, complete_nothing, 'mass', nargs='?', type=float, metavar='MASS',
+         help='its mass [kg]; it replaces the load on this link')
     _add(parser, complete_nothing, '--com', nargs=3, type=float, default=[0.0] * 3,
          metavar=('X', 'Y', 'Z'),
          help='its centre of mass in the frame of the link [m] (default: 0 0 0)')

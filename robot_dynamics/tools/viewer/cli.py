@@ -26,6 +26,7 @@ import signal
 import sys
 import threading
 
+from robot_dynamics.dependencies import require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools.command_line import add_robot, DONE, FAILED, Parser, run_tool
 
@@ -83,6 +84,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     is_over = threading.Event()
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: is_over.set())
+    require_ros('the viewer')
     from robot_dynamics.tools.viewer.server import (
         address_of,
         is_loopback,

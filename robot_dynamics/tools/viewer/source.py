@@ -19,12 +19,9 @@ import time
 from typing import NamedTuple
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.robot_description import (
-    description_path,
-    embedded_description,
-)
+from robot_dynamics.ros.robot_description import embedded_description
 from robot_dynamics.tools.viewer.node import Described, ViewerNode
-from robot_dynamics.urdf.description_file import read_description
+from robot_dynamics.urdf.description_file import description_path, read_description
 
 ASK_PERIOD = 1.0
 """[s] between two requests for the arm."""
@@ -92,5 +89,5 @@ class ArmSource:
 
 
 def _of_file(file: str, field: str, joints: tuple[str, ...] = ()) -> Description:
-    path = description_path(file)
+    path = description_path(file, field)
     return Description(read_description(path, field), path.parent, joints)

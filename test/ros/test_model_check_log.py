@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The log of the model check of a node, compared with the tool check_model."""
+
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.model_check.report import check_description
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robots import robot_path
+
+
+class Log(list[str]):
+    """The lines that a logger gets."""
+
+    warning = info = list.append
+
+
+def test_tool_and_node_report_what_their_counts_cover():
+    """The tool reads the meshes of the UR10, the node does not."""
+    path = robot_path('ur10')
+    xml = path.read_text(encoding='utf-8')
+    tool = check_description(xml, meshes=MeshReader(path.parent))
+    log = Log()
+    check_or_refuse(xml, load_arm(xml), {'ignore_checks': []}, log)
+    assert (tool.counts, len(log)) == ('0 errors, 5 warnings', 3)
+    assert log[-1].startswith(
+        'Model check: 0 errors, 2 warnings. Scope: links compared with their shapes only, meshes '
+        'are not read (not compared: 7 links); largest gravity torque searched from 128 positions')
+    assert 'The tool check_model also reads meshes' in log[-1]
+    assert 'shapes and meshes; largest gravity torque searched from 512 positions' in tool.scope
+    assert 'dynamics_node reads no meshes' in tool.scope
+
+
+def test_a_node_is_silent_on_a_model_that_it_checks_completely():
+    log = Log()
+    check_or_refuse(
+        default_arm_urdf(), load_arm(default_arm_urdf()), {'ignore_checks': []}, log)
+    assert log == []

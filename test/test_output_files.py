@@ -1,0 +1,95 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""No tool replaces an output file silently; all follow one rule."""
+
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools import animate, excite, planar_urdf, torque_map
+from robot_dynamics.tools.command_line import KEPT, prepare_directory
+
+QUICK: dict[str, tuple[Callable[[Sequence[str]], int], str, list[str]]] = {
+    'animate': (animate.main, 'out/planar_arm.gif', ['--duration', '1', '--rate', '1']),
+    'animate -o': (animate.main, 'x.gif', ['--duration', '1', '--rate', '1', '-o', 'x.gif']),
+    'excite': (excite.main, 'trajectory.yaml', ['--duration', '2', '--harmonics', '2']),
+    'excite --output': (
+        excite.main, 'x.yaml', ['--duration', '2', '--harmonics', '2', '--output', 'x.yaml']),
+    'planar_urdf -o': (planar_urdf.main, 'x.urdf', ['-o', 'x.urdf']),
+    'torque_map': (torque_map.main, 'out/planar_arm_gravity.png', ['--samples', '5']),
+    'torque_map -o': (torque_map.main, 'x.svg', ['--samples', '5', '-o', 'x.svg']),
+}
+"""Tools with an output file: its path, and arguments for a quick run."""
+
+
+@pytest.mark.parametrize('name', QUICK)
+def test_an_existing_file_is_kept_unless_forced(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    main, output, arguments = QUICK[name]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('OPENBLAS_NUM_THREADS', '1')
+    path = Path(output)
+    path.parent.mkdir(exist_ok=True)
+    path.write_text('mine', encoding='utf-8')
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == ('', f'{name.split()[0]}: output {output!r} exists, expected the name '
+                              'of a new file, or --force to replace it\n')
+    assert path.read_text(encoding='utf-8') == 'mine'
+    assert main([*arguments, '--force']) == 0
+    assert path.read_bytes() != b'mine'
+    path.unlink()
+    assert main(arguments) == 0
+    assert path.is_file()
+
+
+def test_a_device_is_no_file(capfd: pytest.CaptureFixture[str]) -> None:
+    assert planar_urdf.main(['-o', '/dev/stdout']) == 0
+    assert capfd.readouterr().out == default_arm_urdf()
+
+
+def arguments_of(output: Path, **settings: object) -> Namespace:
+    return Namespace(**{
+        'output': output, 'cutoff': None, 'jobs': None, 'dask': None, 'force': False, **settings})
+
+
+def test_a_directory_is_used_again_by_the_same_command(tmp_path: Path) -> None:
+    output = tmp_path / 'out'
+    report = output / 'report.html'
+    assert prepare_directory(output, [report], arguments_of(output)) == output / KEPT
+    report.touch()
+    prepare_directory(output, [report], arguments_of(output))
+    prepare_directory(output, [report], arguments_of(output, jobs=2))  # the same results
+    with pytest.raises(InvalidInputError) as caught:
+        prepare_directory(output, [report], arguments_of(output, cutoff=5.0))
+    assert str(caught.value) == (
+        f'output {str(report)!r} exists and is not of the same command, expected another '
+        '--output, or --force to replace it')
+    prepare_directory(output, [report], arguments_of(output, cutoff=5.0, force=True))
+    prepare_directory(output, [report], arguments_of(output, cutoff=5.0))
+    with pytest.raises(InvalidInputError, match='is not of the same command'):
+        prepare_directory(output, [report], arguments_of(output))
+
+
+def test_files_of_others_are_kept(tmp_path: Path) -> None:
+    (tmp_path / 'report.html').touch()
+    with pytest.raises(InvalidInputError, match='is not of the same command'):
+        prepare_directory(tmp_path, [tmp_path / 'report.html'], arguments_of(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ['report.html']
