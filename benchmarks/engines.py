@@ -31,7 +31,7 @@ import sys
 import tempfile
 from typing import Any, NamedTuple
 
-from benchmarks.chains import chain_urdf, ChainLink
+from benchmarks.chains import chain_urdf, ChainLink, joint_frames, modified_dh
 import numpy as np
 import numpy.typing as npt
 
@@ -42,13 +42,18 @@ _KEPT: list[Any] = []
 
 
 class Calls(NamedTuple):
-    """The calls of an engine: efforts (n,), M (n, n), accelerations (n,)."""
+    """
+    The calls of an engine: efforts (n,), M (n, n), accelerations (n,).
+
+    `weight` is the gravitational acceleration [m/s²]; it differs only where an engine fixes it.
+    """
 
     engine: str
     inverse_dynamics: Callable[[Array, Array, Array], Any]
     gravity: Callable[[Array], Any]
     mass_matrix: Callable[[Array], Any]
     forward_dynamics: Callable[[Array, Array, Array], Any]
+    weight: float = -GRAVITY[2]
 
 
 @contextmanager
@@ -266,20 +271,62 @@ def _kdl_chain(module: Any, links: list[ChainLink]) -> Any:
     return chain
 
 
-def robotics_toolbox(links: list[ChainLink]) -> Calls:
-    """
-    Return the calls of the Robotics Toolbox for Python.
+def dynibo(links: list[ChainLink]) -> Calls:
+    """Return the calls of dynibo, whose gravitational acceleration cannot be set from Python."""
+    module = importlib.import_module('dynibo')
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory, 'chain.urdf')
+        path.write_text(chain_urdf(links), encoding='utf-8')
+        robot = module.Robot.from_urdf(str(path))
+    shape = (len(links), len(links))
+    return Calls(
+        _named('dynibo', 'dynibo'), robot.inverse_dynamics, robot.gravity,
+        lambda q: robot.mass_matrix(q).reshape(shape), robot.forward_dynamics, weight=9.80665)
 
-    The toolbox computes a robot from a URDF in Python, and only one from DH parameters in C++.
-    """
+
+def robotics_toolbox(links: list[ChainLink]) -> Calls:
+    """Return the calls of the Robotics Toolbox for a URDF, which it computes in Python."""
+    toolbox = _toolbox()
     with _quiet():
-        toolbox = importlib.import_module('roboticstoolbox')
         reader = importlib.import_module('roboticstoolbox.models.URDF.URDFRobot')
     elements, name, _ = reader.URDF_file(io.StringIO(chain_urdf(links)))
     robot = toolbox.Robot(elements, name=name)
+    return _toolbox_calls('URDF', robot)
+
+
+def robotics_toolbox_dh(links: list[ChainLink]) -> Calls:
+    """
+    Return the calls of the Robotics Toolbox for DH parameters, which it computes in C++.
+
+    The other quantities call its inverse dynamics from Python, once or for several states.
+    """
+    toolbox = _toolbox()
+    frames, parameters = modified_dh(links)
+    rotations = np.array([frame[:3, :3] for frame in frames])
+    joints = joint_frames(links)
+    dh_links = []
+    for link, joint, frame, rotation, (alpha, a, offset, d) in zip(
+            links, joints, frames, rotations, parameters):
+        relative = rotation.T @ joint[:3, :3]
+        com = rotation.T @ (joint[:3, :3] @ link.com + joint[:3, 3] - frame[:3, 3])
+        dh_links.append(toolbox.RevoluteMDH(
+            alpha=alpha, a=a, offset=offset, d=d, m=link.mass, r=com,
+            I=relative @ link.inertia @ relative.T))
+    robot = toolbox.DHRobot(
+        dh_links, base=importlib.import_module('spatialmath').SE3(frames[0], check=False),
+        gravity=GRAVITY)
+    return _toolbox_calls('DH', robot)
+
+
+def _toolbox() -> Any:
+    with _quiet():
+        return importlib.import_module('roboticstoolbox')
+
+
+def _toolbox_calls(model: str, robot: Any) -> Calls:
     return Calls(
-        _named('Robotics Toolbox', 'roboticstoolbox-python'), robot.rne, robot.gravload,
-        robot.inertia, robot.accel)
+        f'{_named("Robotics Toolbox", "roboticstoolbox-python")}, {model}', robot.rne,
+        robot.gravload, robot.inertia, robot.accel)
 
 
 class Peer(NamedTuple):
@@ -298,6 +345,9 @@ PEERS = (
          'scripts/setup peers, on x86-64 with Python 3.10 or 3.11 (no other has a wheel)'),
     Peer('KDL', kdl,
          'sudo apt install ros-jazzy-python-orocos-kdl-vendor, or python3-pykdl (no wheel)'),
-    Peer('Robotics Toolbox', robotics_toolbox,
+    Peer('dynibo', dynibo, 'scripts/setup peers, on x86-64'),
+    Peer('Robotics Toolbox, URDF', robotics_toolbox,
+         'scripts/setup peers, without ROS from apt (it needs numpy 2)'),
+    Peer('Robotics Toolbox, DH', robotics_toolbox_dh,
          'scripts/setup peers, without ROS from apt (it needs numpy 2)'),
 )
