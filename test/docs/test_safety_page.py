@@ -91,6 +91,11 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(
     assert sorted(listed) == sorted(collected)
 
 
+def test_the_readme_states_the_number_of_faults() -> None:
+    readme = (DOCS.parent / 'README.md').read_text(encoding='utf-8')
+    assert f'each of {len(rows_of_page())} injected faults' in ' '.join(readme.split())
+
+
 def test_every_row_has_a_result_and_none_failed() -> None:
     rows = rows_of_page()
     assert rows
