@@ -20,63 +20,19 @@ and preparatory computations. This module does not use `robot_dynamics`. A funct
 `Calls` of an engine raises ImportError if the engine is not installed.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 import importlib
-import importlib.metadata
-import io
-import os
 from pathlib import Path
-import sys
 import tempfile
 from typing import Any, NamedTuple
 
-from benchmarks.chains import chain_urdf, ChainLink, joint_frames, modified_dh
+from benchmarks.chains import chain_urdf, ChainLink
+from benchmarks.engine_calls import Array, Calls, GRAVITY, named, quiet
+from benchmarks.robotics_toolbox import robotics_toolbox, robotics_toolbox_dh
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-GRAVITY = (0.0, 0.0, -9.81)
 _KEPT: list[Any] = []
 """Chains that solvers of KDL refer to, but do not keep alive."""
-
-
-class Calls(NamedTuple):
-    """
-    The calls of an engine: efforts (n,), M (n, n), accelerations (n,).
-
-    `weight` is the gravitational acceleration [m/s²]; it differs only where an engine fixes it.
-    """
-
-    engine: str
-    inverse_dynamics: Callable[[Array, Array, Array], Any]
-    gravity: Callable[[Array], Any]
-    mass_matrix: Callable[[Array], Any]
-    forward_dynamics: Callable[[Array, Array, Array], Any]
-    weight: float = -GRAVITY[2]
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Suppress what engines print while they are loaded: build times, warnings."""
-    sys.stdout.flush()
-    kept = {stream: os.dup(stream) for stream in (1, 2)}
-    with open(os.devnull, 'wb') as nowhere:
-        for stream in kept:
-            os.dup2(nowhere.fileno(), stream)
-    try:
-        yield
-    finally:
-        for stream, copy in kept.items():
-            os.dup2(copy, stream)
-            os.close(copy)
-
-
-def _named(name: str, distribution: str) -> str:
-    try:
-        return f'{name} {importlib.metadata.version(distribution)}'
-    except importlib.metadata.PackageNotFoundError:
-        return name  # from apt
 
 
 def pinocchio(links: list[ChainLink]) -> Calls:
@@ -85,7 +41,7 @@ def pinocchio(links: list[ChainLink]) -> Calls:
     model = pin.buildModelFromXML(chain_urdf(links))
     data = model.createData()
     return Calls(
-        _named('Pinocchio', 'pin'),
+        named('Pinocchio', 'pin'),
         lambda q, v, a: pin.rnea(model, data, q, v, a),
         lambda q: pin.computeGeneralizedGravity(model, data, q),
         lambda q: pin.crba(model, data, q),
@@ -139,7 +95,7 @@ def mujoco(links: list[ChainLink]) -> Calls:
         return np.array(qacc)
 
     return Calls(
-        _named('MuJoCo', 'mujoco'), inverse_dynamics, lambda q: efforts(q, 0.0, 0), mass_matrix,
+        named('MuJoCo', 'mujoco'), inverse_dynamics, lambda q: efforts(q, 0.0, 0), mass_matrix,
         forward_dynamics)
 
 
@@ -179,12 +135,12 @@ def drake(links: list[ChainLink]) -> Calls:
         return acceleration.Eval(context)
 
     return Calls(
-        _named('Drake', 'drake'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
+        named('Drake', 'drake'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
 
 
 def pybullet(links: list[ChainLink]) -> Calls:
     """Return the calls of PyBullet, which takes lists and returns tuples; q̈ by solving with M."""
-    with _quiet(), tempfile.TemporaryDirectory() as directory:
+    with quiet(), tempfile.TemporaryDirectory() as directory:
         bullet = importlib.import_module('pybullet')
         client = bullet.connect(bullet.DIRECT)
         path = Path(directory, 'chain.urdf')
@@ -214,7 +170,7 @@ def pybullet(links: list[ChainLink]) -> Calls:
         return np.asarray(np.linalg.solve(M, tau - bias))
 
     return Calls(
-        _named('PyBullet', 'pybullet'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
+        named('PyBullet', 'pybullet'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
 
 
 def kdl(links: list[ChainLink]) -> Calls:
@@ -280,53 +236,8 @@ def dynibo(links: list[ChainLink]) -> Calls:
         robot = module.Robot.from_urdf(str(path))
     shape = (len(links), len(links))
     return Calls(
-        _named('dynibo', 'dynibo'), robot.inverse_dynamics, robot.gravity,
+        named('dynibo', 'dynibo'), robot.inverse_dynamics, robot.gravity,
         lambda q: robot.mass_matrix(q).reshape(shape), robot.forward_dynamics, weight=9.80665)
-
-
-def robotics_toolbox(links: list[ChainLink]) -> Calls:
-    """Return the calls of the Robotics Toolbox for a URDF, which it computes in Python."""
-    toolbox = _toolbox()
-    with _quiet():
-        reader = importlib.import_module('roboticstoolbox.models.URDF.URDFRobot')
-    elements, name, _ = reader.URDF_file(io.StringIO(chain_urdf(links)))
-    robot = toolbox.Robot(elements, name=name)
-    return _toolbox_calls('URDF', robot)
-
-
-def robotics_toolbox_dh(links: list[ChainLink]) -> Calls:
-    """
-    Return the calls of the Robotics Toolbox for DH parameters, which it computes in C++.
-
-    The other quantities call its inverse dynamics from Python, once or for several states.
-    """
-    toolbox = _toolbox()
-    frames, parameters = modified_dh(links)
-    rotations = np.array([frame[:3, :3] for frame in frames])
-    joints = joint_frames(links)
-    dh_links = []
-    for link, joint, frame, rotation, (alpha, a, offset, d) in zip(
-            links, joints, frames, rotations, parameters):
-        relative = rotation.T @ joint[:3, :3]
-        com = rotation.T @ (joint[:3, :3] @ link.com + joint[:3, 3] - frame[:3, 3])
-        dh_links.append(toolbox.RevoluteMDH(
-            alpha=alpha, a=a, offset=offset, d=d, m=link.mass, r=com,
-            I=relative @ link.inertia @ relative.T))
-    robot = toolbox.DHRobot(
-        dh_links, base=importlib.import_module('spatialmath').SE3(frames[0], check=False),
-        gravity=GRAVITY)
-    return _toolbox_calls('DH', robot)
-
-
-def _toolbox() -> Any:
-    with _quiet():
-        return importlib.import_module('roboticstoolbox')
-
-
-def _toolbox_calls(model: str, robot: Any) -> Calls:
-    return Calls(
-        f'{_named("Robotics Toolbox", "roboticstoolbox-python")}, {model}', robot.rne,
-        robot.gravload, robot.inertia, robot.accel)
 
 
 class Peer(NamedTuple):

@@ -18,7 +18,8 @@
 from typing import Any
 
 from benchmarks.chains import chain_urdf, ChainLink, spatial_chain
-from benchmarks.engines import Calls, GRAVITY, PEERS
+from benchmarks.engine_calls import Calls, GRAVITY
+from benchmarks.engines import PEERS
 from benchmarks.timing import medians
 import numpy as np
 from robot_dynamics.arrays import FloatArray
