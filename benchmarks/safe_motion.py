@@ -232,7 +232,7 @@ def draw(runs: Sequence[Run], path: Path) -> None:
         all_axes[0].set_ylabel('velocity / velocity limit')
         all_axes[0].text(SIZES[0], 1.12, 'velocity limit', va='bottom', color=GREY)
         handles, labels = all_axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc='outside lower center', ncols=len(arms))
+        figure.legend(handles, labels, loc='outside lower center', ncols=len(arms), frameon=False)
         save_figure(figure, path)
 
 
