@@ -59,6 +59,52 @@ def _random_link(rng: np.random.Generator) -> ChainLink:
         rng.uniform(-0.2, 0.2, 3), rng.uniform(-np.pi, np.pi, 3), mass, com, inertia)
 
 
+def joint_frames(links: list[ChainLink]) -> FloatArray:
+    """Return the pose (4, 4) of each joint in the base frame at q = 0, (n, 4, 4)."""
+    poses, pose = [], np.eye(4)
+    for link in links:
+        step = np.eye(4)
+        step[:3, :3], step[:3, 3] = _rotation(link.rpy), link.xyz
+        pose = pose @ step
+        poses.append(pose)
+    return np.array(poses)
+
+
+def _rotation(rpy: FloatArray) -> FloatArray:
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr]])
+
+
+def modified_dh(links: list[ChainLink]) -> tuple[FloatArray, list[tuple[float, ...]]]:
+    """
+    Return the modified DH frames at q = 0, (n, 4, 4), and α, a, θ, d of each joint.
+
+    The base frame of the parameters is the frame of the first joint. Consecutive axes must not be
+    parallel; the axes of `spatial_chain` are not.
+    """
+    joints = joint_frames(links)
+    frames = joints.copy()
+    for frame, joint, following in zip(frames, joints, joints[1:]):
+        z, z_next = joint[:3, 2], following[:3, 2]
+        x = np.cross(z, z_next)
+        x /= np.linalg.norm(x)
+        between = following[:3, 3] - joint[:3, 3]
+        # between = s z + a x − t z_next: s places the frame at the common perpendicular.
+        s, _, _ = np.linalg.solve(np.array([z, x, -z_next]).T, between)
+        frame[:3, 0], frame[:3, 1], frame[:3, 3] = x, np.cross(z, x), joint[:3, 3] + s * z
+    parameters = [(0.0, 0.0, 0.0, 0.0)]
+    for before, frame in zip(frames, frames[1:]):
+        step = np.linalg.solve(before, frame)
+        alpha = np.arctan2(-step[1, 2], step[2, 2])
+        parameters.append((
+            float(alpha), float(step[0, 3]), float(np.arctan2(-step[0, 1], step[0, 0])),
+            float(step[2, 3] * np.cos(alpha) - step[1, 3] * np.sin(alpha))))
+    return frames, parameters
+
+
 def chain_urdf(links: list[ChainLink]) -> str:
     """Return the URDF of a chain: joints joint1, joint2, … between base_link and its links."""
     robot = ElementTree.Element('robot', name='chain')

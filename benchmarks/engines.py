@@ -20,58 +20,19 @@ and preparatory computations. This module does not use `robot_dynamics`. A funct
 `Calls` of an engine raises ImportError if the engine is not installed.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 import importlib
-import importlib.metadata
-import io
-import os
 from pathlib import Path
-import sys
 import tempfile
 from typing import Any, NamedTuple
 
 from benchmarks.chains import chain_urdf, ChainLink
+from benchmarks.engine_calls import Array, Calls, GRAVITY, named, quiet
+from benchmarks.robotics_toolbox import robotics_toolbox, robotics_toolbox_dh
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-GRAVITY = (0.0, 0.0, -9.81)
 _KEPT: list[Any] = []
 """Chains that solvers of KDL refer to, but do not keep alive."""
-
-
-class Calls(NamedTuple):
-    """The calls of an engine: efforts (n,), M (n, n), accelerations (n,)."""
-
-    engine: str
-    inverse_dynamics: Callable[[Array, Array, Array], Any]
-    gravity: Callable[[Array], Any]
-    mass_matrix: Callable[[Array], Any]
-    forward_dynamics: Callable[[Array, Array, Array], Any]
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Suppress what engines print while they are loaded: build times, warnings."""
-    sys.stdout.flush()
-    kept = {stream: os.dup(stream) for stream in (1, 2)}
-    with open(os.devnull, 'wb') as nowhere:
-        for stream in kept:
-            os.dup2(nowhere.fileno(), stream)
-    try:
-        yield
-    finally:
-        for stream, copy in kept.items():
-            os.dup2(copy, stream)
-            os.close(copy)
-
-
-def _named(name: str, distribution: str) -> str:
-    try:
-        return f'{name} {importlib.metadata.version(distribution)}'
-    except importlib.metadata.PackageNotFoundError:
-        return name  # from apt
 
 
 def pinocchio(links: list[ChainLink]) -> Calls:
@@ -80,7 +41,7 @@ def pinocchio(links: list[ChainLink]) -> Calls:
     model = pin.buildModelFromXML(chain_urdf(links))
     data = model.createData()
     return Calls(
-        _named('Pinocchio', 'pin'),
+        named('Pinocchio', 'pin'),
         lambda q, v, a: pin.rnea(model, data, q, v, a),
         lambda q: pin.computeGeneralizedGravity(model, data, q),
         lambda q: pin.crba(model, data, q),
@@ -134,7 +95,7 @@ def mujoco(links: list[ChainLink]) -> Calls:
         return np.array(qacc)
 
     return Calls(
-        _named('MuJoCo', 'mujoco'), inverse_dynamics, lambda q: efforts(q, 0.0, 0), mass_matrix,
+        named('MuJoCo', 'mujoco'), inverse_dynamics, lambda q: efforts(q, 0.0, 0), mass_matrix,
         forward_dynamics)
 
 
@@ -174,12 +135,12 @@ def drake(links: list[ChainLink]) -> Calls:
         return acceleration.Eval(context)
 
     return Calls(
-        _named('Drake', 'drake'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
+        named('Drake', 'drake'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
 
 
 def pybullet(links: list[ChainLink]) -> Calls:
     """Return the calls of PyBullet, which takes lists and returns tuples; q̈ by solving with M."""
-    with _quiet(), tempfile.TemporaryDirectory() as directory:
+    with quiet(), tempfile.TemporaryDirectory() as directory:
         bullet = importlib.import_module('pybullet')
         client = bullet.connect(bullet.DIRECT)
         path = Path(directory, 'chain.urdf')
@@ -209,7 +170,7 @@ def pybullet(links: list[ChainLink]) -> Calls:
         return np.asarray(np.linalg.solve(M, tau - bias))
 
     return Calls(
-        _named('PyBullet', 'pybullet'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
+        named('PyBullet', 'pybullet'), inverse_dynamics, gravity, mass_matrix, forward_dynamics)
 
 
 def kdl(links: list[ChainLink]) -> Calls:
@@ -266,20 +227,17 @@ def _kdl_chain(module: Any, links: list[ChainLink]) -> Any:
     return chain
 
 
-def robotics_toolbox(links: list[ChainLink]) -> Calls:
-    """
-    Return the calls of the Robotics Toolbox for Python.
-
-    The toolbox computes a robot from a URDF in Python, and only one from DH parameters in C++.
-    """
-    with _quiet():
-        toolbox = importlib.import_module('roboticstoolbox')
-        reader = importlib.import_module('roboticstoolbox.models.URDF.URDFRobot')
-    elements, name, _ = reader.URDF_file(io.StringIO(chain_urdf(links)))
-    robot = toolbox.Robot(elements, name=name)
+def dynibo(links: list[ChainLink]) -> Calls:
+    """Return the calls of dynibo, whose gravitational acceleration cannot be set from Python."""
+    module = importlib.import_module('dynibo')
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory, 'chain.urdf')
+        path.write_text(chain_urdf(links), encoding='utf-8')
+        robot = module.Robot.from_urdf(str(path))
+    shape = (len(links), len(links))
     return Calls(
-        _named('Robotics Toolbox', 'roboticstoolbox-python'), robot.rne, robot.gravload,
-        robot.inertia, robot.accel)
+        named('dynibo', 'dynibo'), robot.inverse_dynamics, robot.gravity,
+        lambda q: robot.mass_matrix(q).reshape(shape), robot.forward_dynamics, weight=9.80665)
 
 
 class Peer(NamedTuple):
@@ -298,6 +256,9 @@ PEERS = (
          'scripts/setup peers, on x86-64 with Python 3.10 or 3.11 (no other has a wheel)'),
     Peer('KDL', kdl,
          'sudo apt install ros-jazzy-python-orocos-kdl-vendor, or python3-pykdl (no wheel)'),
-    Peer('Robotics Toolbox', robotics_toolbox,
+    Peer('dynibo', dynibo, 'scripts/setup peers, on x86-64'),
+    Peer('Robotics Toolbox, URDF', robotics_toolbox,
+         'scripts/setup peers, without ROS from apt (it needs numpy 2)'),
+    Peer('Robotics Toolbox, DH', robotics_toolbox_dh,
          'scripts/setup peers, without ROS from apt (it needs numpy 2)'),
 )

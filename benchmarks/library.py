@@ -30,10 +30,11 @@ CALLS = 2000
 
 
 def seconds_per_call(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
+    """Return the mean processor time [s] of a call."""
+    start = time.thread_time()
     for _ in range(CALLS):
         call()
-    return (time.perf_counter() - start) / CALLS
+    return (time.thread_time() - start) / CALLS
 
 
 def side_by_side(ours: Callable[[], object], raw: Callable[[], object]) -> tuple[float, float]:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-docs/performance.md: the output of each benchmark, inserted between its marks.
+docs/benchmarks.md: the output of each benchmark, inserted between its marks.
 
 A benchmark NAME has its place between `<!-- NAME -->` and `<!-- end -->`.
 """
@@ -25,7 +25,7 @@ from pathlib import Path
 import platform
 import re
 
-PAGE = Path(__file__).parents[1] / 'docs' / 'performance.md'
+PAGE = Path(__file__).parents[1] / 'docs' / 'benchmarks.md'
 
 
 def names() -> list[str]:
@@ -47,10 +47,10 @@ def write(name: str, printed: str) -> None:
 
 
 def machine() -> str:
-    """Return a description of the machine and of its software."""
+    """Return a description of the machine, its software and the other work on it."""
     libraries = ', '.join(f'{name} {version(name)}' for name in ('numpy', 'pin'))
     return (f'{_processor()}, {os.cpu_count()} cores; CPython {platform.python_version()}, '
-            f'{libraries}')
+            f'{libraries}; load average {os.getloadavg()[1]:.1f}')
 
 
 def _processor() -> str:

@@ -18,7 +18,8 @@
 from typing import Any
 
 from benchmarks.chains import chain_urdf, ChainLink, spatial_chain
-from benchmarks.engines import Calls, PEERS
+from benchmarks.engine_calls import Calls, GRAVITY
+from benchmarks.engines import PEERS
 from benchmarks.timing import medians
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -34,13 +35,15 @@ TOLERANCE = 1e-6
 QUANTITIES = {'inverse_dynamics': 3, 'gravity': 1, 'mass_matrix': 1, 'forward_dynamics': 3}
 """The questions, and how many vectors of a state each takes: q, v, and q̈ or τ."""
 OURS = 'robot_dynamics'
-SAME = (OURS, 'Pinocchio')
-"""The library and the engine that it stands on."""
 
 
-def library(links: list[ChainLink]) -> Calls:
-    """Return the calls of the library for rigid bodies, the quantities of all other engines."""
-    body = UncheckedRigidBody(load_arm(chain_urdf(links)))
+def library(links: list[ChainLink], weight: float = -GRAVITY[2]) -> Calls:
+    """
+    Return the calls of the library for rigid bodies, the quantities of all other engines.
+
+    `weight` is the gravitational acceleration [m/s²].
+    """
+    body = UncheckedRigidBody(load_arm(chain_urdf(links), gravity=(0.0, 0.0, -weight)))
     return Calls(
         OURS, body.inverse_dynamics, body.gravity, body.mass_matrix, body.forward_dynamics)
 
@@ -65,9 +68,9 @@ def installed(links: list[ChainLink]) -> tuple[list[Calls], list[str]]:
     return found, missing
 
 
-def largest_difference(engine: Calls, ours: Calls, states: FloatArray) -> float:
+def largest_difference(engine: Calls, links: list[ChainLink], states: FloatArray) -> float:
     """Return the largest difference to the library, relative to the largest number of a result."""
-    found = []
+    ours, found = library(links, engine.weight), []
     for state in states:
         for quantity in QUANTITIES:
             arguments = _arguments(quantity, state)
@@ -87,7 +90,7 @@ def main() -> None:
     engines, missing = installed(links)
     states = np.random.default_rng(0).uniform(-1.0, 1.0, (STATES, 3, JOINTS))
     differences = {
-        engine.engine: largest_difference(engine, engines[0], states) for engine in engines}
+        engine.engine: largest_difference(engine, links, states) for engine in engines}
     wrong = {name: value for name, value in differences.items() if not value <= TOLERANCE}
     if wrong:
         raise ValueError(f'these engines have other answers (relative difference): {wrong}')
@@ -107,10 +110,11 @@ def _print_times(engines: list[Calls], states: FloatArray) -> None:
         times[quantity] = medians(
             {engine.engine: (getattr(engine, quantity), arguments) for engine in engines}, ROUNDS)
     _print_table(engines, times)
-    slower = [
-        f'{quantity.replace("_", " ")} ({name})' for quantity, found in times.items()
-        for name, time in found.items() if time < found[OURS] and not name.startswith(SAME)]
-    print(f'Faster than {OURS}: {", ".join(slower) or "none of the other engines"}.')
+    for name in (engine.engine for engine in engines if not engine.engine.startswith(OURS)):
+        faster = [quantity.replace('_', ' ') for quantity, found in times.items()
+                  if found[name] < found[OURS]]
+        if faster:
+            print(f'Faster than {OURS}: {name} in {", ".join(faster)}.')
 
 
 def _print_table(engines: list[Calls], times: dict[str, dict[str, float]]) -> None:

@@ -39,7 +39,10 @@ from benchmarks.safe_motion_cases import (
     MOTIONS,
     PERIODS,
     PUSH,
+    SET_POINT,
     SIZES,
+    STREAM,
+    TRAJECTORY,
 )
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
 from robot_dynamics.reporting.figures import (
@@ -64,6 +67,14 @@ STYLES = dict(zip(ARMS, (
     (BLACK, '-', 'o'), (ORANGE, '-', 's'), (SKY, '-', '^'), (GREEN, '-', 'D'), (BLUE, '-', 'v'),
     (VERMILION, '--', 'o'), (PURPLE, '--', 's'), (GREY, '--', '^'), (BLACK, '--', 'D'))))
 """Colour, dash and marker of each arm."""
+PANELS = {SET_POINT: 'One set-point', STREAM: 'Set-points at 50 Hz', TRAJECTORY: 'Trajectory'}
+"""Titles of the panels of the figure, by motion."""
+SHOWN_SIZES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+SHOWN_RATIOS = (0.01, 0.1, 0.5, 1.0)
+LARGE = {
+    'font.size': 16.0, 'axes.titlesize': 17.0, 'axes.labelsize': 16.0, 'legend.fontsize': 16.0,
+    'xtick.labelsize': 15.0, 'ytick.labelsize': 15.0, 'figure.titlesize': 18.0}
+"""Sizes of letters that are readable at half the size of the figure."""
 
 
 def main(argv: Sequence[str] = ()) -> None:
@@ -203,22 +214,25 @@ def write_csv(runs: Sequence[Run], path: Path) -> None:
 
 def draw(runs: Sequence[Run], path: Path) -> None:
     """Plot the largest |v|/v_max against the size, per arm and motion; crosses are bad runs."""
-    motions = [motion for motion in MOTIONS if motion != PUSH]
-    with styled_figure(4.0 * len(motions) + 1.5, 4.2) as figure:
-        all_axes = figure.subplots(1, len(motions), sharey=True, squeeze=False)[0]
-        for axes, motion in zip(all_axes, motions):
-            title_axes(axes, motion, 'worst of all rates, delays and noise; x: a bad run')
-            for arm in [arm for arm in ARMS if any(case.arm == arm for case, _ in runs)]:
+    arms = [arm for arm in ARMS if any(case.arm == arm for case, _ in runs)]
+    with styled_figure(13.0, 6.4, style=LARGE) as figure:
+        figure.suptitle(
+            'Largest velocity of a motion: the worst case of all rates, delays and noise levels')
+        all_axes = figure.subplots(1, len(PANELS), sharey=True, squeeze=False)[0]
+        for axes, (motion, title) in zip(all_axes, PANELS.items()):
+            title_axes(axes, title)
+            for arm in arms:
                 _draw_arm(axes, arm, [found for found in runs if (
                     found[0].arm == arm and found[0].motion == motion)])
-            axes.axhline(1.0, color=GREY, linewidth=3.0, alpha=0.5)
-            axes.set(xscale='log', yscale='log', xlabel='size [rad]')
-            axes.set_xticks(SIZES, [f'{size:g}' for size in SIZES], minor=False)
+            axes.axhline(1.0, color=GREY, linewidth=4.0, alpha=0.5)
+            axes.set(xscale='log', yscale='log', xlabel='step size [rad]', ylim=(0.002, 1.7))
+            axes.set_xticks(SHOWN_SIZES, [f'{size:g}' for size in SHOWN_SIZES])
+            axes.set_yticks(SHOWN_RATIOS, [f'{100.0 * ratio:g} %' for ratio in SHOWN_RATIOS])
             axes.minorticks_off()
-        all_axes[0].set_ylabel('largest |v| / v_max')
-        handles, labels = max((axes.get_legend_handles_labels() for axes in all_axes),
-                              key=lambda legend: len(legend[1]))
-        figure.legend(handles, labels, loc='outside right upper')
+        all_axes[0].set_ylabel('velocity / velocity limit')
+        all_axes[0].text(SIZES[0], 1.12, 'velocity limit', va='bottom', color=GREY)
+        handles, labels = all_axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc='outside lower center', ncols=len(arms), frameon=False)
         save_figure(figure, path)
 
 
@@ -229,11 +243,12 @@ def _draw_arm(axes: Any, arm: str, runs: Sequence[Run]) -> None:
         worst.setdefault(case.size, []).append(outcome)
     sizes = sorted(worst)
     ratios = [max(outcome.velocity_ratio for outcome in worst[size]) for size in sizes]
-    axes.plot(sizes, ratios, dash, color=colour, marker=marker, markersize=4, label=arm)
+    axes.plot(sizes, ratios, dash, color=colour, marker=marker, markersize=7,
+              linewidth=2.2, label=arm)
     bad = [(size, ratio) for size, ratio in zip(sizes, ratios)
            if any(outcome.is_bad for outcome in worst[size])]
     if bad:
-        axes.plot(*zip(*bad), 'x', color=colour, markersize=9)
+        axes.plot(*zip(*bad), 'x', color=colour, markersize=16, markeredgewidth=3)
 
 
 if __name__ == '__main__':

@@ -13,7 +13,12 @@
 # limitations under the License.
 
 
-"""Times of short calls, measured in interleaved rounds, so that a slow moment affects all."""
+"""
+Times of short calls, measured in interleaved rounds, so that a slow moment affects all.
+
+The times are processor times of the calling thread, which other work on the machine increases only
+through its caches and clock rate.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 import statistics
@@ -27,18 +32,18 @@ ROUND = 4e-3
 def seconds_per_call(
     call: Callable[..., object], states: Sequence[tuple[Any, ...]], passes: int,
 ) -> float:
-    """Return the mean time [s] of a call over all states and repetitions."""
-    start = time.perf_counter()
+    """Return the mean processor time [s] of a call over all states and repetitions."""
+    start = time.thread_time()
     for _ in range(passes):
         for state in states:
             call(*state)
-    return (time.perf_counter() - start) / (passes * len(states))
+    return (time.thread_time() - start) / (passes * len(states))
 
 
 def medians(
     calls: Mapping[str, tuple[Callable[..., object], Sequence[tuple[Any, ...]]]], rounds: int,
 ) -> dict[str, float]:
-    """Return the median time [s] of each call on its states; each round makes all calls."""
+    """Return the median processor time [s] of each call; each round makes all calls."""
     passes = {}
     for name, (call, states) in calls.items():
         seconds_per_call(call, states, 1)  # warms up

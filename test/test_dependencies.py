@@ -216,3 +216,38 @@ def test_the_system_python_gets_a_command_that_it_does_not_refuse() -> None:
 
 def test_a_module_inside_a_library_is_returned() -> None:
     assert optional('yaml.nodes', 'a test').__name__ == 'yaml.nodes'
+
+
+# --- the statements of the documentation ---------------------------------------------------------
+
+INSTALLATION = (ROOT / 'docs' / 'installation.md').read_text(encoding='utf-8')
+
+
+def names_in_table(heading: str) -> set[str]:
+    """Return the names in the first column of a table of docs/installation.md."""
+    rows = re.findall(r'(?:^\|.*\n)+', INSTALLATION.split(heading)[1], re.MULTILINE)[0]
+    return {name for line in rows.splitlines() for name in re.findall(
+        '`([^`]+)`', line.split('|')[1])}
+
+
+def test_the_installation_page_has_every_extra() -> None:
+    assert names_in_table('\n| extra | for |\n') == set(extras())
+
+
+def test_the_installation_page_has_every_option_of_the_setup() -> None:
+    script = (ROOT / 'scripts' / 'setup').read_text(encoding='utf-8')
+    usage = re.search(r'^#   scripts/setup (.*)$', script, re.MULTILINE)
+    assert usage is not None
+    assert names_in_table('\n| option of `scripts/setup` | adds |\n') == set(
+        re.findall(r'\[(.+?)\]', usage[1]))
+
+
+def test_the_pages_state_the_versions_of_python_that_are_tested() -> None:
+    readme = (ROOT / 'README.md').read_text(encoding='utf-8')
+    workflow = (ROOT / '.github' / 'workflows' / 'tests.yml').read_text(encoding='utf-8')
+    versions = re.search(r"^ +python: \['([\d.]+)', '([\d.]+)'\]$", workflow, re.MULTILINE)
+    assert versions is not None
+    oldest, newest = versions.groups()
+    assert f"python_requires='>={oldest}'" in SETUP.read_text(encoding='utf-8')
+    for page in (readme, INSTALLATION):
+        assert set(re.findall(r'Python (\d\.\d+ to \d\.\d+)', page)) == {f'{oldest} to {newest}'}

@@ -194,13 +194,18 @@ def _parameter_row(spec: ParameterSpec) -> Row:
 # ------------------------------------------------------------------ messages and executables
 
 def _diagnostics_page() -> str:
-    text = ['# Diagnostics\n', 'Statuses of the nodes on `/diagnostics`, once per second and '
-            'whenever a level changes. The name of a status is that of the node and that of the '
-            'status, such as `/dynamics: command`. Values of a status are counters and figures '
-            'with their unit in the key.\n']
+    text = [
+        '# Diagnostics\n',
+        'Statuses of the nodes on `/diagnostics`, once per second and whenever a level changes. '
+        'The name of a status is the full name of the node and the name in the table, such as '
+        '`/arm1/dynamics: command`, so that an aggregator separates the statuses of two arms. '
+        'The values of a status are counters and figures with their unit in the key. The column '
+        '"warning or error" lists when the level is not OK: an error if marked so, otherwise a '
+        'warning.\n']
     for name, statuses in STATUSES.items():
         text += [f'## `{name}`\n', _table(
-            ('status', 'meaning'), [(f'`{key}`', meaning) for key, meaning in statuses.items()])]
+            ('status', 'meaning', 'warning or error', 'values'),
+            [(f'`{key}`', *status) for key, status in statuses.items()])]
     return '\n'.join(text)
 
 

@@ -13,12 +13,13 @@
 # limitations under the License.
 
 """
-Write the table of docs/model_check.md: findings of the model check in example-robot-data.
+Write docs/model_check_robots.md: findings of the model check in example-robot-data.
 
-Without an argument the script rewrites the page; with `--print` it only prints the table.
+Without an argument the script writes the page; with `--print` it only prints the table.
 """
 
 from collections import Counter
+from datetime import date
 from importlib import metadata
 from pathlib import Path
 import sys
@@ -33,8 +34,23 @@ from robot_dynamics.model_check.mass_matrix_check import survey_inertia
 from robot_dynamics.model_check.mesh_bounds import MeshReader
 
 PACKAGE = 'example-robot-data'
-PAGE = Path(__file__).parents[1] / 'model_check.md'
+PAGE = Path(__file__).parents[1] / 'model_check_robots.md'
 BEGIN, END = '<!-- table: begin -->\n', '<!-- table: end -->\n'
+TEXT = """\
+# Model check of published robots
+
+Findings of the [model check](model_check.md) in the robots of {package}.
+`scripts/run python docs/tables/model_check.py` writes this page.
+A test compares four rows with the check; `scripts/test -m soak` compares all rows.
+
+- *errors* and *warnings* are counts of findings per check.
+- *gravity* is the largest share of an effort limit that holding the arm at rest needs in any
+  position, with the joint.
+- *condition* is the largest condition number of M(q). *singular (k)*: k joints move no mass.
+
+Run of {date} with Pinocchio {pinocchio}.
+
+"""
 HEAD = (
     '| robot | joints | errors | warnings | gravity | condition |\n'
     '| --- | --- | --- | --- | --- | --- |\n')
@@ -101,10 +117,9 @@ def main() -> None:
     if '--print' in sys.argv[1:]:
         print(text, end='')
         return
-    page = PAGE.read_text(encoding='utf-8')
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text(f'{before}{BEGIN}{text}{END}{after}', encoding='utf-8')
+    head = TEXT.format(
+        package=PACKAGE, date=f'{date.today():%Y-%m-%d}', pinocchio=metadata.version('pin'))
+    PAGE.write_text(f'{head}{BEGIN}{text}{END}', encoding='utf-8')
 
 
 if __name__ == '__main__':

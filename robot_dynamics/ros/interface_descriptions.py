@@ -20,6 +20,17 @@ the running nodes.
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
+
+
+class StatusDescription(NamedTuple):
+    """Description of a status: its meaning, when its level is not OK, and keys of its values."""
+
+    meaning: str
+    problem: str
+    keys: str
+    """As Markdown; each key is marked as code."""
+
 
 Descriptions = Mapping[str, Mapping[str, str]]
 """Text by node and by name; `~` is the name of the node."""
@@ -74,7 +85,7 @@ TOPICS: Descriptions = {
 }
 """Meaning of each topic."""
 
-_SEE_SAFETY = '([safety](../safety.md))'
+_SEE_PAYLOADS = '([payloads](../command.md#payloads))'
 SERVICES: Descriptions = {
     'dynamics': {
         '~/inverse_dynamics': 'Returns the efforts of a motion, split by term, with optional '
@@ -88,7 +99,7 @@ SERVICES: Descriptions = {
                                   'energies.',
         '~/set_payload': 'Sets the payload of a link, on request gradually. m = 0 removes it, '
                          'and with an empty `frame_id` all payloads. A payload that the arm '
-                         f'cannot carry is rejected {_SEE_SAFETY}.',
+                         f'cannot carry is rejected {_SEE_PAYLOADS}.',
         '~/stop': 'Stops the arm within its limits, along the reference if there is one, and '
                   'then holds the position. Available in every state of the node, also during '
                   'long requests.',
@@ -110,25 +121,63 @@ SERVICES: Descriptions = {
 }
 """Effect of each service."""
 
-STATUSES: Descriptions = {
+STATUSES: dict[str, dict[str, StatusDescription]] = {
     'dynamics': {
-        'joint states': 'Whether joint states arrive and are complete; why messages were '
-                        'dropped, with a counter per reason.',
-        'timing': 'Rate, jitter and longest interval of the joint states; delay of the answers.',
-        'reference': 'Whether a reference is followed; why the latest one ended early or was '
-                     'rejected, until the next one.',
-        'command': 'Mode of the command, an active fault and its reason, and the counters of '
-                   'published and limited commands.',
-        'estimates': 'Whether `~/external_effort` and `~/residual` are estimated; restarts of '
-                     'the estimators.',
-        'other nodes': 'Other publishers of the command topics, and other nodes of the same '
-                       'name.',
-        'payload': 'Active payloads by link.',
-        'gravity': 'Gravity in the base frame [m/s^2] and its source; a warning if the '
-                   'IMU is silent.',
-        'model': 'Name of the arm, the control law, and whether a new description is waiting.',
-        'effort check': 'Result of the comparison of measured effort, command and g(q) in a '
-                        'static hold ([effort semantics](../effort_semantics.md)).',
+        'joint states': StatusDescription(
+            'Whether joint states arrive and are complete. The message for a dropped state '
+            'contains the reason and the remedy.',
+            'no states; a replayed recording; a state dropped in the last second (error)',
+            '`answered`, `not new (stamp repeated)`, `parts of a state`, `velocities`, '
+            '`dropped: REASON` and `restarted: REASON`'),
+        'timing': StatusDescription(
+            'Rate, jitter and longest interval of the joint states in the last second. `late '
+            'states` counts those later than 1.5 usual intervals, since the start.',
+            'an interval above half of `state_timeout`',
+            '`rate [Hz]`, `jitter, standard deviation [ms]`, `longest interval [ms]`, '
+            '`late states`'),
+        'reference': StatusDescription(
+            'Whether a reference is followed; why the latest one ended early or was rejected, '
+            'until the next one. `slowed down by` is the factor of the last trajectory.',
+            'the latest rejected; the last one ended early',
+            '`refused`, `refusal of the latest`, `streams that paused`, `slowed down by`, '
+            '`share of the gains that the state rate allows`'),
+        'command': StatusDescription(
+            'Mode of the command; name and description of an active fault; counters of published '
+            'and limited commands.',
+            'a fault (error); not running; an active limit in the last second; incompatible '
+            'quality of service of a subscriber',
+            '`published`, `held back by …`, `faults: …`, `incompatible subscribers of …`'),
+        'estimates': StatusDescription(
+            'Whether `~/external_effort` and `~/residual` are estimated; restarts of the '
+            'estimators ([external torque](../external_effort.md)). Without estimates, neither '
+            'topic is published.',
+            'subscribers of `~/external_effort` or `~/residual`, but states without effort or '
+            'velocity',
+            '`reset: REASON`'),
+        'other nodes': StatusDescription(
+            'Other publishers of the command topics, and other nodes of the same name. Checked '
+            'once per second; the result is also logged.',
+            'another publisher of `effort_command` or `~/commands`; another node with the same '
+            'full name',
+            '`nodes of this name`, `publishers of effort_command`, `publishers of ~/commands`'),
+        'payload': StatusDescription(
+            'Active payloads by link, their number and their total mass [kg].',
+            'the newest model cannot carry the payloads (error)',
+            '`payloads`, `mass`'),
+        'gravity': StatusDescription(
+            'Gravity in the base frame [m/s^2] and its source: the parameter, or the IMU of the '
+            'base. Counter and reason of rejected messages of the IMU.',
+            'no valid message of the IMU',
+            '`gravity`, `refused`, `refusal of the latest`'),
+        'model': StatusDescription(
+            'Name of the arm, the control law, and whether a new description is waiting.',
+            'no model',
+            '`command`, `a new one waits`, `callbacks that failed`'),
+        'effort check': StatusDescription(
+            'Result of the comparison of measured effort, command and g(q) in a static hold '
+            '([effort semantics](../effort_semantics.md)).',
+            'gravity is compensated twice, or not as declared',
+            '`k`, `expected k`, `tolerance`'),
     },
 }
-"""Meaning of each status on /diagnostics, which is named `NODE: STATUS`."""
+"""Each status on /diagnostics, which is named `NODE: STATUS`."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Replacement of elements in the text of a URDF, which leaves every other byte unchanged.
+Replacement of elements in the text of a URDF, which leaves every other character unchanged.
 
 Comments, order, spaces and elements that this package does not read are preserved.
 """

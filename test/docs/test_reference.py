@@ -153,7 +153,7 @@ def test_parameters(client: RosClient, node: str) -> None:
 
 
 def test_statuses(client: RosClient) -> None:
-    assert [name for name, _ in table('diagnostics', '`dynamics`')] == list(STATUSES['dynamics'])
+    assert [name for name, *_ in table('diagnostics', '`dynamics`')] == list(STATUSES['dynamics'])
     with client.collect(DiagnosticArray, '/diagnostics') as reports:
         found = reports.wait_for(lambda message: any(
             status.name.startswith('/dynamics: ') for status in message.status))

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Figures in docs/safety.md and docs/joint_states.md, and the tests in docs/fault_tests.md."""
+"""Figures in docs/safety.md and in the pages it leads to, and tests in docs/fault_tests.md."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import json
 from pathlib import Path
 import re
@@ -24,22 +24,29 @@ import children
 from diagnostic_msgs.msg import DiagnosticArray
 import fault_table
 from fault_table import Row, rows_of_page
+import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control import effort_limiter as effort_guard
 from robot_dynamics.control import setpoint_stream as set_point_stream
 from robot_dynamics.control import supervisor as command_supervisor
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring import state_plausibility as state_watch
 from robot_dynamics.monitoring import velocity_estimate
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros import memory, message_bytes, robot_description
 from robot_dynamics.ros.dynamics import command_output as safe_command
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 from robot_dynamics.urdf import document
 from robot_dynamics.urdf import parser as urdf
+from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
 DOCS = Path(__file__).parents[2] / 'docs'
+PAGES = ('safety.md', 'command.md', 'joint_states.md', 'gains.md', 'reference/diagnostics.md')
 TEXT = ''.join(
-    (DOCS / name).read_text(encoding='utf-8') for name in ('safety.md', 'joint_states.md'))
+    (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
 PROSE = ' '.join(TEXT.split())
 """The text with single spaces, whatever its line breaks."""
 FAULT_TESTS = fault_table.PAGE.read_text(encoding='utf-8')
@@ -82,6 +89,11 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(
     listed = [(row.group, row.injected, row.expected) for row in rows_of_page()]
     assert listed, 'the table is empty: scripts/test -m fault --write-fault-table writes it'
     assert sorted(listed) == sorted(collected)
+
+
+def test_the_readme_states_the_number_of_faults() -> None:
+    readme = (DOCS.parent / 'README.md').read_text(encoding='utf-8')
+    assert f'each of {len(rows_of_page())} injected faults' in ' '.join(readme.split())
 
 
 def test_every_row_has_a_result_and_none_failed() -> None:
@@ -157,6 +169,35 @@ def test_figures_that_are_no_parameters(words: str, value: object) -> None:
     assert words.format(value) in PROSE
 
 
+def growth_of_velocity(arm: ArmModel, q: FloatArray, rate: float, seconds: float) -> float:
+    """Return the time constant [s] with which |v| grows under sampled g(q), without friction."""
+    body = UncheckedRigidBody(arm)
+    step, substeps = 1.0 / (16.0 * rate), 16
+    v = np.full(len(q), 1e-9)
+    speeds = []
+    for _ in range(round(rate * seconds)):
+        hold = body.gravity(q)
+        for _ in range(substeps):
+            v = v + step * body.forward_dynamics(q, v, hold)
+            q = q + step * v
+        speeds.append(np.linalg.norm(v))
+    half = len(speeds) // 2
+    return seconds / 2.0 / float(np.log(speeds[-1] / speeds[half - 1]))
+
+
+@pytest.mark.parametrize(('urdf', 'q'), [
+    (default_arm_urdf, [0.5, 0.5]),
+    (lambda: robot_urdf('ur10'), [0.0, -1.57, 0.0, 0.0, 0.0, 0.0])])
+def test_sampled_gravity_compensation_is_unstable_as_the_page_states(
+    urdf: Callable[[], str], q: list[float],
+) -> None:
+    stated = {2: 'of ([0-9.]+) s \\(default arm', 6: 'of ([0-9.]+) s \\(UR10'}[len(q)]
+    found = re.search(stated, PROSE)
+    assert found is not None
+    measured = growth_of_velocity(load_arm(urdf()), np.array(q), 30.0, 10.0)
+    assert measured == pytest.approx(float(found[1]), rel=0.15)
+
+
 def test_every_fault_action_and_mode_is_there() -> None:
     for words in (*command_supervisor.FAULT_ACTIONS, *command_supervisor.Mode):
         name = words if isinstance(words, str) else words.value
@@ -166,9 +207,9 @@ def test_every_fault_action_and_mode_is_there() -> None:
 # --- the diagnostics -----------------------------------------------------------------------------
 
 def test_the_diagnostics_are_those_of_a_running_node(client: RosClient) -> None:
-    table, = (rows for rows in tables() if 'figures' in rows[0])
+    table, = (rows for rows in tables() if 'values' in rows[0])
     documented = {
-        row['status'].strip('`'): re.findall('`([^`]*)`', row['figures']) for row in table}
+        row['status'].strip('`'): re.findall('`([^`]*)`', row['values']) for row in table}
     with NodeProcess(DYNAMICS, namespace='/page'):
         report = client.wait_for(
             DiagnosticArray, '/diagnostics',

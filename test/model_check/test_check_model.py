@@ -236,6 +236,18 @@ def test_the_table_has_what_the_check_finds(command, committed, robot):
     assert_same_line(command.row(path.stem, path).rstrip('\n'), expected)
 
 
+def test_guide_and_readme_state_the_counts_of_the_table(command):
+    text = command.PAGE.read_text(encoding='utf-8')
+    rows = [line.split(' | ') for line in text.splitlines() if line.startswith('| ')][2:]
+    errors = sum(row[2] != '–' for row in rows)
+    clean = sum(row[2] == row[3] == '–' for row in rows)
+    assert (
+        f'Of its {len(rows)} robots that can be loaded, {errors} have an error, and {clean} have '
+        'no finding.') in (ROOT / 'docs' / 'model_check.md').read_text(encoding='utf-8')
+    readme = (ROOT / 'README.md').read_text(encoding='utf-8')
+    assert f'[{len(rows)} published robots](docs/model_check_robots.md)' in readme
+
+
 @pytest.mark.soak
 def test_the_table_is_what_the_command_writes(command, committed):
     written = command.table(command.robot_directory())

@@ -135,7 +135,7 @@ def test_soak(
     latest = misses.max(initial=-np.inf)
     warm = memory[len(memory) // 3:]
     growth = max(warm) - warm[0]
-    print(f'\n{duration:g} s: {int(found["heard"])} messages received, {answered} requests '
+    print(f'\n{duration:g} s: {int(found["received"])} messages received, {answered} requests '
           f'answered, {silences} silences, {len(misses)} fault actions, the latest '
           f'{1e3 * latest:.1f} ms after its deadline; memory {1e-6 * warm[0]:.1f} MB and '
           f'{1e-6 * growth:.1f} MB more')

@@ -66,7 +66,7 @@ class MotionWatch:
         self.rejection = ''
         self._statuses = self._early = 0
         self._status = ''
-        self._heard = time.monotonic()
+        self._last_message = time.monotonic()
 
     @contextmanager
     def following(self) -> Iterator[None]:
@@ -85,7 +85,7 @@ class MotionWatch:
         self.position_ns = stamp_from_ros(message.header.stamp)
 
     def _on_reference(self, message: JointState) -> None:
-        self._heard = time.monotonic()
+        self._last_message = time.monotonic()
         order = [list(message.name).index(name) for name in self._names]
         self.reference = (
             stamp_from_ros(message.header.stamp), tuple(message.position[i] for i in order),
@@ -95,7 +95,7 @@ class MotionWatch:
         for status in message.status:
             if status.name == f'{self._client.name}: reference':
                 values = {pair.key: pair.value for pair in status.values}
-                self._heard = time.monotonic()
+                self._last_message = time.monotonic()
                 self.rejections = int(values['refused'])
                 self.rejection = values['refusal of the latest']
                 self._status = status.message
@@ -169,7 +169,7 @@ class MotionWatch:
         if self._early > 1:  # the first status may be from before the goal
             raise ToolError(
                 f'the motion ended early: {self._status.removeprefix(_EARLY)}')
-        if time.monotonic() - self._heard > self._client.timeout:
+        if time.monotonic() - self._last_message > self._client.timeout:
             raise NoAnswerError(
                 f'{self._client.name} has sent no ~/reference and no /diagnostics for '
                 f'{self._client.timeout:g} s')

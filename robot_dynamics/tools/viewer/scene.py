@@ -30,6 +30,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks
+from robot_dynamics.tools.viewer.labels import label_anchor, newest_view, spread
 from robot_dynamics.urdf.inertials import read_joint_origins
 from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
 from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere, Visual
@@ -203,6 +204,7 @@ class ArmScene:
                     _UPDATES[marker.type](self._marks[key], marker)
                 else:
                     self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
+            self._anchor_labels(named)
 
     def _labels(self, texts: Mapping[_Key, Marker]) -> dict[_Key, Marker]:
         """Return the texts with the names of their joints; too close ones are raised."""
@@ -212,14 +214,19 @@ class ArmScene:
             if label.id < self._arm.joint_count:
                 label.text = f'{self._arm.joint_names[label.id]}: {label.text}'
             place = _position(label)
-            for _ in taken:
-                near = [one for one in taken if np.linalg.norm(one - place) < self._gap]
-                if not near:
-                    break
-                place[2] = max(one[2] for one in near) + self._gap
+            spread(place, taken, self._gap)
             label.pose.position.z = float(place[2])
             taken.append(place)
         return labels
+
+    def _anchor_labels(self, marks: Mapping[_Key, Marker]) -> None:
+        """Extend labels to the side on which they stay within the image of the page."""
+        view = newest_view(self._server.get_clients().values())
+        for key, marker in marks.items():
+            if marker.type == Marker.TEXT_VIEW_FACING:
+                anchor = label_anchor(view, _position(marker), marker.text)
+                if self._marks[key].anchor != anchor:
+                    self._marks[key].anchor = anchor
 
     def _add_mark(self, node: str, marker: Marker) -> Any:
         colour = _rgb(marker)
