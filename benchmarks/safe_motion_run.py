@@ -127,7 +127,7 @@ class ControlLoop:
         """Return the effort (n,) for a measured state, or None if the loop publishes none."""
         controller, supervisor = self._controller, self._supervisor
         output = controller.answer(stamp_ns, q, v)
-        dt = None if self._last_stamp is None else 1e-9 * (stamp_ns - self._last_stamp)
+        dt = 1e-9 * (stamp_ns - self._last_stamp) if self._last_stamp is not None else None
         self._last_stamp, self._sample = stamp_ns, output.sample
         if output.command is None:
             raise RuntimeError('the controller has no command, expected one by default')

@@ -49,7 +49,7 @@ class _Formulas(Preprocessor):
     def _replace(self, found: re.Match[str]) -> str:
         if found['code']:
             return found[0]
-        display = 'inline' if found['block'] is None else 'block'
+        display = 'block' if found['block'] is not None else 'inline'
         mathml = to_mathml(found['block'] or found['inline'], display)
         return str(self.md.htmlStash.store(mathml))
 

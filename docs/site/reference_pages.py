@@ -183,8 +183,8 @@ def _parameter_row(spec: ParameterSpec) -> Row:
         '[]' if spec.kind.name.endswith('_ARRAY') else '')
     values = ', '.join(f'`{choice}`' for choice in spec.choices)
     if spec.minimum is not None or spec.maximum is not None:
-        low = '−∞' if spec.minimum is None else f'{spec.minimum:g}'
-        high = '∞' if spec.maximum is None else f'{spec.maximum:g}'
+        low = f'{spec.minimum:g}' if spec.minimum is not None else '−∞'
+        high = f'{spec.maximum:g}' if spec.maximum is not None else '∞'
         values = f'{low} to {high}'
     default = str(spec.default).lower() if isinstance(spec.default, bool) else repr(spec.default)
     return (f'`{spec.name}`', kind, f'`{default}`', values, 'no' if spec.read_only else 'yes',

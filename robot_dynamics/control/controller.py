@@ -290,7 +290,7 @@ class Controller:
             return None
         last = self._state
         v, has_changed = self._adaptation.take(
-            0.0 if last is None else _NS * (stamp_ns - last[0]), q, v, delay)
+            _NS * (stamp_ns - last[0]) if last is not None else 0.0, q, v, delay)
         if has_changed:
             self._scale_motion()
         self._state = stamp_ns, q, v
@@ -312,7 +312,7 @@ class Controller:
         peak = gravity_peak if is_gravity else largest(nominal)
         if not (gravity_peak < math.inf and peak < math.inf):
             raise non_finite_effort(q, gravity, nominal)
-        own = self._load.unloaded if self._robot is None else self._robot
+        own = self._robot if self._robot is not None else self._load.unloaded
         robot_gravity = gravity if state.dynamics is own else own.rigid_body.gravity(q)
         robot = robot_effort(
             self._options.semantics, robot_gravity, None if is_gravity else answer.friction)

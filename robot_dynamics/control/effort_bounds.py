@@ -41,7 +41,7 @@ class RobotEffort(NamedTuple):
         """Return the terms of the command for the terms of an effort at the joints."""
         if self.gravity is None and self.friction is None:
             return terms
-        gravity = terms.gravity if self.gravity is None else terms.gravity - self.gravity
+        gravity = terms.gravity - self.gravity if self.gravity is not None else terms.gravity
         friction = terms.friction if self.friction is None else np.zeros_like(terms.friction)
         return terms._replace(
             gravity=gravity, friction=friction, effort=self.command(terms.effort))

@@ -68,7 +68,7 @@ class LoadedArm:
         None stands for the loads or the gravity of the last exchange.
         """
         payloads = self._payloads if payloads is None else tuple(payloads)
-        gravity = self.planning.arm.gravity if gravity is None else gravity
+        gravity = gravity if gravity is not None else self.planning.arm.gravity
         planning = ArmDynamics(self.arm.with_gravity(gravity).with_payloads(payloads))
         return PreparedLoad(payloads, planning, WorkspaceInertia(planning))
 

@@ -186,7 +186,7 @@ class CommandSupervisor:
         if self.mode is not Mode.RUNNING:
             return self._action(now)
         self.guarded = self._guard.apply(
-            command, hold, q, v, now - self._last_output if dt is None else dt, is_near,
+            command, hold, q, v, dt if dt is not None else now - self._last_output, is_near,
             is_too_fast)
         self._last_output = now
         return self.guarded.effort

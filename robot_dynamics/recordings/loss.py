@@ -23,8 +23,8 @@ class Loss(NamedTuple):
     """
     The part of one file that cannot be read.
 
-    `reason` describes the damage. `lost_bytes` and `lost_messages` are None if they cannot be
-    known. Messages are missing between the times [ns], which are None if they cannot be known.
+    `reason` describes the damage. `lost_bytes` and `lost_messages` can be
+    unknown (None). Messages are missing between the times [ns], which can be unknown (None).
     """
 
     file: str

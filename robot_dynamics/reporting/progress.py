@@ -33,7 +33,7 @@ class Progress:
 
     def __init__(self, total: float, unit: str, stream: TextIO | None = None) -> None:
         self._total, self._unit = total, unit
-        self._stream = sys.stderr if stream is None else stream
+        self._stream = stream if stream is not None else sys.stderr
         self._live = self._stream.isatty()
         self._done = 0.0
         self._shown = -1

@@ -87,8 +87,8 @@ class ParameterSpec:
                 check_choice(f'{self.name}[{i}]', choice, self.choices)
         elif self.choices:
             check_choice(self.name, value, self.choices)
-        low = -math.inf if self.minimum is None else self.minimum
-        high = math.inf if self.maximum is None else self.maximum
+        low = self.minimum if self.minimum is not None else -math.inf
+        high = self.maximum if self.maximum is not None else math.inf
         if self.kind in (Type.DOUBLE, Type.INTEGER):
             check_scalar(self.name, value, low, high)
         elif self.kind in (Type.DOUBLE_ARRAY, Type.INTEGER_ARRAY):

@@ -204,7 +204,7 @@ class ArmSimulation:
         steps = max(1, int(np.ceil(duration / self._max_step - 1e-9)))
         h = duration / steps
         acceleration = self._motor_acceleration
-        effort = tau if self._drive is None else self.effort
+        effort = self.effort if self._drive is not None else tau
         now, heat, work = self._now, 0.0, 0.0
         for _ in range(steps):
             before = now

@@ -114,7 +114,7 @@ class ContactModeSolver:
         closing = side * (omega - v)
         if closing.max() <= 0.0:
             return ContactResult(state, 0.0, False)
-        push = self._nowhere if a is None else side * (self._forces.tau - backlash.inertia * a)
+        push = side * (self._forces.tau - backlash.inertia * a) if a is not None else self._nowhere
         M = self._forces.body_with(backlash.exists).mass_matrix(q)
         heat, impacts = 0.0, 0
         while closing.max() > 0.0:

@@ -112,7 +112,7 @@ class MotionIntegrator:
             end = self._advance(state, h, modes, a)
             event = self._events.first(
                 state, h, modes, a, end, partial(self._advance, state, modes=modes, a=a))
-            passed, end = (h, end) if event is None else event
+            passed, end = event if event is not None else (h, end)
             state, heat, a, h = end.state, heat + end.heat, end.a, h - passed
             if h <= 0.0:
                 return StepResult(state, heat, had_impact)

@@ -188,7 +188,7 @@ def _recorded_motion(
     motion = motion_of(
         arm, measured.times[shown] - start, measured.position[shown], measured.velocity[shown],
         measured.acceleration[shown],
-        None if measured.effort is None else measured.effort[shown],
+        measured.effort[shown] if measured.effort is not None else None,
         np.ones(int(shown.sum()), dtype=bool))
     return motion.at(np.arange(0.0, motion.times[-1] + 0.5 / rate, 1.0 / rate))
 

@@ -168,7 +168,7 @@ def add_robot(
     parser.add_argument(
         option, required=default is None, metavar=metavar,
         help='URDF or .xacro file of the robot: a path, or package://PACKAGE/PATH'
-             + ('' if default is None else f' (default: {default})'))
+             + (f' (default: {default})' if default is not None else ''))
 
 
 def add_cutoff(parser: argparse.ArgumentParser) -> None:

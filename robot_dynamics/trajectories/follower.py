@@ -129,8 +129,8 @@ def _held(last: TrajectoryPoint, is_moving: bool) -> Reference:
         return Reference(last.position, zero, zero)
     return Reference(
         last.position,
-        zero if last.velocity is None else last.velocity,
-        zero if last.acceleration is None else last.acceleration)
+        last.velocity if last.velocity is not None else zero,
+        last.acceleration if last.acceleration is not None else zero)
 
 
 class TrajectoryFollower:

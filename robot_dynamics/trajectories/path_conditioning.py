@@ -111,8 +111,8 @@ def _slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
     return JointTrajectory(trajectory.joint_names, tuple(
         TrajectoryPoint(
             factor * p.time_from_start, p.position,
-            None if p.velocity is None else p.velocity / factor,
-            None if p.acceleration is None else p.acceleration / factor**2)
+            p.velocity / factor if p.velocity is not None else None,
+            p.acceleration / factor**2 if p.acceleration is not None else None)
         for p in trajectory.points))
 
 

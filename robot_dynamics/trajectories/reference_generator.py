@@ -141,7 +141,7 @@ class ReferenceGenerator(TrajectoryFollower):
         before: tuple[int, TrajectoryPoint] | None,
     ) -> list[TrajectoryPoint]:
         assert self.limits is not None
-        period = 0.0 if before is None else (now_ns - before[0]) / NANOSECONDS_PER_SECOND
+        period = (now_ns - before[0]) / NANOSECONDS_PER_SECOND if before is not None else 0.0
         if before is None or period > LONGEST_PERIOD:
             before, period = None, 0.0
         if point.velocity is None:

@@ -107,7 +107,7 @@ class BaseGravity:
         dt, self._received_at = now - self._received_at, now
         share = 1.0 if self._gravity is None or has_orientation(message) else (
             dt / (dt + FILTER_TIME))
-        before = measured if self._gravity is None else self._gravity
+        before = self._gravity if self._gravity is not None else measured
         self._gravity = before + share * (measured - before)
         if self._controller is not None and now - self._changed_at >= SHORTEST_PERIOD:
             self._changed_at = now

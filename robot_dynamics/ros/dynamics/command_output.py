@@ -161,7 +161,7 @@ class SafeCommand:
         """The reason why no reference can be followed now, empty if one can."""
         with self._lock:
             supervisor = self._supervisor
-            mode = Mode.INACTIVE if supervisor is None else supervisor.mode
+            mode = supervisor.mode if supervisor is not None else Mode.INACTIVE
             if not self._is_active:
                 return 'the node is not active'
             if mode is Mode.FAULT and supervisor is not None and supervisor.fault is not None:
@@ -222,7 +222,7 @@ class SafeCommand:
             else:
                 fault, self._latched = self._latched, None
                 done, words = fault is not None, (
-                    'there is no fault' if fault is None else f'reset {fault.name}')
+                    f'reset {fault.name}' if fault is not None else 'there is no fault')
             self._node.get_logger().info(f'~/reset_fault: {words}')
             return done, words
 

@@ -221,7 +221,7 @@ class ControlPath:
             state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers, steady_ns)
         self._follow_time(served, state, verdict, 1e-9 * steady_ns)
         output = self._computed(served, verdict, q, v)
-        v = output.velocity if v is None else v
+        v = v if v is not None else output.velocity
         command = self._commanded(served, state, verdict, q, output)
         self._count(verdict, output, 1e-9 * steady_ns)
         self._publish(state, served, output)

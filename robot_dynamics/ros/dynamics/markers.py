@@ -99,7 +99,7 @@ class LiveMarkers:
         """Take a state whose command is published, and the estimated external effort (n,)."""
         effort = output.computed_torque
         self._seen = _Seen(
-            stamp_ns, q, output.gravity_compensation if effort is None else effort, external)
+            stamp_ns, q, effort if effort is not None else output.gravity_compensation, external)
 
     def _draw(self) -> None:
         began, controller = time.monotonic(), self._controller

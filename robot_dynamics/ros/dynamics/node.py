@@ -294,7 +294,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
-        model = 'none yet' if self._arm is None else self._arm.name
+        model = self._arm.name if self._arm is not None else 'none yet'
         statuses = [
             *self._report.statuses(self._settings.values['state_timeout']),
             self._reference_status(),

@@ -65,7 +65,7 @@ class StateLog:
     def drop(self, reason: str, words: str) -> None:
         """Count and log a dropped state, with the remedy."""
         remedy = REMEDIES.get(reason)
-        words = words if remedy is None else f'{words}; {remedy}'
+        words = f'{words}; {remedy}' if remedy is not None else words
         self._counters.dropped[reason] += 1
         self._counters.last_drop = words
         self.warn('dropped', words)
@@ -92,7 +92,7 @@ class StateLog:
         """Log once that the joint states have no velocities, and the effect of that."""
         if v is None and controller.estimates_velocity:
             return  # an estimate needs a second state
-        source = 'missing' if v is None else 'estimated from positions'
+        source = 'estimated from positions' if v is not None else 'missing'
         if source == self._counters.velocities:
             return
         self._counters.velocities = source

@@ -106,7 +106,7 @@ class NodeProcess:
         """
         self.name = name
         self.log = directory / f'{name}.log'
-        files = [] if others is None else [others]
+        files = [others] if others is not None else []
         if defaults:
             files.insert(0, _written(directory / f'{name}_defaults.yaml', defaults))
         files.append(_written(directory / f'{name}.yaml', parameters))

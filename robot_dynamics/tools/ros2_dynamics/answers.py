@@ -147,7 +147,7 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
     )
     from robot_dynamics.validation import check_choice
     parameters = client.parameters(['joints', 'ignore_checks'])
-    ignored = parameters['ignore_checks'] if arguments.ignore is None else arguments.ignore
+    ignored = arguments.ignore if arguments.ignore is not None else parameters['ignore_checks']
     for name in ignored:
         check_choice('--ignore', name, tuple(CHECKS))
     checked = check_description(client.description(), list(parameters['joints'] or []))
