@@ -88,18 +88,24 @@ def test_friction_that_the_robot_compensates_is_not_commanded(
     assert max(differences) < 1e-9 if compensates else max(differences) > 4.0
 
 
-def test_at_slow_rates_the_feedback_has_the_scaled_bandwidth() -> None:
+@pytest.mark.parametrize(('period', 'is_slow'), [(0.05, True), (0.002, False)])
+def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
+    period: float, is_slow: bool,
+) -> None:
+    """M, C and g are those of the position half a period ahead, but not at fast rates."""
     one = Controller(ARM, ControllerOptions(GAINS, softens_gains=True))
-    q, v, period = np.array([0.8, 0.5]), np.array([0.4, -0.3]), 0.05
+    q, v = np.array([0.8, 0.5]), np.array([0.4, -0.3])
     for k in range(20):
         one.update(START + round(1e9 * period) * k, q, v)
     one.follow(make_trajectory(NAMES, (0.0,), [[1.0, 0.4]], (), (), NAMES), 0)
     output = one.update(START + round(1e9 * period) * 20, q, v)
     s = one.bandwidth_scale
-    assert output.gain_scale == s < 0.5
+    assert output.gain_scale == s
+    assert (s < 0.5) if is_slow else (s == 1.0)
     a = s * GAINS.kd * -v + s**2 * GAINS.kp * ([1.0, 0.4] - q)
+    q_ahead = q + 0.5 * period * v if is_slow else q
     assert output.computed_torque == pytest.approx(
-        ArmDynamics(ARM).inverse_dynamics(q + 0.5 * period * v, v, a))
+        ArmDynamics(ARM).inverse_dynamics(q_ahead, v, a))
 
 
 def test_the_law_itself_needs_a_reference_and_a_velocity() -> None:

@@ -24,6 +24,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 ARM = load_arm(default_arm_urdf())
@@ -144,6 +145,36 @@ def test_a_state_without_a_velocity_at_rest_starts_no_stop() -> None:
     assert one.update(NOW + MS, Q, V).reference is None
 
 
+# --- references ----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('timeout', [0.1, 0.4])
+def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout: float) -> None:
+    one = make(stream_timeout=timeout)
+    one.update(NOW, ZERO, ZERO)
+    one.follow(make_trajectory(NAMES, [0.0], [ZERO], [[0.2, 0.0]], (), NAMES), 0)
+    velocities = []
+    for ms in (100, 400, 5000):
+        reference = one.update(NOW + ms * MS, ZERO, ZERO).reference
+        assert reference is not None
+        velocities.append(reference.velocity[0])
+    assert velocities[0] > 0.15
+    assert (velocities[1] > 0.15) == (timeout == 0.4)
+    assert velocities[2] == 0.0
+
+
+def test_a_trajectory_that_is_too_fast_is_slowed_down_by_the_reported_factor() -> None:
+    one = make(slows_down=True)
+    one.update(NOW, Q, ZERO)
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 20.0), 0)
+    assert one.slowness == 1.0
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 0.2), 0)
+    assert one.slowness > 2.0
+    arrival = NOW + round(0.2e9 * one.slowness)
+    reference = one.update(arrival + 100 * MS, Q, ZERO).reference
+    assert reference is not None
+    assert reference.position == pytest.approx([1.6, 0.1])
+
+
 # --- states and time -----------------------------------------------------------------------------
 
 def test_after_a_restart_the_next_state_is_a_first_one() -> None:
@@ -156,6 +187,19 @@ def test_after_a_restart_the_next_state_is_a_first_one() -> None:
         one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     assert one.update(NOW + 40 * MS, Q - 3.0, None).velocity is None
     assert one.update(NOW + 50 * MS, Q - 3.0, None).velocity == pytest.approx([0.0, 0.0])
+
+
+def test_after_a_restart_a_single_pause_does_not_lower_the_gains() -> None:
+    one = make(softens_gains=True)
+    for k in range(20):
+        one.update(NOW + 2 * k * MS, Q, ZERO)
+    one.restart_states()
+    for ms in (-5000, -4200, -4198):  # other stamps, and a pause of 0.8 s
+        one.update(NOW + ms * MS, Q, ZERO)
+        assert one.bandwidth_scale == 1.0
+    for ms in (-3200, -2200):  # two in a row are the period
+        one.update(NOW + ms * MS, Q, ZERO)
+    assert one.bandwidth_scale < 0.1
 
 
 def test_a_motion_continues_when_the_stamps_decrease() -> None:

@@ -27,6 +27,7 @@ from robot_dynamics.control.laws import (
     equation_terms,
     GravityCompensation,
     LawInput,
+    LawOutput,
 )
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
@@ -132,6 +133,32 @@ def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
     output = one.update(START + MS, q, v)
     gravity = ArmDynamics(arm).rigid_body.gravity(q)
     assert output.command == pytest.approx(gravity + 300.0 * 0.02 - 25.0 * v)
+
+
+class Lifting(GravityCompensation):
+    """A law without references: g(q) and 1 N·m."""
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        effort = state.gravity + 1.0
+        return super().__call__(state)._replace(effort=effort, nominal=effort)
+
+
+@pytest.mark.parametrize('has_velocity', [True, False])
+def test_a_law_that_does_not_follow_acts_until_a_stop(
+    monkeypatch: pytest.MonkeyPatch, has_velocity: bool,
+) -> None:
+    """Also for states without a velocity; computed torque follows the stop."""
+    monkeypatch.setitem(controller.LAWS, 'lifting', Lifting)
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, 'lifting'), np.full(arm.joint_count, 0.4)
+    v = np.full(arm.joint_count, 0.1) if has_velocity else None
+    output = one.update(START, q, v)
+    assert output.command == pytest.approx(output.gravity_compensation + 1.0)
+    one.update(START + MS, q, np.full(arm.joint_count, 0.1))
+    one.stop()
+    output = one.update(START + 2 * MS, q, np.full(arm.joint_count, 0.1))
+    assert output.computed_torque is not None
+    assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
 
 
 @pytest.mark.parametrize('name', [name for name, law in ALL.items() if not law.follows])
