@@ -173,6 +173,18 @@ def test_the_margin_begins_where_it_says(q: float, held: bool) -> None:
     assert away.effort.tolist() == [-push, -push]
 
 
+@pytest.mark.parametrize(('near', 'past'), [(UPPER - MARGIN, UPPER), (LOWER + MARGIN, LOWER)])
+def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(
+    near: float, past: float,
+) -> None:
+    one = guard(rate=1e9)
+    one.last = np.zeros(N)
+    push = np.full(N, np.copysign(7.0, past))
+    guarded = one.apply(push, np.zeros(N), np.array([near, past]), np.zeros(N), 0.01)
+    assert guarded.by_position.tolist() == [False, True]
+    assert guarded.effort.tolist() == [push[0], 0.0]
+
+
 @pytest.mark.parametrize('v', [SPEED, -SPEED, 1.1 * SPEED, -1.1 * SPEED])
 @pytest.mark.parametrize('push', [7.0, -7.0])
 def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v: float, push: float) -> None:
