@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from robot_dynamics.control import controller
 from robot_dynamics.control.control_law import ErrorFeedback, make_gains
+from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, LAWS
 from robot_dynamics.control.laws import (
     ControlLaw,
@@ -159,6 +160,25 @@ def test_a_law_that_does_not_follow_acts_until_a_stop(
     output = one.update(START + 2 * MS, q, np.full(arm.joint_count, 0.1))
     assert output.computed_torque is not None
     assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
+
+
+class Limp(GravityCompensation):
+    """A law whose effort is 0 anywhere."""
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        return super().__call__(state)._replace(effort=self._zero, nominal=self._zero)
+
+
+def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The command that holds the arm consists of it."""
+    monkeypatch.setitem(controller.LAWS, 'limp', Limp)
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, 'limp'), np.full(arm.joint_count, 0.4)
+    assert one.update(START, q, None).command == pytest.approx(0.0 * q)
+    with pytest.raises(NonFiniteEffortError, match='not finite'):
+        one.update(START + MS, np.full(arm.joint_count, np.inf), None)
 
 
 @pytest.mark.parametrize('name', [name for name, law in ALL.items() if not law.follows])
