@@ -16,7 +16,8 @@
 Print the result of mutmut per module, and write the surviving mutants as differences of lines.
 
 Usage: _mutants.py DIRECTORY [MODULE...]
-DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor.
+DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor, and one
+whose tests timed out too: on a loaded machine, it may be equivalent.
 """
 
 import ast
@@ -39,16 +40,17 @@ def survivors(code: str, results: dict[str, int]) -> Iterator[str]:
         node.name: lines[node.lineno:node.end_lineno]
         for node in ast.walk(ast.parse(code)) if isinstance(node, ast.FunctionDef)}
     for mutant, result in results.items():
-        if result in KILLED or result in TIMEOUTS:
+        if result in KILLED:
             continue
         name = mutant.rpartition('.')[2]
         function, _, number = name.partition('__mutmut_')
         changes = difflib.unified_diff(
             bodies[f'{function}__mutmut_orig'], bodies[name], n=0, lineterm='')
-        reached = ', which no test reaches' if result == NO_TESTS else ''
+        note = ', which no test reaches' if result == NO_TESTS else (
+            ', whose tests timed out' if result in TIMEOUTS else '')
         title = function.lstrip('x').strip('ǁ_').replace('ǁ', '.')
         yield '\n'.join([
-            f'{title} {number}{reached}',
+            f'{title} {number}{note}',
             *(line for line in changes if not line.startswith(('---', '+++', '@@')))])
 
 

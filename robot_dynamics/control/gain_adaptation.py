@@ -59,7 +59,7 @@ class GainAdaptation:
         Take a state dt [s] after the last one, 0 if that is unknown; arrays are (n,).
 
         `velocity_delay` [s] is that of v if it is estimated. Returns the velocity to use, and
-        whether `scale` has changed.
+        whether `scale` or `reference_scale` has changed.
         """
         if self._gains is None:
             return v, False
@@ -74,10 +74,12 @@ class GainAdaptation:
         return v, self._set_scale()
 
     def _set_scale(self, is_forced: bool = False) -> bool:
+        was_known = self.quality.is_known
         scale = 1.0 if self._gains is None else self.quality.stable_scale(
             self._gains, self._mass, self._effort_rate)
-        if not is_forced and scale < 1.0 and self.scale < 1.0 and (
-                1.0 / _STEP < scale / self.scale < _STEP):
+        is_forced = is_forced or self.quality.is_known != was_known  # as for `reference_scale`
+        if not is_forced and (scale == self.scale or scale < 1.0 and self.scale < 1.0 and (
+                1.0 / _STEP < scale / self.scale < _STEP)):
             return False
         self.scale = scale
         return True

@@ -26,6 +26,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.validation import LARGEST_VALUE
 from robots import robot_urdf
 from scipy.integrate import solve_ivp
 
@@ -94,6 +95,19 @@ def test_a_position_gain_without_damping_is_refused(given: dict[str, list[float]
 def test_bad_gains_are_refused_by_name(field: str, value: list[float], words: str) -> None:
     with pytest.raises(InvalidInputError, match=rf'^gains\.{field}.*{words}'):
         make_gains(NAMES, **{field: value})
+
+
+@pytest.mark.parametrize('field', ['natural_frequency', 'damping_ratio', 'kp', 'kd'])
+def test_a_gain_beyond_the_largest_value_is_refused(field: str) -> None:
+    for value in ([2.0 * LARGEST_VALUE], [1.0, 2.0 * LARGEST_VALUE, 1.0]):
+        with pytest.raises(InvalidInputError, match=rf'^gains\.{field}.* is 2e\+09, expected'):
+            make_gains(NAMES, **{field: value})
+
+
+def test_the_least_damping_of_a_position_gain_is_accepted() -> None:
+    assert make_gains(NAMES, kp=[LARGEST_VALUE], kd=[1.0]).ratio.tolist() == [LARGEST_VALUE] * 3
+    with pytest.raises(InvalidInputError, match='expected damping'):
+        make_gains(NAMES, kp=[LARGEST_VALUE], kd=[0.999])
 
 
 def test_no_natural_frequency_is_refused() -> None:

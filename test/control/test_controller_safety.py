@@ -104,6 +104,42 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
                 LIMIT, np.abs(output.robot_gravity)) + 1e-9).all()
 
 
+def test_a_softened_command_is_within_the_limits() -> None:
+    """Full gains would relieve joints whose load is too heavy; softened gains hardly do so."""
+    load = make_payload('tool0', 8.0)
+    body = ArmDynamics(ARM.with_payloads([load])).rigid_body
+    gravity = body.gravity(Q)
+    assert (np.abs(gravity) > LIMIT).all()
+    goal = Q + np.linalg.solve(body.mass_matrix(Q), -0.75 * gravity) / make_gains(NAMES).kp
+    for rate in (np.inf, 10.0):
+        one = controller(softens_gains=True, effort_rate=rate)
+        one.set_payloads([load], 0.0, lambda _: None)
+        for k in range(21):
+            one.update(NOW + 2_000_000 * k, Q, ZERO)
+        one.follow(set_point(goal), 0)
+        output = one.update(NOW + 40_000_000, Q, ZERO)
+        assert output.computed_torque == pytest.approx(0.25 * gravity)
+        assert output.command is not None
+        is_softened = output.gain_scale < 0.5
+        assert is_softened == (rate == 10.0)
+        assert output.clamped.tolist() == [is_softened] * 2
+        assert output.command == pytest.approx(-LIMIT if is_softened else 0.25 * gravity)
+
+
+def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gains() -> None:
+    one, v = controller(), np.array([0.2, -0.1])
+    one.set_payloads([LOAD], 0.0, lambda _: None)
+    bare = ArmDynamics(ARM).rigid_body.gravity(Q)
+    for _ in range(2):
+        output = one.update(NOW, Q, v)
+        assert output.robot_gravity.tolist() == bare.tolist()
+        assert output.gain_scale == 1.0
+        assert output.velocity is not None
+        assert output.velocity.tolist() == v.tolist()
+        one.follow(set_point(Q), 0)  # and with one
+    assert output.reference is not None
+
+
 def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
     one = controller(semantics=COMPENSATES_GRAVITY)
     assert one.update(NOW, Q, ZERO).hold.tolist() == [0.0, 0.0]

@@ -20,15 +20,22 @@ import re
 import numpy as np
 import pytest
 from robot_dynamics.control import controller
-from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.control_law import ErrorFeedback, make_gains
+from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, LAWS
-from robot_dynamics.control.laws import ControlLaw
+from robot_dynamics.control.laws import (
+    ControlLaw,
+    equation_terms,
+    GravityCompensation,
+    LawInput,
+    LawOutput,
+)
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robots import robot_urdf
@@ -129,6 +136,51 @@ def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
     assert output.command == pytest.approx(gravity + 300.0 * 0.02 - 25.0 * v)
 
 
+class Lifting(GravityCompensation):
+    """A law without references: g(q) and 1 N·m."""
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        effort = state.gravity + 1.0
+        return super().__call__(state)._replace(effort=effort, nominal=effort)
+
+
+@pytest.mark.parametrize('has_velocity', [True, False])
+def test_a_law_that_does_not_follow_acts_until_a_stop(
+    monkeypatch: pytest.MonkeyPatch, has_velocity: bool,
+) -> None:
+    """Also for states without a velocity; computed torque follows the stop."""
+    monkeypatch.setitem(controller.LAWS, 'lifting', Lifting)
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, 'lifting'), np.full(arm.joint_count, 0.4)
+    v = np.full(arm.joint_count, 0.1) if has_velocity else None
+    output = one.update(START, q, v)
+    assert output.command == pytest.approx(output.gravity_compensation + 1.0)
+    one.update(START + MS, q, np.full(arm.joint_count, 0.1))
+    one.stop()
+    output = one.update(START + 2 * MS, q, np.full(arm.joint_count, 0.1))
+    assert output.computed_torque is not None
+    assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
+
+
+class Limp(GravityCompensation):
+    """A law whose effort is 0 anywhere."""
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        return super().__call__(state)._replace(effort=self._zero, nominal=self._zero)
+
+
+def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The command that holds the arm consists of it."""
+    monkeypatch.setitem(controller.LAWS, 'limp', Limp)
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, 'limp'), np.full(arm.joint_count, 0.4)
+    assert one.update(START, q, None).command == pytest.approx(0.0 * q)
+    with pytest.raises(NonFiniteEffortError, match='not finite'):
+        one.update(START + MS, np.full(arm.joint_count, np.inf), None)
+
+
 @pytest.mark.parametrize('name', [name for name, law in ALL.items() if not law.follows])
 def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
     arm = load_arm(robot_urdf('ur5'))
@@ -137,3 +189,35 @@ def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
     with pytest.raises(
             TrajectoryError, match=f"command is {name!r}, expected 'computed_torque' or "):
         one.follow(make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names), 0)
+
+
+def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
+    """Friction is no term of it, not even an offset of the measured effort."""
+    arm = load_arm(robot_urdf('ur5'))
+    n = arm.joint_count
+    arm = arm.with_friction(make_friction(arm.joint_names, effort_offset=[3.0] * n))
+    dynamics, q = UncheckedArmDynamics(arm), np.full(n, 0.4)
+    gravity, options = dynamics.rigid_body.gravity(q), ControllerOptions(make_gains(
+        arm.joint_names))
+    law = GravityCompensation(ErrorFeedback(options.gains, arm.joint_kinds), options)
+    output = law(LawInput(dynamics, START, q, None, q, gravity, None))
+    assert output.effort is gravity
+    assert output.nominal is gravity
+    assert output.friction.tolist() == [0.0] * n
+    terms = output.terms()
+    assert terms.effort.tolist() == gravity.tolist()
+    assert terms.gravity.tolist() == gravity.tolist()
+    assert terms.friction.tolist() == [0.0] * n
+    with pytest.raises(ValueError, match='read-only'):
+        output.friction[0] = 1.0  # the next outputs share it
+
+
+def test_the_terms_contain_the_given_gravity_torque() -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    dynamics, n = UncheckedArmDynamics(arm), arm.joint_count
+    q, v, a = np.full(n, 0.4), np.full(n, 0.2), np.full(n, 0.3)
+    gravity = dynamics.rigid_body.gravity(q) + np.arange(1.0, n + 1.0)
+    terms = equation_terms(dynamics, q, v, a, np.full(n, 0.5), gravity)
+    assert terms.gravity.tolist() == gravity.tolist()
+    assert terms.effort == pytest.approx(
+        terms.inertial + terms.coriolis + gravity + 0.5)

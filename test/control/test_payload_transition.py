@@ -14,6 +14,8 @@
 
 """A payload that replaces another one: properties of the transition."""
 
+import math
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -233,3 +235,37 @@ def test_an_exchange_at_once_ends_a_transition() -> None:
     assert loaded.workspace.largest() == pytest.approx(
         WorkspaceInertia(ArmDynamics(loaded.arm.with_payloads([NEW]))).largest())
     assert done == []
+
+
+def test_a_transition_that_is_interrupted_twice_counts_with_the_load_that_remains() -> None:
+    loaded = loaded_with([])
+    for k, target in enumerate(([OLD], [], [])):
+        loaded.begin_transition(loaded.prepare(target), 1.0, lambda _: None)
+        loaded.advance(k * SECOND)
+        loaded.advance(k * SECOND + SECOND * 8 // 10)
+    assert sum(load.mass for load in loaded.dynamics.arm.payloads) > 0.0
+    actual = WorkspaceInertia(ArmDynamics(loaded.dynamics.arm))
+    assert (actual.mass <= loaded.workspace.mass + 1e-9).all()
+    assert (actual.gravity <= loaded.workspace.gravity + 1e-9).all()
+
+
+@pytest.mark.parametrize('changes_gravity', [False, True])
+def test_after_a_transition_the_load_before_it_no_longer_counts(changes_gravity: bool) -> None:
+    loaded = loaded_with([OLD])
+    loaded.begin_transition(loaded.prepare([]), 1.0, lambda _: None)
+    loaded.advance(0)
+    loaded.advance(SECOND)
+    if changes_gravity:
+        loaded.begin_gravity_change(loaded.prepare(gravity=loaded.arm.gravity), 1.0)
+    else:
+        loaded.begin_transition(loaded.prepare([]), 1.0, lambda _: None)
+    bare = WorkspaceInertia(ArmDynamics(loaded.arm))
+    assert loaded.workspace.largest() == pytest.approx(bare.largest())
+    assert loaded.workspace.gravity == pytest.approx(bare.gravity)
+
+
+def test_gravity_that_changes_at_once_keeps_the_load() -> None:
+    loaded, gravity = loaded_with([OLD]), np.array([9.81, 0.0, 0.0])
+    loaded.begin_gravity_change(loaded.prepare(gravity=gravity), math.inf)
+    assert loaded.dynamics.arm.payloads == (OLD,)
+    assert loaded.dynamics.arm.gravity.tolist() == gravity.tolist()

@@ -46,6 +46,7 @@ def test_no_effort_is_published_before_the_first_good_state() -> None:
     assert not one.is_commanding
     assert [one.tick(START + after) for after in (0.0, 10.0, 1e6)] == [None] * 3
     assert one.repeat() is None
+    assert one.guarded is None
     assert one.fault_count == 0  # no timeout before the first effort
 
 
@@ -59,6 +60,14 @@ def test_the_first_effort_is_the_gravity_torque() -> None:
     assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + step)
     assert one.guarded is not None
     assert one.guarded.by_rate.tolist() == [True, True]
+
+
+def test_an_effort_changes_as_far_as_the_time_between_the_stamps_allows() -> None:
+    """At any time of arrival; without that time, since the last effort."""
+    for dt, passed in ((0.001, 0.001), (0.004, 0.004), (None, PERIOD)):
+        one = running()
+        change = np.subtract(answer(one, START + PERIOD, PUSH, dt=dt), HOLD)
+        assert np.abs(change).max() == pytest.approx(RATE * passed)
 
 
 def test_a_state_that_comes_again_repeats_its_effort() -> None:

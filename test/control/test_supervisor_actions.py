@@ -115,7 +115,7 @@ def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit() -> None:
     assert expected.tolist() == HOLD.tolist()
 
 
-def test_until_the_states_time_out_the_damped_hold_remains() -> None:
+def test_the_damped_hold_remains_until_the_states_time_out() -> None:
     one = running()
     damped = HOLD + [2.0, -3.0]
     one.answer(START + 0.01, np.zeros(2), np.ones(2), PUSH, HOLD, 0.01, lambda *_: damped, TROUBLE)
@@ -123,6 +123,10 @@ def test_until_the_states_time_out_the_damped_hold_remains() -> None:
         effort = one.tick(START + 0.01 + after)
         assert effort is not None
         assert effort.tolist() == damped.tolist()
+    for after in (0.06, 0.5):  # then the velocity is unknown
+        effort = one.tick(START + 0.01 + after)
+    assert effort is not None
+    assert effort.tolist() == HOLD.tolist()
 
 
 def test_stop_publishing() -> None:

@@ -15,8 +15,9 @@
 """Faults of the supervisor: positions and velocities beyond their limits."""
 
 import numpy as np
+import pytest
 from robot_dynamics.control.supervisor import Mode
-from supervised import answer, HOLD, make, PERIOD, running, START
+from supervised import answer, HOLD, make, PERIOD, PUSH, running, START
 
 
 def test_overspeed_is_a_fault_that_ends_with_it() -> None:
@@ -74,3 +75,42 @@ def test_no_effort_begins_past_a_limit() -> None:
     for k in range(100):
         assert answer(one, START + k * PERIOD, q=(0.0, 2.0)) is None
     assert [answer(one, START + 1.0) for _ in range(5)] == [None] * 4 + [HOLD.tolist()]
+
+
+def test_a_joint_past_its_limit_is_a_fault_at_any_velocity() -> None:
+    """Also if a velocity is above its limit, but not so far that this is a fault."""
+    for v in ((0.0, 0.0), (0.0, 2.1), (2.1, 0.0)):
+        one = running(reach=1.0, velocity=2.0)
+        answer(one, START + PERIOD, q=(0.0, 1.1), v=v)
+        assert one.mode is Mode.FAULT
+        assert one.fault is not None
+        assert one.fault.name == 'position_limit'
+
+
+@pytest.mark.parametrize(('q', 'v'), [
+    ((0.995, 0.0), (0.0, 0.0)), ((0.0, -0.995), (0.0, 0.0)), ((0.0, 0.0), (2.1, 0.0)),
+    ((0.0, 0.0), (0.0, -2.1)), ((0.995, 0.0), (0.0, -2.1))])
+def test_a_push_toward_a_limit_is_taken_away(
+    q: tuple[float, float], v: tuple[float, float],
+) -> None:
+    """Within the margin of a position limit, and above the velocity limit."""
+    one = running(PUSH, reach=1.0, velocity=2.0)
+    for k in range(1, 100):
+        effort = answer(one, START + k * PERIOD, PUSH, q=q, v=v)
+    assert one.mode is Mode.RUNNING
+    pushed = [q[0] != 0.0 or v[0] != 0.0, q[1] != 0.0 or v[1] != 0.0]
+    assert effort == np.where(pushed, HOLD, PUSH).tolist()
+    assert one.guarded is not None
+    assert one.guarded.by_position.tolist() == [bool(q[0]), bool(q[1])]
+    assert one.guarded.by_velocity.tolist() == [bool(v[0]), bool(v[1])]
+
+
+def test_a_state_without_a_velocity_has_the_position_limits() -> None:
+    one = running(PUSH, reach=1.0, velocity=2.0)
+    for k, place in enumerate((0.0, 0.995), start=1):
+        effort = one.answer(START + k * PERIOD, np.array([place, 0.0]), None, PUSH, HOLD)
+        assert one.mode is Mode.RUNNING
+        assert effort is not None
+        assert (effort.tolist() == PUSH.tolist()) == (place == 0.0)
+    one.answer(START + 3 * PERIOD, np.array([1.1, 0.0]), None, PUSH, HOLD)
+    assert one.mode is Mode.FAULT

@@ -1,0 +1,287 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Events of the controller between two states: stops, lost states, faults, shifted time."""
+
+import numpy as np
+import pytest
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller, FAULT_DAMPING
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ARM.joint_names
+LIMIT = ARM.limits.effort
+GAINS = make_gains(NAMES)
+MS = 1_000_000
+SECOND = 1000 * MS
+NOW = 1_790_000_000 * SECOND
+Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.zeros(2)
+NO_STATE = 'no joint state with velocities has been received'
+NOTHING_TO_STOP = 'nothing to stop: the node does not command the arm'
+LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
+
+
+def make(**options: object) -> Controller:
+    """Return a controller whose references have limits of velocity, acceleration and jerk."""
+    return Controller(ARM, ControllerOptions(
+        GAINS, conditions_references=True, **options))  # type: ignore[arg-type]
+
+
+def moving(**options: object) -> Controller:
+    """Return a controller 1 s after the start of a motion of 2 s."""
+    one = make(**options)
+    one.update(NOW, Q, ZERO)
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    one.update(NOW + SECOND, Q, V)
+    return one
+
+
+# --- stops ---------------------------------------------------------------------------------------
+
+def test_without_a_state_or_a_command_there_is_nothing_to_stop() -> None:
+    one = make()
+    assert one.stop() == NOTHING_TO_STOP
+    assert not one.has_reference
+    one = make(command='none')
+    one.update(NOW, Q, V)
+    assert one.stop() == NOTHING_TO_STOP
+    assert not one.has_reference
+
+
+@pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation'])
+def test_a_stop_from_a_measured_state_begins_with_its_velocity(command: str) -> None:
+    one = make(command=command)
+    one.update(NOW, Q, V)
+    assert one.stop() == 'stopping from the measured state, then holding the position'
+    output = one.update(NOW, Q, V)
+    assert output.reference is not None
+    assert output.reference.position == pytest.approx(Q)
+    assert output.reference.velocity == pytest.approx(V)
+    later = one.update(NOW + 9 * SECOND, Q, ZERO)
+    assert later.reference is not None
+    assert not later.reference.velocity.any()
+    assert later.computed_torque is not None
+    assert np.abs(later.computed_torque - later.hold).max() > 1.0  # it holds the position
+
+
+def test_a_stop_of_a_motion_begins_on_its_path() -> None:
+    one = moving()
+    before = one.update(NOW + SECOND, Q, V).reference
+    assert one.stop() == 'stopping along the reference, then holding the position'
+    after = one.update(NOW + SECOND, Q, V).reference
+    assert before is not None
+    assert after is not None
+    assert after.position == pytest.approx(before.position)
+    assert after.velocity == pytest.approx(before.velocity)
+
+
+@pytest.mark.parametrize('holds', [True, False])
+def test_a_motion_that_ends_early_stops_on_its_path_or_is_ended(holds: bool) -> None:
+    one = moving(stops_and_holds=holds)
+    before = one.update(NOW + SECOND, Q, V).reference
+    one.stop_on_path()
+    after = one.update(NOW + SECOND, Q, V).reference
+    assert one.has_reference == holds
+    assert before is not None
+    assert (after is not None) == holds
+    if after is not None:
+        assert after.position == pytest.approx(before.position)
+        end = one.update(NOW + 20 * SECOND, Q, V).reference
+        assert end is not None
+        assert not end.velocity.any()
+        assert np.abs(end.position - [1.6, 0.1]).max() > 0.01  # not the goal
+
+
+@pytest.mark.parametrize('holds', [True, False])
+def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds: bool) -> None:
+    one = moving(stops_and_holds=holds)
+    one.stop_from_state()
+    assert not one.has_reference
+    reference = one.update(NOW + SECOND + MS, Q + 0.1, V).reference
+    assert (reference is not None) == holds
+    if reference is not None:
+        assert reference.position == pytest.approx(Q + 0.1)
+        assert reference.velocity == pytest.approx(V)
+
+
+@pytest.mark.parametrize('holds', [True, False])
+def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds: bool) -> None:
+    one = moving(stops_and_holds=holds)
+    output = one.update(NOW + SECOND + MS, Q, None)
+    assert output.reference is None
+    assert output.command is not None
+    assert output.command.tolist() == output.hold.tolist()
+    with pytest.raises(TrajectoryError, match=NO_STATE):
+        one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    assert one.stop() == NOTHING_TO_STOP
+    reference = one.update(NOW + SECOND + 2 * MS, Q + 0.1, V).reference
+    assert (reference is not None) == holds
+    if reference is not None:
+        assert reference.position == pytest.approx(Q + 0.1)
+
+
+def test_a_state_without_a_velocity_at_rest_starts_no_stop() -> None:
+    one = make(stops_and_holds=True)
+    one.update(NOW, Q, None)
+    assert one.update(NOW + MS, Q, V).reference is None
+
+
+# --- references ----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('timeout', [0.1, 0.4])
+def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout: float) -> None:
+    one = make(stream_timeout=timeout)
+    one.update(NOW, ZERO, ZERO)
+    one.follow(make_trajectory(NAMES, [0.0], [ZERO], [[0.2, 0.0]], (), NAMES), 0)
+    velocities = []
+    for ms in (100, 400, 5000):
+        reference = one.update(NOW + ms * MS, ZERO, ZERO).reference
+        assert reference is not None
+        velocities.append(reference.velocity[0])
+    assert velocities[0] > 0.15
+    assert (velocities[1] > 0.15) == (timeout == 0.4)
+    assert velocities[2] == 0.0
+
+
+def test_a_trajectory_that_is_too_fast_is_slowed_down_by_the_reported_factor() -> None:
+    one = make(slows_down=True)
+    one.update(NOW, Q, ZERO)
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 20.0), 0)
+    assert one.slowness == 1.0
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 0.2), 0)
+    assert one.slowness > 2.0
+    arrival = NOW + round(0.2e9 * one.slowness)
+    reference = one.update(arrival + 100 * MS, Q, ZERO).reference
+    assert reference is not None
+    assert reference.position == pytest.approx([1.6, 0.1])
+
+
+# --- states and time -----------------------------------------------------------------------------
+
+def test_after_a_restart_the_next_state_is_a_first_one() -> None:
+    one = make(estimates_velocity=True)
+    for k in range(3):
+        one.update(NOW + 10 * k * MS, Q + 0.01 * k, None)
+    assert one.update(NOW + 30 * MS, Q + 0.03, None).velocity == pytest.approx([1.0, 1.0])
+    one.restart_states()
+    with pytest.raises(TrajectoryError, match=NO_STATE):
+        one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    assert one.update(NOW + 40 * MS, Q - 3.0, None).velocity is None
+    assert one.update(NOW + 50 * MS, Q - 3.0, None).velocity == pytest.approx([0.0, 0.0])
+
+
+def test_after_a_restart_a_single_pause_does_not_lower_the_gains() -> None:
+    one = make(softens_gains=True)
+    for k in range(20):
+        one.update(NOW + 2 * k * MS, Q, ZERO)
+    one.restart_states()
+    for ms in (-5000, -4200, -4198):  # other stamps, and a pause of 0.8 s
+        one.update(NOW + ms * MS, Q, ZERO)
+        assert one.bandwidth_scale == 1.0
+    for ms in (-3200, -2200):  # two in a row are the period
+        one.update(NOW + ms * MS, Q, ZERO)
+    assert one.bandwidth_scale < 0.1
+
+
+def test_a_motion_continues_when_the_stamps_decrease() -> None:
+    one, other, shift = moving(), moving(), 30 * SECOND
+    one.shift_time(shift)
+    for ms in (1010, 1500, 2500):
+        shifted = one.update(NOW + ms * MS - shift, Q, V).reference
+        usual = other.update(NOW + ms * MS, Q, V).reference
+        assert shifted is not None
+        assert usual is not None
+        for ours, theirs in zip(shifted, usual):
+            assert ours == pytest.approx(theirs)
+
+
+# --- terms and words -----------------------------------------------------------------------------
+
+@pytest.mark.filterwarnings('error')
+def test_the_terms_are_those_of_the_last_command() -> None:
+    one = make()
+    assert one.terms() is None
+    output = one.update(NOW, Q, V, with_terms=True)
+    later = one.terms()
+    assert output.terms is not None
+    assert later is not None
+    for ours, theirs in zip(output.terms, later):
+        assert np.array_equal(ours, theirs)
+    one.answer(NOW + MS, Q, np.full(2, 1e200))
+    assert one.terms() is None  # its energy is not finite
+    assert one.update(NOW + 2 * MS, Q, np.full(2, 1e200), with_terms=True).terms is None
+
+
+def test_the_words_for_a_following_error_name_the_worst_joint() -> None:
+    one = make(following_error=np.array([0.5, 0.1]))
+    assert one.following_error(one.update(NOW, Q, ZERO), Q) == ''
+    one.follow(quintic_point_to_point(NAMES, Q, Q, 2.0), 0)
+    q = Q + [0.4, -0.2]
+    assert one.following_error(one.update(NOW, q, ZERO), q) == (
+        "position of 'joint2' is 0.2 from its reference, expected at most 0.1 "
+        '(following_error_limit)')
+
+
+# --- the hold in a fault -------------------------------------------------------------------------
+
+def damping(v: np.ndarray, loads: tuple[object, ...] = ()) -> np.ndarray:
+    body = ArmDynamics(ARM.with_payloads(list(loads))).rigid_body  # type: ignore[arg-type]
+    return np.asarray(FAULT_DAMPING * body.mass_matrix(Q) @ (GAINS.kd * v))
+
+
+@pytest.mark.parametrize('loads', [(), (LOAD,)])
+def test_in_a_fault_the_arm_is_held_and_damped(loads: tuple[object, ...]) -> None:
+    """Against the motion, with half of the damping of the feedback and the inertia of the load."""
+    one, v = make(), 0.2 * V
+    one.set_payloads(loads, 0.0, lambda _: None)  # type: ignore[arg-type]
+    hold = one.update(NOW, Q, v).hold
+    braked = one.braked(Q, v, hold)
+    assert braked == pytest.approx(hold - damping(v, loads))
+    assert float(v @ (braked - hold)) < 0.0  # it takes energy away
+    assert one.braked(Q, ZERO, hold).tolist() == hold.tolist()
+    assert one.braked(Q, None, hold) is hold
+
+
+def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow() -> None:
+    one = make(softens_gains=True)
+    for k in range(20):
+        one.update(NOW + 50 * k * MS, Q, ZERO)
+    assert one.bandwidth_scale < 0.5
+    hold = -np.ones(2)
+    assert one.braked(Q, V, hold) == pytest.approx(hold - one.bandwidth_scale * damping(V))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_damping_in_a_fault_is_within_the_effort_limits(sign: float) -> None:
+    """If the hold itself is beyond a limit, damping does not increase it."""
+    one, v = make(), sign * np.full(2, 50.0)
+    assert one.braked(Q, v, ZERO).tolist() == (-sign * LIMIT).tolist()
+    for hold in (1.1 * LIMIT, -1.1 * LIMIT):
+        beyond = -sign * LIMIT if (hold * sign > 0.0).all() else hold
+        assert one.braked(Q, v, hold).tolist() == beyond.tolist()
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('v', [[1e308, -1e308], [1e307, -1e307]])
+def test_damping_that_is_not_finite_is_left_out(v: list[float]) -> None:
+    hold = np.array([3.0, -2.0])
+    assert make().braked(Q, np.array(v), hold).tolist() == hold.tolist()
