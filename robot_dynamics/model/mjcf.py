@@ -84,7 +84,7 @@ def omitted_friction(arm: ArmModel) -> list[str]:
 
 def _comment(arm: ArmModel) -> str:
     omitted = omitted_friction(arm)
-    control = 'joint effort' if arm.actuators is None else 'motor torque'
+    control = 'motor torque' if arm.actuators else 'joint effort'
     lines = [f'Control: {control}. Velocity limits and geometry are not part of this file.']
     if omitted:
         lines.append(f'Without counterpart in MuJoCo: {", ".join(omitted)}.')
