@@ -32,6 +32,7 @@ EXECUTABLES = {
     'demo': 'robot_dynamics.tools.demo.cli:main',
     'dynamics': 'robot_dynamics.tools.ros2_dynamics.cli:main',
     'excite': 'robot_dynamics.tools.excite:main',
+    'export_mjcf': 'robot_dynamics.tools.export_mjcf:main',
     'identify': 'robot_dynamics.tools.identify:main',
     'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
     'torque_map': 'robot_dynamics.tools.torque_map:main',

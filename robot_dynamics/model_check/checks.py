@@ -33,6 +33,7 @@ from robot_dynamics.model_check.body_checks import (
     check_masses,
     TINY_MASS,
 )
+from robot_dynamics.model_check.density_check import check_densities
 from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
 from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
@@ -70,7 +71,7 @@ def check_model(
     M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
     of_bodies = [
         *check_masses(moved), *check_inertias(moved),
-        *check_extents(moved, read_joint_origins(urdf)),
+        *check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
         *check_lost_masses(moved), *_lost_by_pinocchio(arm, moved)]
     explained = any(finding.level == ERROR for finding in of_bodies)
     findings = [

@@ -26,6 +26,7 @@ CHECKS = {
     'inertia': 'inertia tensors that are not positive definite',
     'triangle_inequality': 'principal moments of inertia that no body can have',
     'radius_of_gyration': 'mass further from its center than the geometry of the link reaches',
+    'density': 'masses that are too large or too small for the volume of the geometry',
     'lost_mass': 'links whose mass is missing, or is not read',
     'limits': 'joints without a position, velocity or effort limit',
     'gravity_capability': 'effort limits that cannot hold gravity somewhere',

@@ -26,6 +26,7 @@ NEXT_STEPS = {
     'inertia': _INERTIAL,
     'triangle_inequality': _INERTIAL,
     'radius_of_gyration': 'check the units and the origin of <inertial>',
+    'density': 'check value and unit of <mass>, and the size and scale of the geometry',
     'lost_mass': 'add <inertial> with mass and inertia to the link, or remove its mass',
     'limits': 'add the limit from the data sheet to <limit>',
     'gravity_capability': 'check masses and effort limits; `torque_map workspace` shows where',

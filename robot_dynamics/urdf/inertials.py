@@ -13,14 +13,15 @@
 # limitations under the License.
 
 """
-The unchecked bodies of a URDF: mass, center of mass, inertia, corners of the geometry.
+The unchecked bodies of a URDF: mass, center of mass, inertia, corners and volume of the geometry.
 
 Source: the URDF XML specification, `link` element.
 """
 
 from dataclasses import dataclass
 import itertools
-from typing import Protocol
+import math
+from typing import NamedTuple, Protocol
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -44,8 +45,10 @@ class LinkBody:
 
     `mass` [kg], `com` (3,) [m] and `inertia` (3, 3) [kg·m²], about the center of mass, are None
     without an `<inertial>`. `corners` (k, 3) [m] are the corners of boxes around its shapes; None
-    if there are shapes, none of which could be read. `inertials` is the number of `<inertial>`
-    elements, of which only the first is read.
+    if there are shapes, none of which could be read. `volumes` [m³] are the sum of the collision
+    shapes and the sum of the visual shapes, NaN if one of them could not be read; kinds that the
+    link has not are left out. `inertials` is the number of `<inertial>` elements, of which only
+    the first is read.
     """
 
     name: str
@@ -53,8 +56,17 @@ class LinkBody:
     com: FloatArray
     inertia: FloatArray
     corners: FloatArray | None
+    volumes: tuple[float, ...]
     has_geometry: bool
     inertials: int
+
+
+class _Extent(NamedTuple):
+    """A shape in its frame: `center` and `size` of the box around it, each (3,), and volume."""
+
+    center: FloatArray
+    size: FloatArray
+    volume: float
 
 
 def read_bodies(xml: str, meshes: MeshBounds | None = None) -> list[LinkBody]:
@@ -90,47 +102,59 @@ def _read_body(link: ElementTree.Element, meshes: MeshBounds | None) -> LinkBody
             for entry in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'))
         inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
     collisions, visuals = link.findall('collision'), link.findall('visual')
-    corners = _corners(collisions, meshes)
-    if corners is None:
-        corners = _corners(visuals, meshes)
+    extents = [(shapes, _extents(shapes, meshes)) for shapes in (collisions, visuals)]
+    corners = next(
+        (corners for shapes, known in extents if known
+         and (corners := _corners(shapes, known)) is not None), None)
+    volumes = tuple(
+        sum(extent.volume for extent in known) if known else math.nan
+        for shapes, known in extents if shapes)
     return LinkBody(
-        link.get('name') or '', mass, com, inertia, corners, bool(collisions or visuals),
-        len(inertials))
+        link.get('name') or '', mass, com, inertia, corners, volumes,
+        bool(collisions or visuals), len(inertials))
 
 
-def _corners(shapes: list[ElementTree.Element], meshes: MeshBounds | None) -> FloatArray | None:
-    """Return the corners of boxes around all of these shapes, or None if one is unknown."""
-    boxes = [_shape_box(shape.find('geometry'), meshes) for shape in shapes]
-    known = [box for box in boxes if box is not None]
-    if not known or len(known) < len(boxes):
-        return None
+def _extents(shapes: list[ElementTree.Element], meshes: MeshBounds | None) -> list[_Extent]:
+    """Return the extents of all of these shapes; none if one is unknown."""
+    extents = [_extent(shape.find('geometry'), meshes) for shape in shapes]
+    known = [extent for extent in extents if extent is not None]
+    return known if len(known) == len(extents) else []
+
+
+def _corners(shapes: list[ElementTree.Element], extents: list[_Extent]) -> FloatArray | None:
+    """Return the corners of the boxes around shapes; None if they are not finite."""
     placed = []
-    for shape, (center, size) in zip(shapes, known):
+    for shape, extent in zip(shapes, extents):
         R, p = pose(shape)
-        placed.append((center + _UNIT_CORNERS * size) @ R.T + p)
+        placed.append((extent.center + _UNIT_CORNERS * extent.size) @ R.T + p)
     corners = np.concatenate(placed)
     return corners if np.isfinite(corners).all() else None
 
 
-def _shape_box(
+def _extent(
     geometry: ElementTree.Element | None, meshes: MeshBounds | None,
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return center and size, each (3,), of the box around a shape, in the shape's frame."""
+) -> _Extent | None:
+    """Return the extent of a shape; the volume of a mesh is that of its bounding box."""
     shape = None if geometry is None else next(iter(geometry), None)
     if shape is None:
         return None
     if shape.tag == 'box':
-        return np.zeros(3), vector(shape, 'size', '')
+        size = vector(shape, 'size', '')
+        return _Extent(np.zeros(3), size, float(np.prod(size)))
     if shape.tag == 'sphere':
-        return np.zeros(3), np.full(3, 2.0 * number(shape, 'radius'))
+        radius = number(shape, 'radius')
+        return _Extent(np.zeros(3), np.full(3, 2.0 * radius), 4.0 / 3.0 * math.pi * radius**3)
     if shape.tag in ('cylinder', 'capsule'):
-        width, length = 2.0 * number(shape, 'radius'), number(shape, 'length')
-        caps = width if shape.tag == 'capsule' else 0.0
-        return np.zeros(3), np.array([width, width, length + caps])
+        radius, length = number(shape, 'radius'), number(shape, 'length')
+        cap = radius if shape.tag == 'capsule' else 0.0  # a capsule has a half-sphere at each end
+        size = np.array([2.0 * radius, 2.0 * radius, length + 2.0 * cap])
+        return _Extent(
+            np.zeros(3), size, math.pi * radius**2 * (length + 4.0 / 3.0 * cap))
     bounds = None
     if shape.tag == 'mesh' and meshes is not None:
         bounds = meshes.bounds(shape.get('filename') or '')
     if bounds is None:
         return None
     low, high = bounds * vector(shape, 'scale', '1 1 1')
-    return (low + high) / 2.0, np.abs(high - low)
+    size = np.abs(high - low)
+    return _Extent((low + high) / 2.0, size, float(np.prod(size)))

@@ -39,7 +39,7 @@ RECORDING = re.compile(r'[a-z]\w*(/\w+)*')
 PLACEHOLDER = re.compile(r'[A-Z]{2,}(\.\w+)?…?')
 ADDRESS = 'REPOSITORY'
 """The only placeholder: no file, and explained next to the command."""
-TOOLS = ('planar_urdf', 'check_model', 'excite', 'analyze_bag', 'identify')
+TOOLS = ('planar_urdf', 'check_model', 'excite', 'analyze_bag', 'identify', 'export_mjcf')
 READ_RECORDINGS = ('analyze_bag', 'identify', 'animate', '--replay', 'play')
 
 

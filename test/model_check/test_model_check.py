@@ -112,6 +112,8 @@ CASES = {
     'radius of gyration without geometry': (
         arm_of(inertial(moments=(1, 1, 1), xyz='0 0 0.1'), geometry=''),
         ('radius_of_gyration', WARNING, 'arm')),
+    'too dense': (arm_of(inertial(42.9, (4, 4, 0.07))), ('density', WARNING, 'arm')),
+    'too light': (arm_of(inertial(0.007, (7e-4, 7e-4, 1e-5))), ('density', WARNING, 'arm')),
     'geometry without mass': (
         arm_of(more=link_behind(BOX, 'fixed')), ('lost_mass', WARNING, 'hand')),
     'two inertials': (arm_of(inertial() + inertial()), ('lost_mass', WARNING, 'arm')),

@@ -1,0 +1,76 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Write an arm, for example an identified one, as a model of MuJoCo (MJCF)."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+import sys
+
+from robot_dynamics.tools.command_line import (
+    add_parameters,
+    add_robot,
+    DONE,
+    Parser,
+    read_parameters,
+    read_robot,
+    run_tool,
+    writing,
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the tool, and return its exit status.
+
+    0: written; 1: the file cannot be written; 2: the arguments are invalid, or MuJoCo has no such
+    arm. For status 1 and 2, one line on stderr has the reason.
+    """
+    arguments = _parser().parse_args(argv)
+    return run_tool('export_mjcf', partial(_run, arguments))
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog='export_mjcf', formatter_class=argparse.HelpFormatter,
+        description='Write an arm as a model of MuJoCo (MJCF): inertials, joints with limits, '
+                    'rotors and friction, motors, gravity. Geometry is not written.')
+    add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
+    add_parameters(parser, 'joints, gravity, friction, motors')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from robot_dynamics.model.arm_parameters import arm_from_parameters
+    from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
+    arm = arm_from_parameters(
+        read_robot(arguments.urdf), read_parameters(arguments.parameters))
+    text = arm_to_mjcf(arm)
+    if arguments.output is None:
+        sys.stdout.write(text)
+    else:
+        with writing(arguments.output):
+            arguments.output.write_text(text, encoding='utf-8')
+    omitted = omitted_friction(arm)
+    if omitted:
+        print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
+    return DONE
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,106 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The density of links: volumes, bounds, and the links of real arms."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.model_check.density_check import check_densities
+from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.urdf.inertials import read_bodies
+from robots import robot_path
+
+ARM = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="{mass}"/>
+  <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>{geometry}</link>
+  <joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="2" effort="100" velocity="2"/></joint></robot>"""
+MESH = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
+
+
+def box_of(litres, kind='collision'):
+    """Return a cube with this volume."""
+    side = (1e-3 * litres) ** (1 / 3)
+    return f'<{kind}><geometry><box size="{side} {side} {side}"/></geometry></{kind}>'
+
+
+def densities(mass, geometry, **options):
+    """Return the messages on the density of a link; its inertia is not part of the check."""
+    found = check_model(ARM.format(mass=mass, geometry=geometry), **options)
+    return [f.message for f in found if f.check == 'density']
+
+
+@pytest.mark.parametrize(('geometry', 'litres'), [
+    ('<box size="0.2 0.3 0.1"/>', 6.0),
+    ('<sphere radius="0.1"/>', 4e3 / 3 * np.pi * 0.1**3),
+    ('<cylinder radius="0.1" length="0.2"/>', 1e3 * np.pi * 0.1**2 * 0.2),
+    ('<capsule radius="0.1" length="0.2"/>', 1e3 * np.pi * 0.1**2 * (0.2 + 0.4 / 3)),
+])
+def test_the_volumes_of_shapes_are_exact(geometry, litres):
+    """The mass at the bound of 4,000 kg/m³ separates a finding from none."""
+    shape = f'<collision><geometry>{geometry}</geometry></collision>'
+    assert densities(4.0 * litres * (1 - 1e-9), shape) == []
+    assert len(densities(4.0 * litres * (1 + 1e-9), shape)) == 1
+
+
+def test_the_message_on_a_density_names_link_mass_volume_and_range():
+    message, = densities(42.9, box_of(8.0))
+    assert message == (
+        "density of link 'arm' is 5.36e+03 kg/m³: 42.9 kg in at most 8 litres of geometry, "
+        'expected 30 to 4000 kg/m³; check value and unit of its <mass>, and the size and scale of '
+        'its geometry')
+
+
+@pytest.mark.parametrize(('mass', 'geometry', 'count'), [
+    (11.9 * 0.5, box_of(0.5), 0), (12.1 * 0.5, box_of(0.5), 1),  # below 1 L lead is the bound
+    (50.0, box_of(0.009), 0),  # a marker
+    (0.0029, box_of(0.101), 1), (0.0029, box_of(0.099), 0),  # a small link weighs little
+    (7.0, box_of(1.5) + box_of(1.5), 0),  # parts of one link
+    (7.0, box_of(1.5) + box_of(1.8, 'visual'), 0),  # the larger volume decides
+    (0.02, box_of(50.0) + box_of(0.5, 'visual'), 0),  # the smaller volume decides
+    (0.02, box_of(50.0), 1),
+    (0.02, box_of(50.0) + '<visual><geometry><mesh filename="a.stl"/></geometry></visual>', 0),
+    (900.0, '', 0),
+])
+def test_densities_of_small_large_and_partly_known_links(mass, geometry, count):
+    assert len(densities(mass, geometry)) == count
+
+
+def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path: Path):
+    triangles = [[(0, 0, 0), (1, 0, 0), (0, 2, 0)], [(0, 0, 0), (0, 2, 0), (0, 0, 3)]]
+    facets = ''.join(
+        'facet normal 0 0 1\nouter loop\n' + ''.join(
+            f'vertex {x} {y} {z}\n' for x, y, z in triangle) + 'endloop\nendfacet\n'
+        for triangle in triangles)
+    (tmp_path / 'a.stl').write_text(f'solid a\n{facets}endsolid a\n', encoding='utf-8')
+    geometry = MESH  # scaled to 6 L
+    assert densities(23.9, geometry, meshes=MeshReader(tmp_path)) == []
+    assert len(densities(24.1, geometry, meshes=MeshReader(tmp_path))) == 1
+    assert densities(24.1, geometry) == []
+
+
+@pytest.mark.parametrize('robot', ['panda', 'ur10', 'xarm7', 'talos_left_arm', 'kinova'])
+def test_links_of_real_arms_have_plausible_densities_until_a_mass_is_wrong(robot):
+    path = robot_path(robot)
+    urdf, meshes = path.read_text(encoding='utf-8'), MeshReader(path.parent)
+    bodies = read_bodies(urdf, meshes)
+    assert check_densities(bodies) == []
+    judged = [body for body in bodies if body.mass and min(body.volumes, default=0.0) >= 1e-3]
+    assert judged
+    for factor in (1e-3, 1e2):
+        wrong = [replace(body, mass=factor * body.mass) for body in judged]
+        assert [f.where for f in check_densities(wrong)] == [body.name for body in wrong]
