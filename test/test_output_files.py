@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.tools import animate, excite, planar_urdf, torque_map
+from robot_dynamics.tools import animate, excite, export_mjcf, planar_urdf, torque_map
 from robot_dynamics.tools.command_line import KEPT, prepare_directory
 
 QUICK: dict[str, tuple[Callable[[Sequence[str]], int], str, list[str]]] = {
@@ -30,6 +30,7 @@ QUICK: dict[str, tuple[Callable[[Sequence[str]], int], str, list[str]]] = {
     'excite': (excite.main, 'trajectory.yaml', ['--duration', '2', '--harmonics', '2']),
     'excite --output': (
         excite.main, 'x.yaml', ['--duration', '2', '--harmonics', '2', '--output', 'x.yaml']),
+    'export_mjcf -o': (export_mjcf.main, 'x.xml', ['-o', 'x.xml']),
     'planar_urdf -o': (planar_urdf.main, 'x.urdf', ['-o', 'x.urdf']),
     'torque_map': (torque_map.main, 'out/planar_arm_gravity.png', ['--samples', '5']),
     'torque_map -o': (torque_map.main, 'x.svg', ['--samples', '5', '-o', 'x.svg']),

@@ -21,10 +21,12 @@ from pathlib import Path
 import sys
 
 from robot_dynamics.tools.command_line import (
+    add_force,
     add_parameters,
     add_robot,
     DONE,
     Parser,
+    prepare_file,
     read_parameters,
     read_robot,
     run_tool,
@@ -52,12 +54,15 @@ def _parser() -> Parser:
     add_parameters(parser, 'joints, gravity, friction, motors')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
+    add_force(parser)
     return parser
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.arm_parameters import arm_from_parameters
     from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
+    if arguments.output is not None:
+        prepare_file(arguments.output, arguments.force)
     arm = arm_from_parameters(
         read_robot(arguments.urdf), read_parameters(arguments.parameters))
     text = arm_to_mjcf(arm)
