@@ -214,6 +214,7 @@ def test_the_tool_reports_mistakes_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(['--urdf', str(tmp_path / 'no.urdf')]) == 2
-    assert main(['--output', str(tmp_path / 'no' / 'a.xml')]) == 1
+    (tmp_path / 'file').touch()
+    assert main(['--output', str(tmp_path / 'file' / 'a.xml')]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert [line.startswith('export_mjcf: ') for line in lines] == [True, True]
