@@ -38,12 +38,16 @@ single states.
 """
 PRISMATIC_SCALE = 0.1
 INERTIA, VISCOUS, OFFSET = range(3)
+VISCOUS_FRICTION, DRY_FRICTION, OFFSET_EFFORT = 'viscous friction', 'dry friction', 'offset'
+"""Names of parameters that a recording may be unable to separate."""
 _SIGMOID = 3
 _LOAD = _SIGMOID + len(SIGMOID_VELOCITIES)
 _COULOMB = _LOAD + len(SIGMOID_VELOCITIES)
 COLUMN_COUNT = _COULOMB + len(PRESLIDING_DISTANCES)
 SHARP = slice(_SIGMOID, COLUMN_COUNT)
 """The columns that change fast at a velocity reversal."""
+LOAD = slice(_LOAD, _COULOMB)
+"""The columns of friction that grows with the load."""
 COULOMB = slice(_COULOMB, COLUMN_COUNT)
 """The columns of Coulomb friction; the first has no presliding."""
 
@@ -53,17 +57,27 @@ class FrictionStructure(NamedTuple):
     The friction of a joint, in addition to viscous friction, an offset and its rotor.
 
     `sigmoid` and `coulomb` are indices into SIGMOID_VELOCITIES and PRESLIDING_DISTANCES, or None;
-    `load` states whether the sigmoid grows with the load.
+    `load` states whether the sigmoid grows with the load. `viscous` and `offset` are false if the
+    recordings cannot separate these terms from dry friction (`joint_excitation`).
     """
 
     sigmoid: int | None = None
     coulomb: int | None = None
     load: bool = False
+    viscous: bool = True
+    offset: bool = True
+
+    @property
+    def dry_count(self) -> int:
+        """The number of columns of dry friction."""
+        return (self.sigmoid is not None) + (self.coulomb is not None)
 
     @property
     def columns(self) -> list[int]:
         """The numbers of the columns of this structure, in ascending order."""
-        chosen = [INERTIA, VISCOUS, OFFSET]
+        chosen = [INERTIA]
+        chosen += [VISCOUS] if self.viscous else []
+        chosen += [OFFSET] if self.offset else []
         if self.sigmoid is not None:
             chosen += [_SIGMOID + self.sigmoid]
             chosen += [_LOAD + self.sigmoid] if self.load else []
@@ -72,22 +86,39 @@ class FrictionStructure(NamedTuple):
         return chosen
 
     def __str__(self) -> str:
-        parts = ['viscous']
+        parts = ['viscous'] if self.viscous else []
         if self.coulomb is not None:
             parts += [f'Coulomb presliding over {PRESLIDING_DISTANCES[self.coulomb]:g}']
         if self.sigmoid is not None:
             parts += [f'sigmoid of {SIGMOID_VELOCITIES[self.sigmoid]:g}']
         if self.load:
             parts += ['load']
-        return ' + '.join(parts)
+        return ' + '.join(parts) or 'none'
 
 
 SIMPLEST = FrictionStructure(sigmoid=0)
 """The sign of velocity, except in a narrow band around rest."""
 
 
-def structures() -> Iterator[FrictionStructure]:
-    """Yield every candidate structure."""
+def structures(left_out: Sequence[str] = ()) -> Iterator[FrictionStructure]:
+    """
+    Yield every candidate structure without the parameters `left_out` (`JointExcitation`).
+
+    If the offset cannot be separated from dry friction, a structure has one of them. Friction that
+    grows with the load then has no candidate, because it is as constant as the load.
+    """
+    every = (structure._replace(viscous=VISCOUS_FRICTION not in left_out)
+             for structure in _all_structures())
+    if DRY_FRICTION in left_out:
+        every = (structure for structure in every if structure.dry_count == 0)
+    for structure in every:
+        if OFFSET_EFFORT not in left_out:
+            yield structure
+        elif not structure.load:
+            yield structure._replace(offset=structure.dry_count == 0)
+
+
+def _all_structures() -> Iterator[FrictionStructure]:
     for sigmoid in (None, *range(len(SIGMOID_VELOCITIES))):
         for coulomb in (None, *range(1, len(PRESLIDING_DISTANCES))):
             yield FrictionStructure(sigmoid, coulomb)
@@ -156,7 +187,7 @@ def joint_estimate(
     sigmoid = structure.sigmoid
     coulomb = structure.coulomb
     return JointEstimate(
-        found[INERTIA], found[VISCOUS], found[OFFSET],
+        found[INERTIA], found.get(VISCOUS, 0.0), found.get(OFFSET, 0.0),
         0.0 if sigmoid is None else found[_SIGMOID + sigmoid],
         scale * SIGMOID_VELOCITIES[1 if sigmoid is None else sigmoid],
         found.get(_LOAD + sigmoid, 0.0) if sigmoid is not None else 0.0,

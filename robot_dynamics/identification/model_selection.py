@@ -66,7 +66,7 @@ class CrossValidation:
     """Sums of squares on the omitted blocks (folds), for any model."""
 
     def __init__(self, information: QrInformation, prior: Prior) -> None:
-        self.information, self.prior = information, prior
+        self.information, self.prior = information, prior.for_effort(information)
         self._train = [grams_of(information.all_but(i)) for i in range(BLOCKS)]
         self._block = [grams_of(information.block(i)) for i in range(BLOCKS)]
         self.all = grams_of(information.together())
@@ -104,12 +104,17 @@ def choose_model(
     """Return the structures and the regularization that predict the omitted samples best."""
     validation = CrossValidation(information, prior)
     n = len(information.joint_names)
-    chosen = list(first or [SIMPLEST] * n)
+    left_out = [information.excitation.left_out(joint) for joint in range(n)]
+    chosen = [
+        structure if structure in structures(left_out[joint]) else
+        next(iter(structures(left_out[joint])))
+        for joint, structure in enumerate(first or [SIMPLEST] * n)]
     regularization = _FIRST_REGULARIZATION
     weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
     for _ in range(SWEEPS):
         for joint in np.flatnonzero(validation.is_measured).tolist():
-            chosen[joint] = _best_structure(validation, chosen, joint, weights, regularization)
+            chosen[joint] = _best_structure(
+                validation, chosen, joint, weights, regularization, left_out[joint])
         weights = validation.weights(validation.squares(chosen, weights, regularization))
         by_regularization = [validation.squares(chosen, weights, k) for k in REGULARIZATIONS]
         best = _best_regularization(by_regularization, validation.is_measured)
@@ -136,20 +141,24 @@ def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArr
 
 def _best_structure(
     validation: CrossValidation, chosen: Sequence[FrictionStructure], joint: int,
-    weights: FloatArray, regularization: float,
+    weights: FloatArray, regularization: float, left_out: Sequence[str],
 ) -> FrictionStructure:
+    """Return the simplest structure that predicts as well as the best; dry before an offset."""
     offered: list[tuple[FrictionStructure, FloatArray]] = []
-    for structure in structures():
+    largest = validation.prior.largest[joint:joint + 1]
+    for structure in structures(left_out):
         trial = [*chosen[:joint], structure, *chosen[joint + 1:]]
         if is_physical(_of_joint(
-                solve(validation.all, trial, weights, validation.prior, regularization), joint)):
+                solve(validation.all, trial, weights, validation.prior, regularization), joint),
+                largest):
             squares = validation.squares(trial, weights, regularization)
             offered.append((structure, squares[:, joint]))
     if not offered:
         return chosen[joint]
     _, best = min(offered, key=lambda pair: float(pair[1].sum()))
     good = [pair for pair in offered if _is_as_good(pair[1], best)]
-    return min(good, key=lambda pair: (len(pair[0].columns), float(pair[1].sum())))[0]
+    return min(good, key=lambda pair: (
+        len(pair[0].columns), pair[0].dry_count == 0, float(pair[1].sum())))[0]
 
 
 def _is_as_good(squares: FloatArray, best: FloatArray) -> bool:

@@ -151,7 +151,7 @@ def prior_of(arm: ArmModel) -> Prior:
     body = RigidBody(bare)
     inertia = np.mean([
         np.diag(body.mass_matrix(q)) for q in random_states(bare, _STATES)[0]], axis=0)
-    return make_prior(inertial_parameters(bare), inertia)
+    return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
 
 
 def base_parameters_of(arm: ArmModel) -> BaseParameters:
@@ -170,7 +170,7 @@ def fit_model(
     first: Sequence[FrictionStructure] | None = None,
 ) -> FittedModels:
     """Return the models that are fitted to the information of all recordings."""
-    prior = prior_of(arm)
+    prior = prior_of(arm).for_effort(information)
     choice = choose_model(information, prior, first)
     factors = information.together()
     n = len(information.joint_names)

@@ -33,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification.joint_excitation import JointExcitation, merged_excitation
 
 BLOCKS = 6
 _ROUNDING = 1e-20
@@ -47,6 +48,7 @@ class QrInformation:
     `rows` (slots,) are their sample counts. The last of the k columns is the effort; `columns` are
     the names of the columns before, the same for every joint. `correlation` (n,) is the number of
     samples per independent sample, summed over the samples of the blocks; it combines by addition.
+    `excitation` states which friction parameters the samples can separate.
     """
 
     joint_names: tuple[str, ...]
@@ -54,6 +56,7 @@ class QrInformation:
     factors: FloatArray
     rows: FloatArray
     correlation: FloatArray
+    excitation: JointExcitation
 
     @property
     def sample_count(self) -> int:
@@ -63,6 +66,12 @@ class QrInformation:
     def samples_per_independent_sample(self) -> FloatArray:
         """The number of samples that count as one independent sample, (n,)."""
         return np.asarray(self.correlation / max(float(self.rows.sum()), 1.0))
+
+    @property
+    def rms_effort(self) -> FloatArray:
+        """The RMS of the effort without that of payloads, (n,)."""
+        power = np.sum(self.factors[..., -1]**2, axis=(0, 2))
+        return np.asarray(np.sqrt(power / max(float(self.rows.sum()), 1.0)))
 
     @property
     def is_measured(self) -> BoolArray:
@@ -86,7 +95,7 @@ class QrInformation:
 
 def reduce_rows(
     joint_names: Sequence[str], columns: Sequence[str], X: FloatArray, y: FloatArray,
-    gap: int, samples_per_independent_sample: FloatArray,
+    gap: int, samples_per_independent_sample: FloatArray, excitation: JointExcitation,
 ) -> QrInformation:
     """
     Return the information in a regression: X (m, n, p) and y (m, n), in the order of time.
@@ -112,7 +121,8 @@ def reduce_rows(
             factors[i, j] = _factor(rows)
     counts = np.array([float(last - first) for first, last in slots])
     return QrInformation(
-        tuple(joint_names), tuple(columns), factors, counts, m * samples_per_independent_sample)
+        tuple(joint_names), tuple(columns), factors, counts, m * samples_per_independent_sample,
+        excitation)
 
 
 def merge(parts: Sequence[QrInformation]) -> QrInformation:
@@ -135,7 +145,8 @@ def merge(parts: Sequence[QrInformation]) -> QrInformation:
         for slot in range(len(first.factors))])
     return QrInformation(
         first.joint_names, first.columns, factors, np.sum([part.rows for part in parts], axis=0),
-        np.sum([part.correlation for part in parts], axis=0))
+        np.sum([part.correlation for part in parts], axis=0),
+        merged_excitation([part.excitation for part in parts]))
 
 
 def stack_factors(factors: FloatArray) -> FloatArray:

@@ -37,6 +37,7 @@ from robot_dynamics.identification.friction_regressor import (
     joint_columns,
     SHARP,
 )
+from robot_dynamics.identification.joint_excitation import excitation_of
 from robot_dynamics.identification.qr_information import QrInformation, reduce_rows
 from robot_dynamics.identification.regularized_fit import Fit, without_memory
 from robot_dynamics.model.arm import ArmModel
@@ -207,7 +208,9 @@ def reduce_motion(
         root = np.sqrt(huber_weights(residual))
         X, y = X * root[:, :, np.newaxis], y * root
     gap = int(np.ceil(rate / motion.cutoff_hz))
-    return reduce_rows(arm.joint_names, column_names(arm), X, y, gap, independent)
+    return reduce_rows(
+        arm.joint_names, column_names(arm), X, y, gap, independent,
+        excitation_of(motion, arm.joint_kinds, train))
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:

@@ -16,17 +16,21 @@
 Least squares with regularization towards the prior model, which is the URDF.
 
 The cost function is
-½ Σ_j w_j |X_j θ_j − y_j|² + ½ κ Σ_b |W_b (φ_b − φ⁰_b)|² + ½ κ Σ_j (I_j / s_j)². Its terms are the
-residuals of all joints, each with the weight w_j = 1 / (σ_j² × samples per independent sample);
-the entropic divergence of the bodies from the URDF, to second order (`pseudo_inertia`); and the
-reflected inertia I_j relative to the inertia s_j at the joint. κ = 1 corresponds to a URDF that is
-wrong by about 100 %, κ = 10⁴ to one that is wrong by 1 %. Source of the regularization: T. Lee,
-F. C. Park, "A geometric algorithm for robust multibody inertial parameter identification", IEEE
-Robotics and Automation Letters 3(3), 2018.
+½ Σ_j w_j |X_j θ_j − y_j|² + ½ κ Σ_b |W_b (φ_b − φ⁰_b)|² + ½ κ Σ_j (I_j / s_j)²
++ ½ Σ_j |F_j / f_j|². Its terms are the residuals of all joints, each with the weight
+w_j = 1 / (σ_j² × samples per independent sample); the entropic divergence of the bodies from the
+URDF, to second order (`pseudo_inertia`); the reflected inertia I_j relative to the inertia s_j at
+the joint; and the friction parameters F_j relative to f_j, the value with which each of them alone
+explains the largest measured effort of the joint. The last term does not depend on κ: it matters
+only if the data do not determine a parameter. Dry friction and the offset F_b are at most the
+largest measured effort. κ = 1 corresponds to a URDF that is wrong by about 100 %, κ = 10⁴ to one
+that is wrong by 1 %. Source of the regularization: T. Lee, F. C. Park, "A geometric algorithm for
+robust multibody inertial parameter identification", IEEE Robotics and Automation Letters 3(3),
+2018.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -36,8 +40,13 @@ from robot_dynamics.identification.friction_regressor import (
     COULOMB,
     FrictionStructure,
     INERTIA,
+    LOAD,
     OFFSET,
+    SHARP,
+    VISCOUS,
 )
+from robot_dynamics.identification.qr_information import QrInformation
+from robot_dynamics.joints.friction import LARGEST_LOAD_FRACTION
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     parameters_of,
@@ -57,6 +66,7 @@ Reflected inertia that is expected at every joint, as a fraction of the largest 
 the rotor of a large reduction may have a larger reflected inertia than a wrist.
 """
 _RIDGE = 1e-9
+_DRY = np.setdiff1d(np.arange(COLUMN_COUNT)[SHARP], np.arange(COLUMN_COUNT)[LOAD])
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +74,47 @@ class Prior:
     """
     The prior: φ⁰ (p,), one Cholesky factor of P₀ per body (b, 4, 4), and s (n,).
 
-    `rows` (p, p) is W of all bodies; `inertia` s_j [kg·m²] or [kg].
+    `rows` (p, p) is W of all bodies; `inertia` s_j [kg·m²] or [kg]; `velocity` (n,) are the limits
+    of the velocity [rad/s] or [m/s]. `friction` (n, COLUMN_COUNT)
+    is 1 / f_j of each column, 0 without regularization, and `largest` (n, COLUMN_COUNT) its
+    upper bound.
     """
 
     parameters: FloatArray
     roots: FloatArray
     rows: FloatArray
     inertia: FloatArray
+    velocity: FloatArray
+    friction: FloatArray
+    largest: FloatArray
 
     @property
     def count(self) -> int:
         return len(self.parameters)
 
+    def for_effort(self, information: QrInformation) -> 'Prior':
+        """Return the prior with the scale and the bounds of friction from the measured effort."""
+        excitation, is_measured = information.excitation, information.is_measured
+        largest_effort = np.where(is_measured, excitation.largest_effort, np.inf)
+        rms_effort = np.where(is_measured, information.rms_effort, np.inf)
+        friction, largest = np.zeros_like(self.friction), np.full_like(self.largest, np.inf)
+        friction[:, OFFSET:] = 1.0 / largest_effort[:, np.newaxis]
+        friction[:, LOAD] = is_measured[:, np.newaxis]
+        # if viscous friction is hardly separable, it must stay moderate at other velocities
+        is_vague = np.isfinite(self.velocity) & [
+            bool(excitation.left_out(joint)) for joint in range(len(self.velocity))]
+        friction[:, VISCOUS] = np.where(
+            is_vague, self.velocity / rms_effort, excitation.rms_velocity / largest_effort)
+        largest[:, OFFSET:] = largest_effort[:, np.newaxis]
+        largest[:, LOAD] = LARGEST_LOAD_FRACTION
+        return replace(self, friction=friction, largest=largest)
 
-def make_prior(parameters: FloatArray, joint_inertia: FloatArray) -> Prior:
+
+def make_prior(
+    parameters: FloatArray, joint_inertia: FloatArray, velocity_limit: FloatArray,
+) -> Prior:
     """
-    Return the prior of a URDF's φ⁰ (p,), and the inertia at each joint s (n,).
+    Return the prior of a URDF's φ⁰ (p,), with inertia s and velocity limit (n,) of each joint.
 
     If a body of the URDF is very light, flat or physically inconsistent, the regularization adds a
     small mass around the same centre, so that the data can still change its parameters.
@@ -93,7 +128,9 @@ def make_prior(parameters: FloatArray, joint_inertia: FloatArray) -> Prior:
         rows[part, part] = relative_rows(root)
     return Prior(
         np.concatenate([parameters_of(root @ root.T) for root in roots]), roots, rows,
-        np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)))
+        np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
+        velocity_limit, np.zeros((len(joint_inertia), COLUMN_COUNT)),
+        np.full((len(joint_inertia), COLUMN_COUNT), np.inf))
 
 
 def _regularizing_body(phi: FloatArray, total: float) -> FloatArray:
@@ -169,7 +206,8 @@ def solve(
         H[:p, :p] += G[:p, :p]
         H[:p, part] = G[:p, columns]
         H[part, :p] = H[:p, part].T
-        H[part, part] = G[np.ix_(columns, columns)]
+        H[part, part] = G[np.ix_(columns, columns)] + np.diag(
+            prior.friction[j, columns - p]**2)
         g[:p] += G[:p, -1]
         g[part] = G[columns, -1]
         H[first, first] += regularization / prior.inertia[j]**2  # reflected inertia comes first
@@ -206,26 +244,37 @@ def bounded_problem(
     p = prior.count
     own = [np.array(structure.columns) + p for structure in structures]
     size = p + sum(len(columns) for columns in own)
-    A, b = np.zeros((n * k + p + n, size)), np.zeros(n * k + p + n)
+    A, b = np.zeros((n * k + size, size)), np.zeros(n * k + size)
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     first = p
     for j, columns in enumerate(own):
         rows, part = slice(j * k, (j + 1) * k), slice(first, first + len(columns))
         root = np.sqrt(weights[j]) * factors[j]
         A[rows, :p], A[rows, part], b[rows] = root[:, :p], root[:, columns], root[:, -1]
-        A[n * k + p + j, first] = np.sqrt(regularization) / prior.inertia[j]
-        low[part] = np.where(columns - p == OFFSET, -np.inf, 0.0)
+        A[n * k:, part][part] = np.diag(prior.friction[j, columns - p])
+        A[n * k + first, first] = np.sqrt(regularization) / prior.inertia[j]
+        # a joint may have two columns of dry friction, which together have the bound
+        count = max(structures[j].dry_count, 1)
+        high[part] = prior.largest[j, columns - p] / np.where(
+            np.isin(columns - p, _DRY), count, 1)
+        low[part] = np.where(columns - p == OFFSET, -high[part], 0.0)
         first += len(columns)
     A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
     b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
     return A, b, low, high, own
 
 
-def is_physical(fit: Fit) -> bool:
-    """Return whether no friction of the fit is below 0; its rotors are not checked."""
+def is_physical(fit: Fit, largest: FloatArray) -> bool:
+    """
+    Return whether friction of the fit is not below 0, and dry friction and F_b within `largest`.
+
+    `largest` (n, COLUMN_COUNT) are the bounds of `Prior`; rotors are not checked.
+    """
     values = fit.joint_values.copy()
+    offset, dry = np.abs(values[:, OFFSET]), values[:, _DRY].sum(axis=1)
     values[:, [INERTIA, OFFSET]] = 0.0
-    return bool((values >= 0.0).all())
+    return bool((values >= 0.0).all() and (values <= largest).all()
+                and (offset <= largest[:, OFFSET]).all() and (dry <= largest[:, OFFSET]).all())
 
 
 def _fit_of(

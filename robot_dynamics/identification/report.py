@@ -28,7 +28,7 @@ from robot_dynamics.identification.identified_arm import (
     parameter_values,
 )
 from robot_dynamics.identification.page import identification_page
-from robot_dynamics.identification.summary import warnings
+from robot_dynamics.identification.summary import not_separable, warnings
 from robot_dynamics.reporting.html_page import Origin
 
 FILES = URDF, PARAMETERS, REPORT, FIGURES = (
@@ -104,6 +104,8 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
              'relative_deviation': _number(estimate.relative_deviations[i]),
              'excited': bool(estimate.excited[i])}
             for i in range(estimate.base_count)],
+        'not_separable': {
+            joint: list(names) for joint, names in not_separable(identification).items()},
         'joint_parameters': [
             {'name': estimate.names[i], 'value': float(estimate.values[i]),
              'standard_deviation': _number(estimate.deviations[i]),

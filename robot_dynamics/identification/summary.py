@@ -122,8 +122,32 @@ def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
 
 def warnings(identification: Identification) -> list[str]:
     """Return the warnings to consider before the model is used."""
-    return [*_of_excitation(identification), *_of_models(identification),
+    return [*_of_friction(identification), *_of_excitation(identification),
+            *_of_models(identification),
             *_of_effort(identification)]
+
+
+def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
+    """Return the friction parameters that were left out, by joint, for joints with effort."""
+    information = identification.information
+    return {
+        name: information.excitation.left_out(j)
+        for j, name in enumerate(identification.arm.joint_names)
+        if information.is_measured[j] and information.excitation.left_out(j)}
+
+
+def _of_friction(identification: Identification) -> Iterator[str]:
+    names = identification.arm.joint_names
+    excitation = identification.information.excitation
+    structures = identification.models.choice.structures
+    for name in not_separable(identification):
+        j = names.index(name)
+        used = [word for word, is_used in (
+            ('viscous friction', structures[j].viscous),
+            ('dry friction', structures[j].dry_count > 0),
+            ('an offset', structures[j].offset)) if is_used]
+        yield (f'{name}: {excitation.reason(j)}: viscous friction, dry friction and offset are '
+               f'not separable; the model has only {" and ".join(used) or "none of them"}')
 
 
 def _of_excitation(identification: Identification) -> Iterator[str]:

@@ -78,6 +78,7 @@ def check_model(
         *of_bodies,
         *_check_inertia_matrix(arm, robot, moved, M, explained),
         *_check_limits(arm),
+        *_check_friction(arm),
         *_check_gravity(arm, search)]
     return sorted(findings, key=lambda finding: finding.level != ERROR)
 
@@ -177,6 +178,22 @@ def _check_limits(arm: ArmModel) -> list[Finding]:
                 'limits', WARNING, name,
                 f'joint {name!r} has the position limits [{lower:g}, {upper:g}], expected lower '
                 'below upper'))
+    return findings
+
+
+def _check_friction(arm: ArmModel) -> list[Finding]:
+    """Return the joints that no effort within the limit moves against friction."""
+    friction, limit = arm.friction, arm.limits.effort
+    findings = []
+    for title, effort in (
+            ('dry friction F_c + F_a', friction.coulomb + friction.sigmoid),
+            ('effort offset F_b', np.abs(friction.effort_offset))):
+        findings += [
+            Finding(
+                'friction', ERROR, name,
+                f'{title} of joint {name!r} is {effort[i]:.4g}, expected less than its effort '
+                f'limit, {limit[i]:.4g}: no permitted effort would move the joint')
+            for i, name in enumerate(arm.joint_names) if effort[i] > limit[i]]
     return findings
 
 

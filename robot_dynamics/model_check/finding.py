@@ -30,6 +30,7 @@ CHECKS = {
     'lost_mass': 'links whose mass is missing, or is not read',
     'limits': 'joints without a position, velocity or effort limit',
     'gravity_capability': 'effort limits that cannot hold gravity somewhere',
+    'friction': 'dry friction or effort offsets beyond the effort limit',
     'condition': 'the condition number of M(q)',
 }
 """The name of every check, which is stable, and its subject."""

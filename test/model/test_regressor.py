@@ -18,6 +18,7 @@ from identification_bench import with_inertial_parameters
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification.joint_excitation import JointExcitation
 from robot_dynamics.identification.pipeline import base_parameters_of
 from robot_dynamics.identification.qr_information import BLOCKS, merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
@@ -107,7 +108,8 @@ def some_rows(seed, m=400, n=3, p=5):
 def reduced(X, y):
     n, p = X.shape[1:]
     return reduce_rows(
-        [f'j{i}' for i in range(n)], [f'c{i}' for i in range(p)], X, y, 6, np.full(n, 4.0))
+        [f'j{i}' for i in range(n)], [f'c{i}' for i in range(p)], X, y, 6, np.full(n, 4.0),
+        JointExcitation(np.zeros((n, 3, 3)), np.zeros(n), np.abs(y).max(axis=0)))
 
 
 def squares(factors, theta):

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import (
     QUICK,
@@ -136,6 +137,8 @@ CASES = {
     'two joints, one point mass': (
         arm_of('', geometry='', more=link_behind(inertial(moments=(0, 0, 0), xyz='0 0 0.3'))),
         ('condition', ERROR, '')),
+    'dry friction above the limit': (
+        arm_of(limit=f'{LIMIT}<dynamics friction="101"/>'), ('friction', ERROR, 'hinge')),
     'badly conditioned': (
         arm_of(inertial(1000.0, (50, 50, 2)), more=link_behind(inertial(1e-4, (0, 1e-7, 0)))),
         ('condition', WARNING, '')),
@@ -170,6 +173,14 @@ def test_a_value_at_the_bound_is_no_finding():
         inertial(xyz='0 0 0.4'),
         f'<limit lower="-0.5" upper="0.5" effort="{weight * np.sin(0.5) + 1e-6}" velocity="2"/>')
     assert check_model(narrow) == []
+
+
+@pytest.mark.parametrize(('parameter', 'value', 'is_found'), [
+    ('coulomb', 99.0, False), ('coulomb', 101.0, True), ('sigmoid', 101.0, True),
+    ('effort_offset', 99.0, False), ('effort_offset', -101.0, True)])
+def test_friction_parameters_are_compared_with_the_effort_limit(parameter, value, is_found):
+    arm = arm_from_parameters(arm_of(), {f'friction.{parameter}': [value]})
+    assert (errors_of(check_model(arm_of(), arm)) != []) is is_found
 
 
 @pytest.mark.parametrize('moments', [(0.02, 0.03, 0.05), (0.02, 0.03, 0.0503), (0.0, 0.05, 0.05)])

@@ -72,6 +72,26 @@ def moves_with_pauses(arm: ArmModel, rate: float, duration: float, seed: int = 0
     return States(rows / fine, q[rows], v[rows], a[rows])
 
 
+def one_way(states: States, joint: int, seed: int = 0, speed: float = 0.12) -> States:
+    """
+    Return a motion in which one joint only moves backward, at about this speed [rad/s].
+
+    It rests in the first and the last 3 % of the motion.
+    """
+    rng = np.random.default_rng(100 + seed)
+    t, interval = states.times, states.times[1] - states.times[0]
+    w, phase = 2.0 * np.pi * 0.1, rng.uniform(0.0, 2.0 * np.pi)
+    ramp = np.clip(np.minimum(t - 0.03 * t[-1], 0.97 * t[-1] - t), 0.0, 1.0)
+    ramp = ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2)
+    speeds = 1.0 + 0.35 * np.sin(w * t + phase) + 0.2 * np.sin(3.0 * w * t + 2.0 * phase)
+    q, v, a = states.q.copy(), states.v.copy(), states.a.copy()
+    v[:, joint] = -speed * speeds * ramp
+    q[:, joint] = 1.0 + interval * np.concatenate(
+        [[0.0], np.cumsum(0.5 * (v[1:, joint] + v[:-1, joint]))])
+    a[:, joint] = np.gradient(v[:, joint], interval)
+    return States(t, q, v, a)
+
+
 def lugre_friction(states: States, seed: int = 0) -> np.ndarray:
     """
     Return friction (m, n) that no friction model of the identification describes.

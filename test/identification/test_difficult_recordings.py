@@ -1,0 +1,117 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Identification from recordings that do not determine all parameters; the arms are known."""
+
+from identification_bench import (
+    changed_arm,
+    fourier_motion,
+    lugre_friction,
+    one_way,
+    recorded,
+    rigid_effort,
+)
+import numpy as np
+import pytest
+from robot_dynamics.identification.holdout import evaluate_motion
+from robot_dynamics.identification.identified_arm import joint_estimates
+from robot_dynamics.identification.pipeline import identify
+from robot_dynamics.identification.summary import not_separable, warnings
+from robot_dynamics.model.arm import load_arm
+from robots import robot_urdf
+
+UR5 = load_arm(robot_urdf('ur5'))
+FRICTION_FACTOR, MODEL_ERROR = 5.0, 0.03
+
+
+def imperfect_effort(arm, states, seed):
+    """Return the effort of an arm with LuGre friction, and an error of 3 % that depends on q."""
+    effort = rigid_effort(changed_arm(arm, 0.3, seed), states)
+    effort += FRICTION_FACTOR * lugre_friction(states, seed)
+    return effort * (1.0 + MODEL_ERROR * np.sin(3.0 * states.q))
+
+
+def noisy(arm, states, effort, seed):
+    return recorded(arm, states, effort, 0.02 * np.sqrt(np.mean(effort**2, axis=0)), seed)
+
+
+# --- one direction of motion ---------------------------------------------------------------------
+
+@pytest.mark.parametrize(('joint', 'seed'), [
+    (1, 0), (1, 1), (2, 2), pytest.param(0, 0, marks=pytest.mark.soak),
+    pytest.param(3, 2, marks=pytest.mark.soak)])
+def test_a_joint_that_moves_in_one_direction(joint, seed):
+    name = UR5.joint_names[joint]
+    states = one_way(fourier_motion(UR5, 125.0, 30.0, seed), joint, seed)
+    effort = imperfect_effort(UR5, states, seed)
+    v = states.v[:, joint]
+    assert np.mean(v < -1e-3) > 0.92
+    assert not (v > 1e-3).any()
+    found = identify(UR5, [noisy(UR5, states, effort, seed)])
+    joint_values = joint_estimates(UR5, found.models.consistent)[joint]
+    largest = np.abs(effort[:, joint]).max()
+    dry = joint_values.coulomb + joint_values.sigmoid
+    assert 0.0 < dry < 0.6 * largest
+    assert joint_values.offset == 0.0
+    assert not_separable(found) == {name: ('offset',)}
+    assert any(line.startswith(f'{name}: the joint moves in one direction only (0 % of its motion '
+                               'forward, 100 % backward)') for line in warnings(found))
+    # On a recording in which the joint moves in both directions, the model predicts more than
+    # the URDF.
+    other = fourier_motion(UR5, 125.0, 30.0, seed + 10)
+    tests = evaluate_motion(UR5, noisy(
+        UR5, other, imperfect_effort(UR5, other, seed), seed), 0.0, found.models.by_name)
+    assert tests['consistent'].relative()[joint] < 0.7 * tests['urdf'].relative()[joint]
+    assert tests['consistent'].relative().mean() < 0.2 * tests['urdf'].relative().mean()
+
+
+def test_opposite_one_way_recordings_together_separate_the_offset():
+    joint, seed = 2, 0
+    motions = []
+    for sign in (1.0, -1.0):
+        states = one_way(fourier_motion(UR5, 125.0, 30.0, seed), joint, seed)
+        for each in (states.q, states.v, states.a):
+            each[:, joint] *= sign
+        motions.append(noisy(UR5, states, imperfect_effort(UR5, states, seed), seed))
+    assert not_separable(identify(UR5, motions)) == {}
+
+
+def test_one_speed_does_not_separate_viscous_from_dry_friction():
+    """A triangle wave at 0.2 rad/s: filtered slowly, so that only its corners are round."""
+    joint, seed = 2, 0
+    states = fourier_motion(UR5, 125.0, 60.0, seed)
+    period = 24.0
+    phase = np.mod(states.times / period, 1.0)
+    states.q[:, joint] = 0.2 * period * np.abs(phase - 0.5)
+    states.v[:, joint] = np.where(phase < 0.5, -0.2, 0.2)
+    states.a[:, joint] = 0.0
+    effort = imperfect_effort(UR5, states, seed)
+    found = identify(UR5, [noisy(UR5, states, effort, seed)])
+    assert not_separable(found) == {UR5.joint_names[joint]: ('viscous friction',)}
+    values = joint_estimates(UR5, found.models.consistent)[joint]
+    assert values.viscous == 0.0
+    assert 0.0 < values.coulomb + values.sigmoid < np.abs(effort[:, joint]).max()
+
+
+def test_a_joint_at_rest_has_no_friction():
+    joint, seed = 2, 0
+    states = fourier_motion(UR5, 125.0, 30.0, seed)
+    states.q[:, joint] = 0.5 + 1e-4 * np.sin(states.times)
+    states.v[:, joint], states.a[:, joint] = 1e-4 * np.cos(states.times), 0.0
+    found = identify(UR5, [noisy(UR5, states, imperfect_effort(UR5, states, seed), seed)])
+    assert not_separable(found) == {
+        UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
+    values = joint_estimates(UR5, found.models.consistent)[joint]
+    assert (values.viscous, values.coulomb, values.sigmoid, values.load) == (0.0,) * 4
