@@ -111,7 +111,10 @@ def filter_motion(
         contradicts_position(series.times, series.position, series.velocity, segments))
     if cutoff_hz is None:
         chosen = choose_cutoff(
-            [_acceleration(series, rows, interval, bad) for rows in segments], rate)
+            [_acceleration(series, rows, interval, bad) for rows in segments], rate,
+            [] if series.effort is None else [
+                _on_grid(series.times[rows], series.effort[rows], interval)[1]
+                for rows in segments])
     else:
         highest = HIGHEST_FRACTION * rate / 2.0
         given = check_scalar('cutoff', cutoff_hz, 0.0, exclusive_minimum=True)

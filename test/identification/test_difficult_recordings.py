@@ -19,20 +19,25 @@ from identification_bench import (
     changed_arm,
     fourier_motion,
     lugre_friction,
+    moves_with_pauses,
     one_way,
     recorded,
     rigid_effort,
 )
 import numpy as np
 import pytest
+from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.identification.holdout import evaluate_motion
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.identification.summary import not_separable, warnings
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.recordings.reader import JointSeries
 from robots import robot_urdf
+from scipy.signal import butter, sosfilt
 
 UR5 = load_arm(robot_urdf('ur5'))
+PANDA = load_arm(robot_urdf('panda'), [f'panda_joint{i}' for i in range(1, 8)])
 FRICTION_FACTOR, MODEL_ERROR = 5.0, 0.03
 
 
@@ -115,3 +120,38 @@ def test_a_joint_at_rest_has_no_friction():
         UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     values = joint_estimates(UR5, found.models.consistent)[joint]
     assert (values.viscous, values.coulomb, values.sigmoid, values.load) == (0.0,) * 4
+
+
+# --- a high rate ---------------------------------------------------------------------------------
+
+def fast_recording(seed):
+    """
+    Return 4.7 s of moves of a Panda at 1 kHz, with an effort noise of 2 N·m.
+
+    The velocity noise of two joints is small, and its spectrum ends at 60 Hz, so that the power of
+    acceleration has its global minimum far above the band of the motion.
+    """
+    rate = 1000.0
+    states = moves_with_pauses(PANDA, rate, 4.7, seed)
+    rng = np.random.default_rng(seed)
+    effort = rigid_effort(changed_arm(PANDA, 0.2, seed), states) + lugre_friction(states, seed)
+    velocity = states.v + 2e-5 * rng.normal(size=effort.shape)
+    sections = butter(6, 60.0, fs=rate, output='sos')
+    for joint in (4, 6):
+        noise = sosfilt(sections, rng.normal(size=len(effort)))
+        velocity[:, joint] = states.v[:, joint] + 2e-4 * noise / noise.std()
+    return JointSeries(
+        PANDA.joint_names, np.asarray(np.round(states.times * 1e9), dtype=np.int64),
+        states.q + 1e-6 * rng.normal(size=effort.shape), velocity,
+        effort + 2.0 * rng.normal(size=effort.shape), 0)
+
+
+@pytest.mark.parametrize('seed', [0, 2])
+def test_the_cutoff_of_a_short_motion_at_1_khz(seed):
+    series = fast_recording(seed)
+    automatic, low, high = (filter_motion(series, cutoff) for cutoff in (None, 10.0, 199.0))
+    assert 5.0 < automatic.cutoff_hz < 30.0
+    means = [identify(PANDA, [motion]).tests['consistent'].relative().mean()
+             for motion in (automatic, low, high)]
+    assert means[0] < 1.2 * means[1]
+    assert means[0] < 0.9 * means[2]
