@@ -33,7 +33,7 @@ from robot_dynamics.identification.friction_regressor import (
     SIMPLEST,
     structures,
 )
-from robot_dynamics.identification.qr_information import BLOCKS, QrInformation
+from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
 
 REGULARIZATIONS = tuple(10.0**exponent for exponent in range(-3, 7))
@@ -63,12 +63,12 @@ class ModelChoice:
 
 
 class CrossValidation:
-    """Sums of squares on the omitted blocks (folds), for any model."""
+    """Sums of squares on the omitted blocks (folds, f of them), for any model."""
 
     def __init__(self, information: QrInformation, prior: Prior) -> None:
         self.information, self.prior = information, prior.for_effort(information)
-        self._train = [grams_of(information.all_but(i)) for i in range(BLOCKS)]
-        self._block = [grams_of(information.block(i)) for i in range(BLOCKS)]
+        self._train = [grams_of(information.all_but(i)) for i in information.folds]
+        self._block = [grams_of(information.block(i)) for i in information.folds]
         self.all = grams_of(information.together())
         rows = information.rows[::2].sum()
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
@@ -78,13 +78,13 @@ class CrossValidation:
     def squares(
         self, chosen: Sequence[FrictionStructure], weights: FloatArray, regularization: float,
     ) -> FloatArray:
-        """Return the sum of squared residuals on each omitted block, (BLOCKS, n)."""
+        """Return the sum of squared residuals on each omitted block, (f, n)."""
         return np.stack([
             solve(train, chosen, weights, self.prior, regularization).squares(block)
             for train, block in zip(self._train, self._block)])
 
     def relative(self, squares: FloatArray) -> FloatArray:
-        """Return RMS of residual over RMS of effort, (n,), of squares (BLOCKS, n)."""
+        """Return RMS of residual over RMS of effort, (n,), of squares (f, n)."""
         power = np.where(self.effort_power > 0.0, self.effort_power, 1.0)
         return np.asarray(np.sqrt(squares.sum(axis=0) / power))
 

@@ -189,8 +189,8 @@ def reduce_motion(
     Return the information in the training samples of one recording.
 
     With a `reference`, the model of a first pass, the load of the gears is that of this model, and
-    samples with a large residual have lower weights. Raises RecordingError without effort, or with
-    too few samples.
+    samples with a large residual have lower weights. Raises RecordingError without effort,
+    InvalidInputError without samples.
     """
     step = decimation(motion)
     rows = regression_rows(arm, motion, reference, is_filtered=True, step=step)
@@ -210,7 +210,7 @@ def reduce_motion(
     gap = int(np.ceil(rate / motion.cutoff_hz))
     return reduce_rows(
         arm.joint_names, column_names(arm), X, y, gap, independent,
-        excitation_of(motion, arm.joint_kinds, train))
+        excitation_of(motion, arm.joint_kinds, train), step)
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:

@@ -27,6 +27,7 @@ from identification_bench import (
 import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.holdout import evaluate_motion
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.pipeline import identify
@@ -155,3 +156,34 @@ def test_the_cutoff_of_a_short_motion_at_1_khz(seed):
              for motion in (automatic, low, high)]
     assert means[0] < 1.2 * means[1]
     assert means[0] < 0.9 * means[2]
+
+
+# --- short recordings ----------------------------------------------------------------------------
+
+def test_ten_short_recordings_are_pooled():
+    """Each has fewer samples than the six blocks of a long one; the arm is off by 20 %."""
+    states = [fourier_motion(UR5, 100.0, 40.0, 3)]
+    rows = [slice(400 * i, 400 * i + 200) for i in range(10)]
+    effort = rigid_effort(changed_arm(UR5, 0.2, 3), states[0]) + lugre_friction(states[0], 3)
+    motions = [filter_motion(JointSeries(
+        UR5.joint_names, np.round(1e9 * states[0].times[part]).astype(np.int64),
+        states[0].q[part], states[0].v[part],
+        effort[part] + 0.05 * np.random.default_rng(i).normal(size=effort[part].shape), 0), 5.0)
+        for i, part in enumerate(rows)]
+    with pytest.raises(InvalidInputError, match=r'have \d+ samples for training together'):
+        identify(UR5, motions[:1])
+    tests = identify(UR5, motions).tests
+    assert tests['consistent'].samples == (1200, 800)
+    assert (tests['consistent'].relative() < 0.6 * tests['urdf'].relative()).all()
+    assert tests['consistent'].relative()[:3].max() < 0.1
+
+
+def test_a_recording_at_30_hz():
+    states = moves_with_pauses(UR5, 30.0, 60.0, 4)
+    effort = imperfect_effort(UR5, states, 4)
+    found = identify(UR5, [recorded(
+        UR5, states, effort, 0.02 * np.sqrt(np.mean(effort**2, axis=0)), 4, quantum=1e-3,
+        has_velocity=False)])
+    tests = found.tests
+    assert tests['consistent'].relative().mean() < 0.6 * tests['urdf'].relative().mean()
+    assert (tests['consistent'].relative() < tests['urdf'].relative()).all()

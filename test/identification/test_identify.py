@@ -254,7 +254,7 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     (['BAG', '--map', 'a=b'], '--map a=b matches no joint'),
     (['BAG', '--payload', 'nothing=1'], "is 'nothing', expected one of the links"),
     (['BAG', '--payload', 'tool0=1e3'], "is 1000 kg on 'tool0', expected at most"),
-    (['BAG', '--train-fraction', '0.05'], 'samples for training, expected at least'),
+    (['BAG', '--train-fraction', '0.05'], 'samples for training together, expected at least'),
     (['BAG', '--topic', '/else'], "has no topic '/else'"),
 ])
 def test_mistakes_are_reported_in_one_line(tmp_path, urdf, capsys, arguments, words):

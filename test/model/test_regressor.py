@@ -109,7 +109,7 @@ def reduced(X, y):
     n, p = X.shape[1:]
     return reduce_rows(
         [f'j{i}' for i in range(n)], [f'c{i}' for i in range(p)], X, y, 6, np.full(n, 4.0),
-        JointExcitation(np.zeros((n, 3, 3)), np.zeros(n), np.abs(y).max(axis=0)))
+        JointExcitation(np.zeros((n, 3, 3)), np.zeros(n), np.abs(y).max(axis=0, initial=0.0)))
 
 
 def squares(factors, theta):
@@ -153,5 +153,24 @@ def test_mismatched_inputs_are_rejected():
         merge([])
     with pytest.raises(InvalidInputError, match='cannot be combined, expected the same joints'):
         merge([reduced(*some_rows(0)), reduced(*some_rows(0, n=2))])
-    with pytest.raises(InvalidInputError, match='has 50 samples for training, expected at least'):
-        reduced(*some_rows(0, m=50))
+    with pytest.raises(InvalidInputError, match='has no samples for training'):
+        reduced(*some_rows(0, m=0))
+    with pytest.raises(InvalidInputError, match='have 40 samples .* expected at least 42'):
+        merge([reduced(*some_rows(seed, m=20)) for seed in range(2)])
+
+
+def test_blocks_of_short_recordings_share_the_folds():
+    parts = [some_rows(seed, m) for seed, m in enumerate([30, 30, 20, 45, 60])]
+    both = merge([reduced(*part) for part in parts])
+    assert both.folds == (0, 1, 2, 3, 4, 5)
+    assert both.sample_count == both.recorded == 185
+    theta = np.ones(5)
+    r2 = [(X @ theta - y)**2 for X, y in parts]
+    # recordings 0 and 1 have two blocks each, recording 2 one: its fold is number 4
+    everything = sum(each.sum(axis=0) for each in r2)
+    without = squares(both.all_but(4), theta)
+    assert (without < everything - 0.999 * r2[2].sum(axis=0)).all()
+    inside = squares(both.block(4), theta)
+    assert (inside > 0.999 * r2[2].sum(axis=0)).all()
+    # a recording of three blocks, and one of four, begin in fold 5 and continue in fold 0
+    assert both.rows[11] > 0.0
