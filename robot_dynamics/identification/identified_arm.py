@@ -19,11 +19,12 @@ The identified model as a URDF and as parameters of the node.
 computes what the fit predicts: rigid bodies, reflected inertia, friction of joints and gears.
 
 A body of Pinocchio is a moving link with all links that are fixed to it. The identified inertial
-of a body goes to the moving link. Links fixed to it keep their own inertials if the remainder is
-a valid mass distribution; otherwise they lose their inertials. The rest of the URDF is unchanged.
+of a body goes to the moving link. Links fixed to it, such as a hand or locked fingers, keep their
+own inertials if the remainder is a valid mass distribution; otherwise they keep a fraction of
+them (`kept_fractions`). The rest of the URDF is unchanged.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,9 @@ from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 
 _LEAST = 1e-15
+_MOST_HALVINGS = 12
+_FixedLinks = dict[str, tuple[FloatArray, FloatArray]]
+"""φ (10,) of links in their own frame and in that of the body that they are fixed to."""
 _TENSOR = {'ixx': (0, 0), 'ixy': (0, 1), 'ixz': (0, 2), 'iyy': (1, 1), 'iyz': (1, 2),
            'izz': (2, 2)}
 
@@ -62,21 +66,41 @@ def identified_urdf(
     Bodies whose φ is unchanged keep their elements. Raises ModelError if a body is not physically
     consistent.
     """
-    links = {
-        name: None if phi is None else _inertial(phi)
-        for name, phi in _changed_links(urdf, arm, parameters).items()}
+    links = {name: _inertial(phi) for name, phi in _changed_links(urdf, arm, parameters).items()}
     dynamics = {
-        name: f'<dynamics damping="{_text(damping)}" friction="{_text(friction)}"/>'
+        name: {'damping': _text(damping), 'friction': _text(friction)}
         for name, damping, friction in zip(arm.joint_names, viscous, dry)}
     return with_elements(urdf, links, dynamics)
 
 
-def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> (
-        dict[str, FloatArray | None]):
-    """Return φ (10,) of each link whose inertial changes; None if the link loses its inertial."""
+def kept_fractions(urdf: str, arm: ArmModel, parameters: FloatArray) -> dict[str, float]:
+    """
+    Return the fraction of its inertial that each fixed link keeps, of links that keep not all.
+
+    The rest of the identified body is in the inertial of the moving link. Raises ModelError like
+    `identified_urdf`.
+    """
+    return {
+        link: fraction for _, _, fixed, fraction in _bodies(urdf, arm, parameters)
+        if fraction < 1.0 for link in fixed}
+
+
+def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> dict[str, FloatArray]:
+    """Return φ (10,) of each link whose inertial changes, in the frame of the link."""
+    changed: dict[str, FloatArray] = {}
+    for main, phi, fixed, fraction in _bodies(urdf, arm, parameters):
+        in_body = [body for _, body in fixed.values()]
+        changed[main] = phi - fraction * sum(in_body, start=np.zeros(COUNT))
+        if fraction < 1.0:
+            changed.update({name: fraction * own for name, (own, _) in fixed.items()})
+    return changed
+
+
+def _bodies(urdf: str, arm: ArmModel, parameters: FloatArray) -> Iterator[
+        tuple[str, FloatArray, _FixedLinks, float]]:
+    """Yield main link, φ (10,), fixed links and their kept fraction, of each changed body."""
     before = inertial_parameters(arm.with_payloads(())).reshape(-1, COUNT)
     bodies = {body.name: body for body in read_bodies(urdf)}
-    changed: dict[str, FloatArray | None] = {}
     for i, (phi, old) in enumerate(zip(parameters.reshape(-1, COUNT), before)):
         if np.allclose(phi, old, rtol=1e-9, atol=1e-12):
             continue
@@ -86,27 +110,25 @@ def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> (
                 f'the parameters of the body {main!r} correspond to no mass distribution, '
                 'expected a positive definite pseudo-inertia')
         fixed = _fixed_links(arm, i + 1, main, bodies)
-        rest = phi - sum(fixed.values(), start=np.zeros(COUNT))
-        if is_consistent(rest):
-            changed[main] = rest
-        else:
-            changed[main] = phi
-            changed.update(dict.fromkeys(fixed))
-    return changed
+        of_fixed = sum((body for _, body in fixed.values()), start=np.zeros(COUNT))
+        fraction = next((0.5**k for k in range(_MOST_HALVINGS)
+                         if is_consistent(phi - 0.5**k * of_fixed)), 0.0)
+        yield main, phi, fixed, fraction
 
 
 def _fixed_links(
     arm: ArmModel, joint: int, main: str, bodies: Mapping[str, LinkBody],
-) -> dict[str, FloatArray]:
-    """Return φ (10,), in the frame of the body, of the massive links fixed to its main link."""
-    found: dict[str, FloatArray] = {}
+) -> _FixedLinks:
+    """Return the massive links that are fixed to the main link of a body."""
+    found: _FixedLinks = {}
     for frame in arm.pinocchio_model.frames:
         body = bodies.get(frame.name)
         if (frame.type != pin.FrameType.BODY or frame.parentJoint != joint or frame.name == main
                 or body is None or not body.mass):
             continue
         own = pin.Inertia(body.mass, body.com, body.inertia)
-        found[frame.name] = frame.placement.act(own).toDynamicParameters()
+        found[frame.name] = (
+            own.toDynamicParameters(), frame.placement.act(own).toDynamicParameters())
     return found
 
 
@@ -150,8 +172,9 @@ def parameter_values(
         return [float(f'{value:.{_DIGITS}g}') for value in found]
 
     kept = {name: value for name, value in (given or {}).items()
-            if not name.startswith('friction.') and not name.startswith('robot_description')}
+            if not name.startswith(('friction.', 'robot_description'))}
     values: dict[str, Any] = {
+        'command': 'none',
         'joints': list(arm.joint_names),
         'gravity': [float(x) for x in arm.pinocchio_model.gravity.linear],
         **{f'friction.{field.name}': rounded([joint.friction[field.name] for joint in joints])
@@ -171,6 +194,7 @@ def parameter_values(
         values['actuator.rotor_inertia'] = rotors
     if drive_gain is not None:
         values['measured_effort'] = 'motor_current'
+    values['command'] = kept.get('command', values['command'])
     return dict(sorted({**kept, **values}.items(), key=lambda item: _order(item[0])))
 
 
@@ -191,7 +215,11 @@ def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> s
             lines.append(f'    {prefix}:')
         group = prefix
         indent = '      ' if prefix else '    '
-        lines.append(f'{indent}{field}: {_as_yaml(value)}')
+        if isinstance(value, str) and '\n' in value:
+            lines += [f'{indent}{field}: |2-' if value[0].isspace() else f'{indent}{field}: |-']
+            lines += [f'{indent}  {line}' for line in value.splitlines()]
+        else:
+            lines.append(f'{indent}{field}: {_as_yaml(value)}')
     return '\n'.join(lines) + '\n'
 
 

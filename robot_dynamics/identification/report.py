@@ -24,10 +24,12 @@ from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.identified_arm import (
     fitted_urdf,
     joint_estimates,
+    kept_fractions,
     parameter_file,
     parameter_values,
 )
 from robot_dynamics.identification.page import identification_page
+from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.identification.summary import not_separable, warnings
 from robot_dynamics.reporting.html_page import Origin
 
@@ -49,15 +51,40 @@ def write_identification(
     directory.mkdir(parents=True, exist_ok=True)
     paths = [directory / name for name in FILES]
     arm, fit = found.identification.arm, found.identification.models.consistent
-    paths[0].write_text(fitted_urdf(urdf, arm, fit), encoding='utf-8')
     gains = found.identification.gains
     gain = None if gains is None else gains.scale.tolist()
-    values = {'robot_description_file': str(paths[0].resolve()),
-              **parameter_values(arm, fit, gain, given)}
-    paths[1].write_text(parameter_file(values, _head(found)), encoding='utf-8')
+    identified = fitted_urdf(urdf, arm, fit)
+    paths[0].write_text(identified, encoding='utf-8')
+    # the URDF itself, as a path would depend on the computer or on the working directory
+    values = {**parameter_values(arm, fit, gain, given), 'robot_description': identified}
+    notes = file_notes(found.identification, urdf)
+    paths[1].write_text(
+        parameter_file(values, [*_head(found), *(['', *notes] if notes else [])]),
+        encoding='utf-8')
     paths[2].write_text(identification_page(found, origin), encoding='utf-8')
     paths[3].write_text(json.dumps(as_data(found), indent=2) + '\n', encoding='utf-8')
     return paths
+
+
+def file_notes(identification: Identification, urdf: str) -> list[str]:
+    """Return what a user must know about the written files, in sentences."""
+    arm, fit = identification.arm, identification.models.consistent
+    notes = ['With command: none, the node publishes no effort until another command is set.']
+    offsets = [
+        f'{name} {joint.offset:.3g}' for name, joint in zip(
+            arm.joint_names, joint_estimates(arm, fit)) if joint.offset]
+    if offsets:
+        notes.append(
+            f'The offset F_b is part of every commanded effort: {", ".join(offsets)} (N·m or N). '
+            'If it is a bias of the effort sensor, set friction.effort_offset to 0.')
+    kept = kept_fractions(urdf, arm, fit.parameters)
+    if kept:
+        listed = ', '.join(f'{link} {100.0 * share:.3g} %' for link, share in kept.items())
+        notes.append(
+            'The identified bodies are lighter than the links that are fixed to them in the URDF. '
+            f'These links keep a part of their inertials: {listed}; the rest of the body is in '
+            'the link that moves.')
+    return notes
 
 
 def _head(found: BagIdentification) -> list[str]:

@@ -158,8 +158,10 @@ def _of_excitation(identification: Identification) -> Iterator[str]:
                'generated with `excite`')
     if estimate.unexcited:
         names = ', '.join(estimate.unexcited)
-        yield (f'{len(estimate.unexcited)} of {len(estimate.names)} base and joint parameters are '
-               f'not excited and stay near the URDF: {names}')
+        base = int(np.sum(estimate.excited[:estimate.base_count] == 0))
+        yield (f'{base} of {estimate.base_count} base parameters and '
+               f'{len(estimate.unexcited) - base} of {len(estimate.names) - estimate.base_count} '
+               f'joint parameters are not excited and stay near the URDF, or 0: {names}')
     if identification.models.choice.regularization == REGULARIZATIONS[-1]:
         yield ('in the cross-validation, no masses predict the recording better than those of '
                'the URDF: only friction was identified')

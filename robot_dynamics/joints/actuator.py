@@ -72,6 +72,21 @@ class Actuators:
         """Return N² J_r, (n,) [kg·m²] or [kg], on the joint side."""
         return np.asarray(self.gear_ratio**2 * self.rotor_inertia)
 
+    @property
+    def has_only_rotors(self) -> bool:
+        """
+        Whether nothing but reflected inertia is known: K_t = 1 and N = 1, and no other value.
+
+        The identification of an arm without motor data writes such parameters. Currents and
+        voltages then have no meaning.
+        """
+        ones = (self.torque_constant, self.gear_ratio, self.efficiency, self.back_emf_constant)
+        limits = (self.current_limit, self.voltage_limit)
+        return bool(
+            all((each == 1.0).all() for each in ones)
+            and all(np.isinf(each).all() for each in limits)
+            and not (self.resistance.any() or self.inductance.any()))
+
     def motor_torque(self, effort: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return K_t i, (..., n) [N·m], for a joint effort at velocity v and acceleration a."""
         rotor = self.reflected_inertia * a

@@ -130,7 +130,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     from robot_dynamics.dependencies import require
     from robot_dynamics.identification.bag_identification import identify_bags
     from robot_dynamics.identification.pipeline import STAGES
-    from robot_dynamics.identification.report import FILES, write_identification
+    from robot_dynamics.identification.report import file_notes, FILES, write_identification
     from robot_dynamics.identification.tasks import IdentificationSettings
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
@@ -162,12 +162,14 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     paths = write_identification(
         found, settings.urdf, arguments.output, settings.parameters,
         origin_of('identify', argv, arguments.urdf, ''))
-    print_identification(found, paths)
+    print_identification(found, paths, file_notes(found.identification, settings.urdf))
     return FAILED if found.failed else DONE
 
 
-def print_identification(found: 'BagIdentification', paths: Sequence[Path]) -> None:
-    """Print the results and the paths of the files."""
+def print_identification(
+    found: 'BagIdentification', paths: Sequence[Path], notes: Sequence[str],
+) -> None:
+    """Print the results, the paths of the files, and notes about them."""
     from robot_dynamics.identification.summary import (
         fact_rows,
         friction_rows,
@@ -189,6 +191,7 @@ def print_identification(found: 'BagIdentification', paths: Sequence[Path]) -> N
         print(quantity_table(gain_rows(identification, identification.gains)))
     _print_list('Warnings:', warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
+    _print_list('Notes on the files:', notes)
     if found.failed:
         print(f'identify: {len(found.failed)} recordings could not be used:', file=sys.stderr)
         for bag, error in found.failed[:LONGEST_LIST]:

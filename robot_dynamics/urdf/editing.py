@@ -13,17 +13,21 @@
 # limitations under the License.
 
 """
-Replacement of elements in the text of a URDF, which leaves every other character unchanged.
+Replacement of elements in the text of a URDF, which leaves all other text unchanged.
 
 Comments, order, spaces and elements that this package does not read are preserved.
 """
 
 from collections.abc import Mapping
+import re
 from typing import NamedTuple
 from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
 
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.document import check_document
+
+_ENCODING = re.compile(r"""(\bencoding\s*=\s*["'])([^"']*)(["'])""")
 
 
 class _Change(NamedTuple):
@@ -38,13 +42,13 @@ class _Finder:
     """Finds `<inertial>` of links and `<dynamics>` of joints, directly below the robot."""
 
     def __init__(
-        self, data: bytes, links: Mapping[str, str | None], joints: Mapping[str, str],
+        self, data: bytes, links: Mapping[str, str | None],
+        joints: Mapping[str, Mapping[str, str]],
     ) -> None:
         self.changes: list[_Change] = []
         self._data = data
-        self._wanted: dict[tuple[str, str], str | None] = {
-            **{('link', name): text for name, text in links.items()},
-            **{('joint', name): text for name, text in joints.items()}}
+        self._links, self._joints = links, joints
+        self._others: dict[str, str] = {}
         self._path: list[tuple[str, int]] = []
         self._owner: tuple[str, str] | None = None
         self._parser = expat.ParserCreate()
@@ -60,15 +64,24 @@ class _Finder:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         first = self._parser.CurrentByteIndex
         if len(self._path) == 1:
-            owner = (tag, attributes.get('name', ''))
-            self._owner = owner if owner in self._wanted else None
-            if self._owner is not None:
-                self._insert(first, tag)
+            name = attributes.get('name', '')
+            wanted = {'link': self._links, 'joint': self._joints}.get(tag, {})
+            self._owner, self._others = (tag, name) if name in wanted else None, {}
+        elif len(self._path) == 2 and (tag, self._path[-1][0]) == ('dynamics', 'joint'):
+            self._others = attributes
         self._path.append((tag, first))
 
-    def _insert(self, first: int, tag: str) -> None:
+    def _text(self, tag: str, name: str) -> str | None:
+        """Return the new element of an owner, with the other attributes of the replaced one."""
+        if tag == 'link':
+            return self._links[name]
+        attributes = {**self._others, **self._joints[name]}
+        listed = ''.join(f' {key}={quoteattr(value)}' for key, value in attributes.items())
+        return f'<dynamics{listed}/>'
+
+    def _insert(self, first: int, tag: str, name: str) -> None:
         """Insert the new element directly after the opening tag of its owner."""
-        text = self._wanted[self._owner] if self._owner is not None else None
+        text = self._text(tag, name)
         if text is None:
             return
         last = _end_of_tag(self._data, first)
@@ -80,6 +93,9 @@ class _Finder:
 
     def _end(self, tag: str) -> None:
         _, first = self._path.pop()
+        if len(self._path) == 1 and self._owner is not None:
+            self._insert(first, *self._owner)
+            self._owner = None
         if len(self._path) == 2 and self._owner is not None and (self._owner[0], tag) in (
                 ('link', 'inertial'), ('joint', 'dynamics')):
             end = self._parser.CurrentByteIndex
@@ -107,22 +123,27 @@ def _end_of_tag(data: bytes, first: int) -> int:
 
 
 def with_elements(
-    urdf: str, inertials: Mapping[str, str | None], dynamics: Mapping[str, str],
+    urdf: str, inertials: Mapping[str, str | None],
+    dynamics: Mapping[str, Mapping[str, str]],
 ) -> str:
     """
-    Return the URDF with new `<inertial>` elements of links and `<dynamics>` of joints, by name.
+    Return the URDF with new `<inertial>` of links and attributes of `<dynamics>` of joints.
 
-    None removes the element. Raises ModelError if the text is not valid XML, is too large or has a
+    None removes an `<inertial>`. Other attributes of `<dynamics>` are kept. The XML declaration is
+    unchanged, except for an encoding other than UTF-8: the result is to be written in UTF-8.
+    Raises ModelError if the text is not valid XML, is too large or has a
     DTD.
     """
     check_document(urdf)
-    data = urdf.strip().encode()
-    declared = data.startswith(b'<?xml')
-    # the text is UTF-8 now, regardless of its declaration
-    head = data.index(b'?>') + 2 if declared else 0
-    prefix, body = (b'<?xml version="1.0"?>' if declared else b''), data[head:]
+    text = urdf.lstrip('\ufeff \t\r\n')
+    head = text.index('?>') + 2 if text.startswith('<?xml') else 0
+    prefix, body = _ENCODING.sub(_as_utf8, text[:head]), text[head:].encode()
     finder = _Finder(body, inertials, dynamics)
     finder.run()
     for change in sorted(finder.changes, reverse=True):
         body = body[:change.first] + change.text + body[change.last:]
-    return (prefix + body).decode() + '\n'
+    return prefix + body.decode()
+
+
+def _as_utf8(declared: re.Match[str]) -> str:
+    return declared[0] if declared[2].lower() == 'utf-8' else f'{declared[1]}UTF-8{declared[3]}'

@@ -28,6 +28,7 @@ import numpy as np
 import pytest
 from recordings import KnownMotion, START_NS, write_recording
 from report_page import ReportPage
+from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
@@ -97,6 +98,21 @@ def test_the_files_fit_each_other(output):
     assert min(figures['residual']['urdf']['test']) > 0.05
 
 
+def test_the_parameter_file_needs_no_other_file(output):
+    text = (output / 'identified.yaml').read_text()
+    assert str(output) not in text
+    values = read_parameter_file(output / 'identified.yaml')
+    assert 'robot_description_file' not in values
+    assert values['robot_description'] == (output / 'identified.urdf').read_text().rstrip('\n')
+    assert values['command'] == 'none'
+    assert '# The offset F_b is part of every commanded effort: joint1 ' in text
+    # reflected inertia without motor data: no currents
+    arm = arm_from_parameters(values['robot_description'], values)
+    assert arm.actuators.has_only_rotors
+    other = make_actuators(arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-5])
+    assert not other.has_only_rotors
+
+
 def test_the_report_needs_no_other_file(output):
     page = ReportPage((output / 'report.html').read_text())
     assert page.is_complete
@@ -132,6 +148,7 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
                 InverseDynamics, '/dynamics/inverse_dynamics', InverseDynamics.Request(
                     position=state[0], velocity=state[1], acceleration=state[2]))
             assert response.success, response.message
+            assert len(response.motor_current) == 0
             assert np.array(response.effort) == pytest.approx(
                 expected.inverse_dynamics(*state), rel=1e-12, abs=1e-12)
             # and this differs from the model of the URDF
@@ -143,7 +160,8 @@ def test_both_nodes_start_with_what_was_written_and_the_simulated_arm_follows(ou
     """The identified arm, including gear friction, under control by a node with its own files."""
     path = output / 'identified.yaml'
     assert max(read_parameter_file(path)['friction.sigmoid']) > 0.5
-    arguments = ['--ros-args', '--params-file', str(path), '--']
+    arguments = [
+        '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
     target = [0.4, -0.3]
     with RosClient() as client, NodeProcess(
             SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},

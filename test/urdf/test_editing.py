@@ -17,12 +17,15 @@
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.identification.identified_arm import identified_urdf
+from robot_dynamics.identification.identified_arm import identified_urdf, kept_fractions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
+from robot_dynamics.model.worst_gravity import QUICK
+from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.editing import with_elements
+from robot_dynamics.urdf.inertials import read_bodies
 from robots import robot_urdf
 
 URDF = """<?xml version="1.0" encoding="latin-1"?>
@@ -33,7 +36,7 @@ URDF = """<?xml version="1.0" encoding="latin-1"?>
     <visual><geometry><sphere radius="1 > 0"/></geometry></visual>
   </link>
   <!-- <link name="a"><inertial/></link> -->
-  <joint name="j" type="revolute"> <dynamics damping="1"/> <axis xyz="0 0 1"/> </joint>
+  <joint name="j" type="revolute"> <dynamics damping="1" spring="4"/> <axis xyz="0 0 1"/> </joint>
   <joint name="k" type="fixed"/>
 </robot>"""
 
@@ -41,23 +44,31 @@ URDF = """<?xml version="1.0" encoding="latin-1"?>
 def test_only_what_is_named_changes():
     changed = with_elements(
         URDF, {'a': '<inertial>A</inertial>', 'base': '<inertial>B</inertial>'},
-        {'k': '<dynamics/>', 'j': '<dynamics damping="2"/>'})
-    expected = URDF.replace(' encoding="latin-1"', '')
+        {'k': {'damping': '3'}, 'j': {'damping': '2'}})
+    expected = URDF.replace('latin-1', 'UTF-8')
     for old, new in (
             ('<link name="base"/>', '<link name="base">\n    <inertial>B</inertial>\n  </link>'),
             ("<link name='a'>\n    <inertial><mass value=\"1\"/></inertial>",
              "<link name='a'>\n    <inertial>A</inertial>"),
-            ('> <dynamics damping="1"/>', '>\n    <dynamics damping="2"/> '),
+            ('> <dynamics damping="1" spring="4"/>',
+             '>\n    <dynamics damping="2" spring="4"/> '),
             ('<joint name="k" type="fixed"/>',
-             '<joint name="k" type="fixed">\n    <dynamics/>\n  </joint>')):
+             '<joint name="k" type="fixed">\n    <dynamics damping="3"/>\n  </joint>')):
         assert old in expected
         expected = expected.replace(old, new, 1)
-    assert changed == expected + '\n'
+    assert changed == expected
 
 
 def test_an_element_is_taken_away_with_its_line():
     assert '<inertial>' not in with_elements(URDF, {'a': None}, {}).split('<!-- <link')[0]
-    assert with_elements(URDF, {}, {}) == URDF.replace(' encoding="latin-1"', '') + '\n'
+
+
+@pytest.mark.parametrize('declaration', [
+    '<?xml version="1.0"?>', "<?xml version='1.0' encoding='utf-8' standalone='yes'?>", ''])
+def test_the_declaration_and_the_ends_are_kept(declaration):
+    for end in ('', '\n', '\n\n<!-- end -->\n'):
+        urdf = declaration + URDF.split('?>', 1)[1] + end
+        assert with_elements(urdf, {}, {}) == (urdf if declaration else urdf.lstrip())
 
 
 def test_invalid_xml_is_rejected():
@@ -94,8 +105,22 @@ def test_links_fixed_to_a_body_give_their_mass_up_where_it_does_not_fit():
     arm = load_arm(urdf, joints)
     phi = inertial_parameters(arm)
     phi[-10:] *= 0.1
-    found = load_arm(identified_urdf(urdf, arm, phi, np.zeros(7), np.zeros(7)), joints)
+    written = identified_urdf(urdf, arm, phi, np.zeros(7), np.zeros(7))
+    found = load_arm(written, joints)
     assert inertial_parameters(found) == pytest.approx(phi, rel=1e-8, abs=1e-10)
+    kept = kept_fractions(urdf, arm, phi)
+    assert set(kept) == {'panda_hand', 'panda_leftfinger', 'panda_rightfinger'}
+    before, after = ({body.name: body for body in read_bodies(text)} for text in (urdf, written))
+    for link, fraction in kept.items():
+        assert 0.0 < fraction < 1.0
+        assert after[link].mass == pytest.approx(fraction * before[link].mass)
+        assert after[link].inertia == pytest.approx(fraction * before[link].inertia)
+    found_before, found_after = ({
+        (finding.check, finding.where) for finding in check_model(text, model, search=QUICK)
+        if finding.check in ('lost_mass', 'mass')}
+        for text, model in ((urdf, arm), (written, found)))
+    assert found_after <= found_before
+    assert kept_fractions(urdf, arm, inertial_parameters(arm)) == {}
 
 
 def test_impossible_bodies_are_not_written():

@@ -210,8 +210,8 @@ def _fill_motors(
     response: Any, order: JointOrder, arm: ArmModel, effort: FloatArray, v: FloatArray,
     a: FloatArray,
 ) -> list[str]:
-    """Fill in motor currents and voltages of an effort, if there are motors; return warnings."""
-    if arm.actuators is None:
+    """Fill in currents and voltages for an effort, if motors are known; return warnings."""
+    if arm.actuators is None or arm.actuators.has_only_rotors:
         return []
     load = arm.actuators.load(effort, v, a)
     response.motor_current = floats_to_ros(order.answer(load.current))
