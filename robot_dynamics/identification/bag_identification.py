@@ -99,6 +99,7 @@ class BagRecordings:
 def identify_bags(
     bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
+    keeps_samples: bool = False,
 ) -> BagIdentification:
     """
     Return the identification of an arm from recordings on disk, like `identify_recordings`.
@@ -107,6 +108,7 @@ def identify_bags(
     `identify_recordings`.
     """
     recordings = BagRecordings(bags, settings, run)
-    identification = identify_recordings(recordings, effort_is_current, on_stage)
+    identification = identify_recordings(
+        recordings, effort_is_current, on_stage, keeps_samples)
     return BagIdentification(
         identification, tuple(recordings.left), tuple(recordings.failed.items()))

@@ -30,6 +30,7 @@ from robot_dynamics.identification.summary import (
     parameter_rows,
     recording_lines,
     residual_rows,
+    residual_title,
     warnings,
 )
 from robot_dynamics.identification.verdict import joint_verdicts, RULE
@@ -67,7 +68,7 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         'links that are fixed to it, in the frame of the link. Efforts determine only the '
         'combinations of these values that are listed below as base parameters; the other '
         'combinations stay near the URDF.</p>',
-        '<h2>Residual on samples that were not used for training</h2>',
+        f'<h2>{residual_title(identification)}</h2>',
         table(residual_rows(identification)),
         '<p>RMS of the residual (measured − model), relative to the RMS of the measured effort. '
         'The last column is the consistent set without presliding hysteresis, like an answer of '

@@ -29,6 +29,7 @@ from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
+from robot_dynamics.identification.fold_residual import cross_validated_tests
 from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.holdout import merge_tests, ModelTest
 from robot_dynamics.identification.model_selection import choose_model, ModelChoice
@@ -36,8 +37,10 @@ from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import (
     Fit,
+    grams_of,
     make_prior,
     Prior,
+    solve,
     solve_bounded,
     URDF_REGULARIZATION,
 )
@@ -73,7 +76,7 @@ class FittedModels:
 
     `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the URDF and
     fitted friction, `base` the regularized base parameters, `consistent` the physically consistent
-    set.
+    set. `unbounded` is like `base`, but friction and rotors may be negative.
     """
 
     choice: ModelChoice
@@ -81,11 +84,12 @@ class FittedModels:
     friction: Fit
     base: Fit
     consistent: Fit
+    unbounded: Fit
 
     @property
     def by_name(self) -> dict[str, Fit]:
         return {'urdf': self.urdf, 'urdf and friction': self.friction, 'base': self.base,
-                'consistent': self.consistent}
+                'unbounded': self.unbounded, 'consistent': self.consistent}
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +99,8 @@ class Identification:
 
     `gains` are the gains of the drives if the effort was interpreted as a current;
     `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
-    tested recordings.
+    tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
+    have the residual on the cross-validation folds.
     """
 
     arm: ArmModel
@@ -107,6 +112,7 @@ class Identification:
     gains: DriveGains | None
     seeming_gains: DriveGains
     recordings: tuple[EvaluatedRecording, ...]
+    is_cross_validated: bool = False
 
 
 class Recordings(Protocol):
@@ -181,7 +187,9 @@ def fit_model(
         factors, choice.structures, choice.weights, prior, choice.regularization, base)
     urdf = Fit(inertial_parameters(bare_arm(arm)), np.zeros_like(base.joint_values[:n]),
                choice.structures)
-    return FittedModels(choice, urdf, friction, base, consistent)
+    unbounded = solve(
+        grams_of(factors), choice.structures, choice.weights, prior, choice.regularization)
+    return FittedModels(choice, urdf, friction, base, consistent, unbounded)
 
 
 def describe(arm: ArmModel, models: FittedModels, information: QrInformation) -> (
@@ -209,10 +217,12 @@ def identify(
 
 def identify_recordings(
     recordings: Recordings, effort_is_current: bool | None,
-    on_stage: Callable[[str], None] = lambda _: None,
+    on_stage: Callable[[str], None] = lambda _: None, keeps_samples: bool = False,
 ) -> Identification:
     """
     Return the identification of an arm from recordings.
+
+    With `keeps_samples`, its recordings have the samples of the test part.
 
     If `effort_is_current` is None, efforts are interpreted as currents if the gains of most joints
     differ. `on_stage` is called with each of STAGES before it begins. Raises InvalidInputError if
@@ -231,10 +241,16 @@ def identify_recordings(
     models = fit_model(arm, information, begun.choice.structures)
     base, estimate = describe(arm, models, information)
     on_stage(STAGES[4])
-    evaluated = recordings.evaluate(Evaluation(models.by_name, 'consistent', scale))
+    evaluated = recordings.evaluate(Evaluation(
+        models.by_name, 'consistent', scale, keeps_samples))
     tests = merge_tests([recording.tests for recording in evaluated])
+    is_cross_validated = tests['base'].samples[1] == 0
+    if is_cross_validated:
+        tests = cross_validated_tests(
+            information, prior_of(arm).for_effort(information), models.choice, models.urdf, tests)
     return Identification(
-        arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated))
+        arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
+        is_cross_validated)
 
 
 def _first_pass(

@@ -30,7 +30,13 @@ from robot_dynamics.identification.identified_arm import (
 )
 from robot_dynamics.identification.page import identification_page
 from robot_dynamics.identification.pipeline import Identification
-from robot_dynamics.identification.summary import not_separable, warnings
+from robot_dynamics.identification.sample_export import write_samples
+from robot_dynamics.identification.summary import (
+    bounds_by_joint,
+    not_separable,
+    residual_title,
+    warnings,
+)
 from robot_dynamics.reporting.html_page import Origin
 
 FILES = URDF, PARAMETERS, REPORT, FIGURES = (
@@ -63,7 +69,8 @@ def write_identification(
         encoding='utf-8')
     paths[2].write_text(identification_page(found, origin), encoding='utf-8')
     paths[3].write_text(json.dumps(as_data(found), indent=2) + '\n', encoding='utf-8')
-    return paths
+    tables = [recording.samples for recording in found.identification.recordings]
+    return paths + write_samples(tables, [bag.stem for bag in found.bags], directory)
 
 
 def file_notes(identification: Identification, urdf: str) -> list[str]:
@@ -92,7 +99,7 @@ def _head(found: BagIdentification) -> list[str]:
     ratios = ', '.join(f'{100.0 * ratio:.1f}' for ratio in tests.relative())
     return [
         f'Identified by `identify` from {", ".join(bag.name for bag in found.bags)}.',
-        f'Residual on samples that were not used for training, % of the effort, RMS: {ratios}.',
+        f'{residual_title(found.identification)}, % of the effort, RMS: {ratios}.',
         '',
         '  ros2 run robot_dynamics dynamics_node --ros-args --params-file identified.yaml',
         '  ros2 run robot_dynamics simulated_arm --ros-args --params-file identified.yaml',
@@ -131,6 +138,10 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
              'relative_deviation': _number(estimate.relative_deviations[i]),
              'excited': bool(estimate.excited[i])}
             for i in range(estimate.base_count)],
+        'is_cross_validated': identification.is_cross_validated,
+        'active_bounds': [
+            {'joint': arm.joint_names[j], **bound._asdict()}
+            for j, bounds in bounds_by_joint(identification).items() for bound in bounds],
         'not_separable': {
             joint: list(names) for joint, names in not_separable(identification).items()},
         'joint_parameters': [

@@ -34,6 +34,7 @@ from robot_dynamics.identification.regression import (
     reduce_motion,
 )
 from robot_dynamics.identification.regularized_fit import Fit
+from robot_dynamics.identification.sample_export import sample_table, SampleTable
 from robot_dynamics.model.arm import ArmModel
 
 SHOWN = 3000
@@ -76,11 +77,16 @@ class Reduction:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Models by name to test on a recording; the effort of the model `shown` is plotted."""
+    """
+    Models by name to test on a recording; the effort of the model `shown` is plotted.
+
+    With `keeps_samples`, the samples of the test part are returned with the effort of this model.
+    """
 
     models: Mapping[str, Fit]
     shown: str
     drive_gain: FloatArray | None = None
+    keeps_samples: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +111,7 @@ class EvaluatedRecording:
     facts: RecordingFacts
     tests: dict[str, ModelTest]
     shown: EffortSeries
+    samples: SampleTable | None = None
 
 
 def recording_facts(
@@ -144,7 +151,9 @@ def evaluate_recording(
     return EvaluatedRecording(
         recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
         EffortSeries(motion.times[::every], motion.velocity[::every], motion.effort[::every],
-                     model[::every], test_from))
+                     model[::every], test_from),
+        sample_table(recording.arm, motion, model, parts_of(motion, train_fraction).test)
+        if step.keeps_samples else None)
 
 
 def _with_gain(motion: FilteredMotion, drive_gain: FloatArray | None) -> FilteredMotion:

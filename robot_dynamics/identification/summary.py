@@ -18,6 +18,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 from robot_dynamics.analysis.summary import Rows
+from robot_dynamics.identification.active_bounds import (
+    active_bounds,
+    ActiveBound,
+    bounds_text,
+)
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains
 from robot_dynamics.identification.identified_arm import joint_estimates
@@ -52,8 +57,10 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('recordings', ', '.join(bag.name for bag in found.bags[:_MOST_NAMES]) + (
             f' and {len(found.bags) - _MOST_NAMES} more' if len(found.bags) > _MOST_NAMES
             else '')),
-        ('samples', f'{test.samples[0]} for training, the following {test.samples[1]} for the '
-                    f'test, at {facts[0].rate_hz:.4g} Hz'),
+        ('samples', f'{test.samples[0]} for training, '
+                    + ('none for the test' if identification.is_cross_validated else
+                       f'the following {test.samples[1]} for the test')
+                    + f', at {facts[0].rate_hz:.4g} Hz'),
         ('filter', f'Butterworth, order 4, forward and backward, {" … ".join(cutoffs)} Hz'
                    + (f': {facts[0].cutoff_reason}' if len(cutoffs) == 1 else '')),
         ('base parameters', f'{identification.base.rank} of '
@@ -62,6 +69,12 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('regularisation towards the URDF',
          f'κ = {choice.regularization:g}, chosen by cross-validation'),
     ]
+
+
+def residual_title(identification: Identification) -> str:
+    """Return what the residuals of `residual_rows` are computed on."""
+    return ('Residual on the cross-validation folds' if identification.is_cross_validated
+            else 'Residual on samples that were not used for training')
 
 
 def residual_rows(identification: Identification) -> Rows:
@@ -122,8 +135,8 @@ def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
 
 def warnings(identification: Identification) -> list[str]:
     """Return the warnings to consider before the model is used."""
-    return [*_of_friction(identification), *_of_excitation(identification),
-            *_of_models(identification),
+    return [*_of_friction(identification), *_of_bounds(identification),
+            *_of_excitation(identification), *_of_models(identification),
             *_of_effort(identification)]
 
 
@@ -150,6 +163,24 @@ def _of_friction(identification: Identification) -> Iterator[str]:
                f'not separable; the model has only {" and ".join(used) or "none of them"}')
 
 
+def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBound]]:
+    """Return the bounds that act, by the number of the joint."""
+    models = identification.models
+    by_joint: dict[int, list[ActiveBound]] = {}
+    for bound in active_bounds(models.base, models.unbounded):
+        by_joint.setdefault(bound.joint, []).append(bound)
+    return by_joint
+
+
+def _of_bounds(identification: Identification) -> Iterator[str]:
+    tests = identification.tests
+    base, unbounded = tests['base'].relative(), tests['unbounded'].relative()
+    for j, bounds in bounds_by_joint(identification).items():
+        yield (f'{identification.arm.joint_names[j]}: bounds act: {bounds_text(bounds)}; without '
+               f'bounds, the residual of the base parameters is {percent(unbounded[j])} instead '
+               f'of {percent(base[j])}')
+
+
 def _of_excitation(identification: Identification) -> Iterator[str]:
     estimate = identification.estimate
     if estimate.condition > ILL_CONDITIONED:
@@ -169,9 +200,9 @@ def _of_excitation(identification: Identification) -> Iterator[str]:
 
 def _of_models(identification: Identification) -> Iterator[str]:
     tests, names = identification.tests, identification.arm.joint_names
-    if tests['base'].samples[1] == 0:
-        yield 'all samples were used for training: there are no samples for the test'
-        return
+    if identification.is_cross_validated:
+        yield ('all samples were used for training: the residuals are those of the '
+               'cross-validation folds, which also selected the model, and are slightly too small')
     base, consistent = tests['base'].relative(), tests['consistent'].relative()
     simple, urdf = tests['urdf and friction'].relative(), tests['urdf'].relative()
     for j, name in enumerate(names):

@@ -74,7 +74,12 @@ def _parser() -> Parser:
     parser.add_argument(
         '--train-fraction', type=_fraction, default=0.6, metavar='SHARE',
         help='Fraction of the samples, from the first on, that is used for training; the others '
-             'test the model (default: 0.6)')
+             'test the model (default: 0.6). With 1, the model is tested on the '
+             'cross-validation folds')
+    parser.add_argument(
+        '--samples', action='store_true',
+        help='Also write the samples of the test part of each recording, with the effort of the '
+             'model, to test_samples_RECORDING.csv')
     add_cutoff(parser)
     parser.add_argument(
         '--effort', choices=('auto', 'torque', 'current'), default='auto',
@@ -158,7 +163,8 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         found = identify_bags(
             bags, identification, run,
             None if arguments.effort == 'auto' else arguments.effort == 'current',
-            lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None)
+            lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None,
+            arguments.samples)
     paths = write_identification(
         found, settings.urdf, arguments.output, settings.parameters,
         origin_of('identify', argv, arguments.urdf, ''))
@@ -176,13 +182,14 @@ def print_identification(
         gain_rows,
         recording_lines,
         residual_rows,
+        residual_title,
         warnings,
     )
     from robot_dynamics.reporting.text_table import quantity_table, text_table
     identification = found.identification
     print(text_table([], fact_rows(found)))
     _print_list('Recordings:', recording_lines(found))
-    print('\nResidual on samples that were not used for training, RMS relative to the effort:')
+    print(f'\n{residual_title(identification)}, RMS relative to the effort:')
     print(quantity_table(residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
     print(quantity_table(friction_rows(identification)))

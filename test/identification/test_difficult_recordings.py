@@ -31,9 +31,14 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.holdout import evaluate_motion
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.pipeline import identify
-from robot_dynamics.identification.summary import not_separable, warnings
+from robot_dynamics.identification.summary import (
+    bounds_by_joint,
+    not_separable,
+    warnings,
+)
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.recordings.reader import JointSeries
+from robot_dynamics.reporting.text_table import percent
 from robots import robot_urdf
 from scipy.signal import butter, sosfilt
 
@@ -121,6 +126,26 @@ def test_a_joint_at_rest_has_no_friction():
         UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     values = joint_estimates(UR5, found.models.consistent)[joint]
     assert (values.viscous, values.coulomb, values.sigmoid, values.load) == (0.0,) * 4
+
+
+# --- bounds --------------------------------------------------------------------------------------
+
+def test_a_bound_that_acts_is_reported():
+    """The effort of one joint lags its acceleration, as if its rotor had a negative inertia."""
+    joint, seed = 4, 1
+    states = fourier_motion(UR5, 125.0, 30.0, seed)
+    effort = rigid_effort(changed_arm(UR5, 0.2, seed), states) + 2.0 * np.tanh(states.v / 0.1)
+    effort[:, joint] -= 0.4 * states.a[:, joint]
+    found = identify(UR5, [noisy(UR5, states, effort, seed)])
+    assert joint_estimates(UR5, found.models.consistent)[joint].reflected_inertia == 0.0
+    bounds = {bound.parameter: bound for bound in bounds_by_joint(found)[joint]}
+    assert bounds['reflected inertia'].value == 0.0
+    assert bounds['reflected inertia'].unbounded == pytest.approx(-0.4, abs=0.1)
+    base, unbounded = (found.tests[name].relative()[joint] for name in ('base', 'unbounded'))
+    assert unbounded < 0.8 * base
+    text = (f'{UR5.joint_names[joint]}: bounds act: reflected inertia 0 instead of '
+            f'{bounds["reflected inertia"].unbounded:.3g} kg·m²')
+    assert any(line.startswith(text) and percent(unbounded) in line for line in warnings(found))
 
 
 # --- a high rate ---------------------------------------------------------------------------------

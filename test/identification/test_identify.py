@@ -194,6 +194,47 @@ def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf)
         assert max(figures['residual'][model]['test']) < 5e-3
 
 
+def test_without_test_samples_the_folds_test_the_model(tmp_path, urdf, output, capsys):
+    record(tmp_path / 'bag')
+    call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
+    assert main([*call, '--train-fraction', '1.0']) == DONE
+    printed = capsys.readouterr().out
+    assert 'Residual on the cross-validation folds, RMS relative to the effort:' in printed
+    assert 'none for the test' in printed
+    for text in (printed, (tmp_path / 'out' / 'identified.yaml').read_text()):
+        assert 'nan' not in text
+    one, other = (json.loads((path / 'report.json').read_text())
+                  for path in (output, tmp_path / 'out'))
+    assert other['is_cross_validated']
+    assert not one['is_cross_validated']
+    for figure in ('test', 'test_by_sample'):
+        residual = {name: np.array(test[figure]) for name, test in other['residual'].items()}
+        for model in ('urdf', 'urdf and friction'):
+            assert residual[model] == pytest.approx(
+                np.array(one['residual'][model][figure]), rel=0.6), (model, figure)
+        for model in ('base', 'consistent'):
+            assert (residual[model] > 0.0).all()
+            assert (residual[model] < 0.1 * residual['urdf']).all()
+
+
+def test_the_samples_of_the_test_part_are_exported(tmp_path, urdf):
+    record(tmp_path / 'bag')
+    call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
+    assert main([*call, '--samples']) == DONE
+    path = tmp_path / 'out' / 'test_samples_bag.csv'
+    columns = path.read_text().splitlines()[0].split(',')
+    values = dict(zip(columns, np.loadtxt(path, delimiter=',', skiprows=1).T))
+    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert len(values['time [s]']) == figures['samples']['test'] == 640
+    assert values['time [s]'][0] == pytest.approx(9.6, abs=0.011)
+    for j, name in enumerate(ARM.joint_names):
+        measured, model = (values[f'{name}.{what} [N m]'] for what in ('measured', 'model'))
+        residual = np.sqrt(np.mean((measured - model)**2) / np.mean(measured**2))
+        assert residual == pytest.approx(figures['residual']['consistent']['test'][j], rel=1e-5)
+        assert np.gradient(values[f'{name}.position [rad]'], 0.01)[5:-40] == pytest.approx(
+            values[f'{name}.velocity [rad/s]'][5:-40], abs=0.01)
+
+
 def test_every_blas_kernel_makes_the_same_choices(tmp_path, urdf):
     """The printed report: cut-off, kind of friction, regularization and excited parameters."""
     record(tmp_path / 'bag')

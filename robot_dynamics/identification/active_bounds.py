@@ -1,0 +1,57 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The bounds of friction and rotors that act: parameters that the data place beyond a bound."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, INERTIA, OFFSET, VISCOUS
+from robot_dynamics.identification.regularized_fit import Fit
+
+LEAST_DIFFERENCE = 1e-6
+"""Smallest difference from the estimate without bounds, relative to the largest value."""
+_UNITS = {INERTIA: 'kg·m² or kg', VISCOUS: 'N·m·s/rad or N·s/m'}
+
+
+class ActiveBound(NamedTuple):
+    """A parameter at its bound, and its estimate without any bounds."""
+
+    joint: int
+    parameter: str
+    unit: str
+    value: float
+    unbounded: float
+
+
+def active_bounds(bounded: Fit, unbounded: Fit) -> list[ActiveBound]:
+    """Return the parameters of joints that a bound keeps at 0, or that it makes smaller."""
+    found = []
+    for j, structure in enumerate(bounded.structures):
+        for column in structure.columns:
+            value = float(bounded.joint_values[j, column])
+            other = float(unbounded.joint_values[j, column])
+            least = LEAST_DIFFERENCE * max(abs(value), abs(other))
+            if column != OFFSET and other < -least and abs(value) <= -1e-3 * other:
+                found.append(ActiveBound(
+                    j, COLUMN_NAMES[column], _UNITS.get(column, 'N·m or N'), value, other))
+    return found
+
+
+def bounds_text(bounds: Sequence[ActiveBound]) -> str:
+    """Return the bounds of one joint as a list."""
+    return ', '.join(
+        f'{bound.parameter} {bound.value:.3g} instead of {bound.unbounded:.3g} {bound.unit}'
+        for bound in bounds)
