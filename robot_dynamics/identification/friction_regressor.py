@@ -43,12 +43,14 @@ VISCOUS_FRICTION, DRY_FRICTION, OFFSET_EFFORT = 'viscous friction', 'dry frictio
 _SIGMOID = 3
 _LOAD = _SIGMOID + len(SIGMOID_VELOCITIES)
 _COULOMB = _LOAD + len(SIGMOID_VELOCITIES)
-COLUMN_COUNT = _COULOMB + len(PRESLIDING_DISTANCES)
-SHARP = slice(_SIGMOID, COLUMN_COUNT)
+PAYLOAD = _COULOMB + len(PRESLIDING_DISTANCES)
+"""The column of the known effort of payloads, which belongs to no friction structure."""
+COLUMN_COUNT = PAYLOAD + 1
+SHARP = slice(_SIGMOID, PAYLOAD)
 """The columns that change fast at a velocity reversal."""
 LOAD = slice(_LOAD, _COULOMB)
 """The columns of friction that grows with the load."""
-COULOMB = slice(_COULOMB, COLUMN_COUNT)
+COULOMB = slice(_COULOMB, PAYLOAD)
 """The columns of Coulomb friction; the first has no presliding."""
 
 
@@ -144,6 +146,7 @@ def joint_columns(
     m, n = q.shape
     columns = np.empty((m, n, COLUMN_COUNT))
     columns[:, :, INERTIA], columns[:, :, VISCOUS], columns[:, :, OFFSET] = a, v, 1.0
+    columns[:, :, PAYLOAD] = 0.0
     scale = np.array([scale_of(kind) for kind in kinds])
     for i, width in enumerate(SIGMOID_VELOCITIES):
         direction = smooth_sign(v, width * scale)
@@ -199,4 +202,4 @@ COLUMN_NAMES = (
     'reflected inertia', 'viscous', 'offset',
     *(f'sigmoid {width:g}' for width in SIGMOID_VELOCITIES),
     *(f'load {width:g}' for width in SIGMOID_VELOCITIES),
-    *(f'Coulomb {distance:g}' for distance in PRESLIDING_DISTANCES))
+    *(f'Coulomb {distance:g}' for distance in PRESLIDING_DISTANCES), 'payload')

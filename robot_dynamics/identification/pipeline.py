@@ -56,6 +56,7 @@ from robot_dynamics.identification.steps import (
 from robot_dynamics.identification.uncertainty import estimate_parameters, ParameterEstimate
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
+from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.regressor import (
     inertial_parameters,
     parameter_names,
@@ -133,9 +134,14 @@ class MotionRecordings:
 
     def __init__(
         self, arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float,
+        payloads: Sequence[Sequence[Payload]] = (),
     ) -> None:
+        """`payloads` are those of each motion, empty for those of the arm."""
         self._arm, self._train_fraction = arm, train_fraction
-        self._motions = [ArmMotion(arm, motion, recording_facts(motion)) for motion in motions]
+        arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
+        self._motions = [
+            ArmMotion(loaded, motion, recording_facts(motion))
+            for loaded, motion in zip(arms, motions)]
 
     def arm(self, joint_names: Sequence[str]) -> ArmModel:
         """Return the arm."""
@@ -202,17 +208,18 @@ def describe(arm: ArmModel, models: FittedModels, information: QrInformation) ->
 
 def identify(
     arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
-    effort_is_current: bool | None = False,
+    effort_is_current: bool | None = False, payloads: Sequence[Sequence[Payload]] = (),
 ) -> Identification:
     """
     Return the identification of an arm from motions of its joints, in its order.
 
     The first fraction of the samples of each motion is used for training, the rest for the test.
+    `payloads` are those of each motion, empty for those of the arm.
     Raises RecordingError if a motion has no effort, InvalidInputError if it has too few samples,
     and the errors of `identify_recordings`. Needs scipy.
     """
     return identify_recordings(
-        MotionRecordings(arm, motions, train_fraction), effort_is_current)
+        MotionRecordings(arm, motions, train_fraction, payloads), effort_is_current)
 
 
 def identify_recordings(
@@ -233,7 +240,7 @@ def identify_recordings(
     arm = recordings.arm(first.joint_names)
     scale = None if gains is None else gains.scale
     on_stage(STAGES[1])
-    seeming = drive_gains(first, inertial_parameters(bare_arm(arm)))
+    seeming = drive_gains(first, prior_of(arm))
     begun = fit_model(arm, first)
     on_stage(STAGES[2])
     information = merge(recordings.reduce(Reduction(begun.base, scale)))
@@ -259,12 +266,12 @@ def _first_pass(
     """Return the information with the load of the URDF, and gains if the effort is a current."""
     if not effort_is_current:
         first = merge(recordings.reduce(Reduction()))
-        bare = bare_arm(recordings.arm(first.joint_names))
-        if effort_is_current is False or not drive_gains(first, inertial_parameters(bare)).differ:
+        arm = recordings.arm(first.joint_names)
+        if effort_is_current is False or not drive_gains(first, prior_of(arm)).differ:
             return first, None
     raw = merge(recordings.reduce(Reduction(keeps_payload=True)))
     arm = recordings.arm(raw.joint_names)
-    gains = drive_gains(raw, inertial_parameters(arm))
+    gains = drive_gains(raw, prior_of(arm))
     if not gains.is_known.any():
         raise InvalidInputError(
             f'no drive gain of {list(arm.joint_names)} is identifiable from effort as current, '

@@ -35,6 +35,7 @@ from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
     INERTIA,
     joint_columns,
+    PAYLOAD,
     SHARP,
 )
 from robot_dynamics.identification.joint_excitation import excitation_of
@@ -89,7 +90,7 @@ def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
 
 def regression_rows(
     arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None,
-    is_filtered: bool = False, step: int = 1,
+    is_filtered: bool = False, step: int = 1, keeps_payload: bool = False,
 ) -> Rows:
     """
     Return the regression of a motion of the arm's joints, in its order, of every step-th sample.
@@ -97,7 +98,8 @@ def regression_rows(
     `reference` is the model from which inverse dynamics computes the load of the gears, with its
     rotors; None uses the arm. With `is_filtered`, sharp friction passes the same filter as the
     measured effort, which avoids a bias of the estimates. The effort of a payload of the arm is
-    subtracted from y. Raises RecordingError if no effort was recorded.
+    subtracted from y, or with `keeps_payload` is the column PAYLOAD. Raises RecordingError if no
+    effort was recorded.
     """
     efforts = _measured(motion)
     of_payload = _of_payload(arm, motion)
@@ -105,10 +107,13 @@ def regression_rows(
     if is_filtered:
         own[:, :, SHARP] = filter_like(
             motion, own[:, :, SHARP].reshape(len(own), -1)).reshape(own[:, :, SHARP].shape)
+    if keeps_payload:
+        own[:, :, PAYLOAD] = of_payload
+    else:
+        efforts = efforts - of_payload
     Y = TorqueRegressor(arm)(
         motion.position[::step], motion.velocity[::step], motion.acceleration[::step])
-    return Rows(
-        np.concatenate([Y, own[::step]], axis=2), (efforts - of_payload)[::step], Y.shape[2])
+    return Rows(np.concatenate([Y, own[::step]], axis=2), efforts[::step], Y.shape[2])
 
 
 def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
@@ -184,6 +189,7 @@ def column_names(arm: ArmModel) -> tuple[str, ...]:
 
 def reduce_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, reference: Fit | None = None,
+    keeps_payload: bool = False,
 ) -> QrInformation:
     """
     Return the information in the training samples of one recording.
@@ -193,7 +199,8 @@ def reduce_motion(
     InvalidInputError without samples.
     """
     step = decimation(motion)
-    rows = regression_rows(arm, motion, reference, is_filtered=True, step=step)
+    rows = regression_rows(
+        arm, motion, reference, is_filtered=True, step=step, keeps_payload=keeps_payload)
     train = parts_of(motion, train_fraction).train
     usable = np.flatnonzero(motion.usable[:train.stop:step])
     X, y = rows.X[usable], rows.y[usable]

@@ -155,7 +155,9 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
         'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
         'drive_gain': None if gains is None else {
             'gain': _numbers(gains.gain), 'deviation': _numbers(gains.deviation),
-            'is_known': gains.is_known.tolist()},
+            'deviation_by_noise': _numbers(gains.noise),
+            'is_known': gains.is_known.tolist(),
+            'is_confounded_with_masses': gains.is_confounded.tolist()},
         'warnings': warnings(identification),
     }
 

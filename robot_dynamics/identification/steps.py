@@ -28,7 +28,6 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import (
-    bare_arm,
     model_effort,
     parts_of,
     reduce_motion,
@@ -67,7 +66,8 @@ class Reduction:
     How to reduce the training samples of a recording.
 
     `reference` is the model of a first pass, `drive_gain` (n,) the joint effort per unit of
-    recorded effort. With `keeps_payload` the effort of the payloads is not subtracted.
+    recorded effort. With `keeps_payload` the effort of the payloads is a column instead
+    of a part of the effort that is subtracted.
     """
 
     reference: Fit | None = None
@@ -133,9 +133,9 @@ def reduce_recording(
 
     Raises RecordingError without effort, InvalidInputError with too few samples.
     """
-    arm = bare_arm(recording.arm) if step.keeps_payload else recording.arm
     motion = _with_gain(recording.motion, step.drive_gain)
-    return reduce_motion(arm, motion, train_fraction, step.reference)
+    return reduce_motion(
+        recording.arm, motion, train_fraction, step.reference, step.keeps_payload)
 
 
 def evaluate_recording(

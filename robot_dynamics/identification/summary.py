@@ -24,7 +24,7 @@ from robot_dynamics.identification.active_bounds import (
     bounds_text,
 )
 from robot_dynamics.identification.bag_identification import BagIdentification
-from robot_dynamics.identification.drive_gains import DriveGains
+from robot_dynamics.identification.drive_gains import DriveGains, MASS_ERROR
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
@@ -125,11 +125,13 @@ def parameter_rows(identification: Identification) -> Rows:
 
 def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
     """Return the drive gains."""
-    rows: Rows = [('joint', 'gain K', 'deviation', '')]
+    rows: Rows = [('joint', 'gain K', 'deviation', 'by noise only', '')]
     for j, name in enumerate(identification.arm.joint_names):
         rows.append((
             name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
-            '' if gains.is_known[j] else 'not identifiable: 1 is used'))
+            f'{gains.noise[j]:.2g}',
+            'not identifiable: 1 is used' if not gains.is_known[j] else
+            'confounded with the masses of the URDF' if gains.is_confounded[j] else ''))
     return rows
 
 
@@ -226,10 +228,18 @@ def _of_effort(identification: Identification) -> Iterator[str]:
         if gains.differ:
             yield ('the gains of most joints differ: efforts are interpreted as currents, with '
                    'the masses of the URDF as reference; use --effort torque to disable this')
+        confounded = [name for name, is_confounded in zip(
+            names, gains.is_confounded & gains.is_known) if is_confounded]
+        if confounded:
+            yield (f'drive gains of {", ".join(confounded)} are confounded with the masses of the '
+                   f'URDF, of which an error of {100.0 * MASS_ERROR:g} % is assumed: to determine '
+                   'them, record the arm with and without a weighed load, and give the load with '
+                   '--payload RECORDING:LINK=KG,X,Y,Z')
         unknown = [name for name, known in zip(names, gains.is_known) if not known]
         if unknown:
             yield (f'drive gain not identifiable for {", ".join(unknown)}: gravity load too small '
-                   'relative to friction; their effort stays in the unit of the recording')
+                   'relative to friction or to the errors of the masses; their effort '
+                   'stays in the unit of the recording')
         return
     gains = identification.seeming_gains
     off = gains.is_known & ((gains.gain > SEEMS_OFF) | (gains.gain < 1.0 / SEEMS_OFF))

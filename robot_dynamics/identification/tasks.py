@@ -45,21 +45,28 @@ Step = TypeVar('Step', Reduction, Evaluation)
 
 @dataclass(frozen=True)
 class IdentificationSettings:
-    """Options of reading recordings, the fraction for training, and the payloads of the arm."""
+    """
+    Options of reading recordings, the fraction for training, and the payloads of the arm.
+
+    `recording_payloads` are payloads in only one recording, with the name of its file.
+    """
 
     analysis: AnalysisSettings
     train_fraction: float
     payloads: tuple[Payload, ...] = ()
+    recording_payloads: tuple[tuple[str, Payload], ...] = ()
 
-    def arm(self, joint_names: Sequence[str]) -> ArmModel:
+    def arm(self, joint_names: Sequence[str], recording: str | None = None) -> ArmModel:
         """
-        Return the arm of these joints, with parameters and payloads.
+        Return the arm of these joints, with parameters and payloads, in a recording of this name.
 
         Raises InvalidInputError for a payload that the arm cannot carry.
         """
         arm = arm_from_parameters(self.analysis.urdf, self.analysis.parameters, joint_names)
-        check_payloads(arm, self.payloads)
-        return arm.with_payloads(self.payloads)
+        payloads = [*self.payloads, *(
+            payload for name, payload in self.recording_payloads if name == recording)]
+        check_payloads(arm, payloads)
+        return arm.with_payloads(payloads)
 
 
 @dataclass(frozen=True)
@@ -78,7 +85,7 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> ArmMotion:
     effort.
     """
     read = read_for_arm(bag, settings.analysis)
-    arm = settings.arm(read.arm.joint_names)
+    arm = settings.arm(read.arm.joint_names, bag.name)
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     zero = np.zeros_like(motion.position)
     gravity = RigidBody(arm).inverse_dynamics_batch(motion.position, zero, zero)

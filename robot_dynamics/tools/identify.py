@@ -88,10 +88,11 @@ def _parser() -> Parser:
              'reference (default: auto, which is torque unless most joints have different '
              'gains)')
     parser.add_argument(
-        '--payload', action='append', default=[], type=_payload, metavar='LINK=KG[,X,Y,Z]',
-        help='Load that the arm carries in all recordings: mass [kg] and centre of mass [m] in '
-             'the frame of the link. It is neither identified nor part of the output; may be '
-             'repeated')
+        '--payload', action='append', default=[], type=_payload,
+        metavar='[RECORDING:]LINK=KG[,X,Y,Z]',
+        help='Load that the arm carries in all recordings, or in the recording of this name: '
+             'mass [kg] and centre of mass [m] in the frame of the link. It is neither identified '
+             'nor part of the output; may be repeated')
     add_parameters(parser, 'joints, gravity, motors, measured_effort')
     parser.add_argument(
         '--output', type=Path, default=OUTPUT, metavar='DIR',
@@ -101,16 +102,19 @@ def _parser() -> Parser:
     return parser
 
 
-def _payload(text: str) -> tuple[str, tuple[float, ...]]:
-    link, _, numbers = text.partition('=')
+def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
+    """Return the name of a recording, or '' for all, the link, and its values."""
+    where, _, numbers = text.rpartition('=')
+    recording, _, link = where.rpartition(':')
     try:
         values = tuple(float(number) for number in numbers.split(','))
     except ValueError:
         values = ()
     if not link or len(values) not in (1, 4):
         raise argparse.ArgumentTypeError(
-            f'{text!r}, expected LINK=KG or LINK=KG,X,Y,Z such as tool0=1.2,0,0,0.05')
-    return link, values
+            f'{text!r}, expected LINK=KG or LINK=KG,X,Y,Z such as tool0=1.2,0,0,0.05, after '
+            'RECORDING: for one recording')
+    return recording, link, values
 
 
 def _fraction(text: str) -> float:
@@ -133,6 +137,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         TaskOutcome,
     )
     from robot_dynamics.dependencies import require
+    from robot_dynamics.exceptions import InvalidInputError
     from robot_dynamics.identification.bag_identification import identify_bags
     from robot_dynamics.identification.pipeline import STAGES
     from robot_dynamics.identification.report import file_notes, FILES, write_identification
@@ -145,13 +150,22 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     settings = read_settings(arguments)
     if arguments.dask is not None:
         require_dask()
+    payloads = [
+        (recording, make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0)))
+        for recording, link, values in arguments.payload]
     identification = IdentificationSettings(
         settings, arguments.train_fraction,
-        tuple(make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0))
-              for link, values in arguments.payload))
-    identification.arm(())  # report a mistake before the recordings are read
+        tuple(load for recording, load in payloads if not recording),
+        tuple((recording, load) for recording, load in payloads if recording))
+    for recording in {'', *(recording for recording, _ in payloads)}:
+        if recording and recording not in [bag.name for bag in bags]:
+            raise InvalidInputError(
+                f'--payload names the recording {recording!r}, expected one of '
+                f'{[bag.name for bag in bags]}')
+        identification.arm((), recording)  # report a mistake before the recordings are read
+    samples = [f'test_samples_{bag.stem}.csv' for bag in bags if arguments.samples]
     directory = prepare_directory(
-        arguments.output, [arguments.output / name for name in FILES], arguments)
+        arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
         def run(

@@ -211,9 +211,37 @@ def test_the_gain_of_a_drive_by_the_masses_of_the_urdf():
     K = np.array([12.0, 0.4])
     effort = rigid_effort(ARM, states, ROTORS) + smooth_friction(states.v)
     motion = recorded(ARM, states, effort / K, 0.2 / K)
-    gains = drive_gains(reduce_motion(ARM, motion, 1.0), inertial_parameters(ARM))
+    gains = drive_gains(reduce_motion(ARM, motion, 1.0), PRIOR)
     assert gains.is_known.all()
     assert gains.gain == pytest.approx(K, rel=0.02)
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_errors_of_the_masses_are_in_the_deviation_and_a_known_load_removes_them(seed):
+    """A UR10 whose bodies differ from its URDF; the second recording has a load of 5 kg."""
+    arm = load_arm(robot_urdf('ur10'))
+    K = np.array([13.0, 13.0, 13.0, 9.0, 9.0, 9.0])
+    true, load = changed_arm(arm, 0.2, seed), make_payload('wrist_3_link', 5.0, (0.1, 0.05, 0.1))
+    parts, motions = [], []
+    for number, loads in enumerate(([], [load])):
+        states = fourier_motion(arm, 100.0, 30.0, seed + 5 * number)
+        effort = rigid_effort(true.with_payloads(loads), states) + 5.0 * np.tanh(states.v / WIDTH)
+        motions.append(recorded(arm, states, effort / K, 0.3 / K, seed))
+        parts.append(reduce_motion(
+            arm.with_payloads(loads), motions[-1], 1.0, keeps_payload=True))
+    alone, pair = (drive_gains(some, prior_of(arm)) for some in (parts[0], merge(parts)))
+    known = alone.is_known
+    assert known.any()
+    assert alone.is_confounded[known].all()
+    assert (np.abs(alone.gain - K) < 5.0 * alone.deviation)[known].all()
+    assert (np.abs(alone.gain - K) > 5.0 * alone.noise)[known].any()
+    assert pair.is_known.all()
+    assert pair.gain == pytest.approx(K, rel=0.01)
+    assert pair.deviation.max() < 0.05
+    # the same by the whole sequence, whose second motion has the payload
+    found = identify(arm, motions, 0.6, True, [[], [load]])
+    assert found.gains.gain == pytest.approx(K, rel=0.01)
+    assert (found.tests['consistent'].relative()[:3] < 0.02).all()
 
 
 def test_a_gain_without_a_load_cannot_be_identified():
@@ -222,7 +250,7 @@ def test_a_gain_without_a_load_cannot_be_identified():
     states = fourier_motion(arm, 100.0, 20.0)
     effort = rigid_effort(arm, states) + 5.0 * np.tanh(states.v / WIDTH)
     gains = drive_gains(
-        reduce_motion(arm, recorded(arm, states, effort, 0.3), 1.0), inertial_parameters(arm))
+        reduce_motion(arm, recorded(arm, states, effort, 0.3), 1.0), prior_of(arm))
     assert gains.is_known[:3].all()
     assert not gains.is_known[5]
 
@@ -230,7 +258,7 @@ def test_a_gain_without_a_load_cannot_be_identified():
 def test_gains_that_differ_are_no_torque():
     def gains(*values, known=True):
         size = np.array(values)
-        return DriveGains(size, 0.01 * size, np.full(len(size), known))
+        return DriveGains(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
 
     assert gains(0.05, 0.3, 2.0, 5.0).differ
     assert not gains(1.0, 0.9, 0.1, 1.2).differ  # one wrong mass

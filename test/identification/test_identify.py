@@ -32,6 +32,7 @@ from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
@@ -53,11 +54,12 @@ ARM = load_arm(default_arm_urdf())
 ROTORS, FRICTION = np.array([0.3, 0.1]), np.array([2.0, 1.0])
 
 
-def record(path, seed=0, gain=1.0, duration=16.0, off=0.15, arm=ARM):
+def record(path, seed=0, gain=1.0, duration=16.0, off=0.15, arm=ARM, loads=()):
     """Write a recording of an arm with rotors, friction, and masses off from its URDF."""
     states = fourier_motion(arm, 100.0, duration, seed)
     rotors, friction = (np.resize(each, arm.joint_count) for each in (ROTORS, FRICTION))
-    effort = rigid_effort(changed_arm(arm, off), states, rotors) + friction * (
+    effort = rigid_effort(
+        changed_arm(arm, off).with_payloads(loads), states, rotors) + friction * (
         0.5 * states.v + np.tanh(states.v / 0.1))
     effort += 0.1 * np.random.default_rng(seed).normal(size=effort.shape)
     stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
@@ -301,7 +303,24 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     assert main([*call, '--effort', 'current', '--force']) == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
+    assert 'confounded with the masses of the URDF' in capsys.readouterr().out
     # the masses of the URDF are the reference, and they are correct here
+    assert values['actuator.torque_constant'] == pytest.approx([8.0, 8.0], rel=0.02)
+    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert max(figures['residual']['consistent']['test']) < 0.05
+
+
+def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
+    """Masses that are wrong by 15 %: a pair of recordings determines the torque constants."""
+    load = make_payload('link2', 3.0, (0.0, 0.0, 0.6))
+    record(tmp_path / 'bare', 0, gain=8.0, duration=20.0)
+    record(tmp_path / 'loaded', 1, gain=8.0, duration=20.0, loads=[load])
+    assert main([
+        str(tmp_path / 'bare'), str(tmp_path / 'loaded'), '--urdf', str(urdf), '--output',
+        str(tmp_path / 'out'), '--jobs', '1', '--effort', 'current',
+        '--payload', 'loaded:link2=3,0,0,0.6']) == DONE
+    assert 'confounded' not in capsys.readouterr().out
+    values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['actuator.torque_constant'] == pytest.approx([8.0, 8.0], rel=0.02)
     figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert max(figures['residual']['consistent']['test']) < 0.05
@@ -312,6 +331,8 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     (['BAG', '--cutoff', '90'], 'cutoff is 90 Hz, expected at most 20 Hz'),
     (['BAG', '--map', 'a=b'], '--map a=b matches no joint'),
     (['BAG', '--payload', 'nothing=1'], "is 'nothing', expected one of the links"),
+    (['BAG', '--payload', 'other:tool0=1'], "names the recording 'other', expected one of"),
+    (['BAG', '--payload', 'bag:nothing=1'], "is 'nothing', expected one of the links"),
     (['BAG', '--payload', 'tool0=1e3'], "is 1000 kg on 'tool0', expected at most"),
     (['BAG', '--train-fraction', '0.05'], 'samples for training together, expected at least'),
     (['BAG', '--topic', '/else'], "has no topic '/else'"),
