@@ -14,7 +14,7 @@
 
 
 """
-What a motion excites at each joint: which friction parameters the recording can separate.
+Excitation of each joint by a motion: the friction parameters that the recording separates.
 
 In one direction of motion, dry friction and the offset F_b are the same constant; at one speed,
 viscous and dry friction are proportional. Near rest, dry friction has any value up to static
