@@ -30,6 +30,7 @@ NEXT_STEPS = {
     'lost_mass': 'add <inertial> with mass and inertia to the link, or remove its mass',
     'limits': 'add the limit from the data sheet to <limit>',
     'gravity_capability': 'check masses and effort limits; `torque_map workspace` shows where',
+    'friction': 'check friction and effort limit; `identify` needs motion in both directions',
     'condition': 'check the masses and inertias along the chain for errors of unit',
 }
 """The next step after a finding, by its check."""
