@@ -175,5 +175,6 @@ def test_a_process_that_destroys_no_node_ends_in_order(executor: Any, end: str) 
     done = subprocess.run(
         [sys.executable, '-c', FORGETFUL, executor.__name__, end],
         capture_output=True, text=True, timeout=TIMEOUT)
-    assert (done.returncode, done.stdout) == (0, 'all done\n'), done.stderr
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith('all done\n')  # the middleware may log there as well
     assert 'Traceback' not in done.stderr

@@ -82,6 +82,25 @@ class Robot:
             status.name == f'{self.namespace}/dynamics: {check}' and words in status.message
             for status in message.status))
 
+    def send_until_dropped(self, age: int) -> set[int]:
+        """Send states of this age [s] until a status reports it; return their stamps [ns]."""
+        self.diagnostics.clear()
+        sent = set()
+        for _ in range(round(20 * TIMEOUT)):
+            stamp = time.time_ns() - age * SECOND
+            self.send(stamp)
+            sent.add(stamp)
+            if self.diagnostics.find(lambda message: any(
+                    status.name == f'{self.namespace}/dynamics: joint states'
+                    and 's old, expected at most 0.2 s (state_max_age)' in status.message
+                    for status in message.status), 0.05) is not None:
+                return sent
+        raise AssertionError(self.node.log)
+
+    def answered(self) -> set[int]:
+        """Return the stamps [ns] of all efforts so far."""
+        return {stamp_from_ros(effort.header.stamp) for effort in self.efforts.messages}
+
     def wait_answer(self, age: float = 0.0) -> Any:
         """Send states of this age [s] until one is answered; return the effort."""
         first = time.time_ns() - round(SECOND * age)
@@ -138,13 +157,7 @@ def test_simulated_time_that_jumps_ahead_moves_no_reference(robot: Robot, max_ag
 def test_a_clock_that_is_set_by_ntp_gets_an_age(robot: Robot) -> None:
     robot.stream(20 * SECOND, 10)
     robot.wait_answer()
-    sent = []
-    for _ in range(20):
-        sent.append(time.time_ns() - 10 * SECOND)
-        robot.send(sent[-1])
-        time.sleep(0.01)
-    robot.wait_status('joint states', 's old, expected at most 0.2 s (state_max_age)')
-    assert not {stamp_from_ros(effort.header.stamp) for effort in robot.efforts.messages} & {*sent}
+    assert not robot.send_until_dropped(age=10) & robot.answered()
 
 
 @fault(GROUP, '`use_sim_time` is set to true and back at run time, with old stamps',
@@ -158,13 +171,7 @@ def test_use_sim_time_at_run_time_changes_the_rule(robot: Robot) -> None:
         if is_simulated:  # an old recording is answered
             robot.wait_answer(age=100.0)
         else:
-            begin = time.time_ns() - 50 * SECOND
-            for _ in range(20):
-                robot.send(time.time_ns() - 50 * SECOND)
-                time.sleep(0.01)
-            robot.wait_status('joint states', 's old, expected at most 0.2 s (state_max_age)')
-            assert not [effort for effort in robot.efforts.messages
-                        if stamp_from_ros(effort.header.stamp) >= begin]
+            assert not robot.send_until_dropped(age=50) & robot.answered()
 
 
 @fault(GROUP, 'an idle second publisher, and simulated time goes back',
