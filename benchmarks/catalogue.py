@@ -47,7 +47,6 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
     'analysis': analysis.main,
 }
 LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
-    'memory_hour': memory.hour,
     'safe_motion': safe_motion.main,
 }
 """Run only when they are named."""

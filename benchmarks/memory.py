@@ -16,8 +16,7 @@
 Memory of `dynamics` and `simulated_arm` in the closed loop: at rest, and after many messages.
 
 In lock-step each state waits for its effort, and simulated time runs as fast as the nodes answer
-each other: an hour of states at 500 Hz takes ten to twenty minutes. "At rest" is the time just
-after the first effort.
+each other. "At rest" is the time just after the first effort.
 """
 
 from pathlib import Path
@@ -42,8 +41,8 @@ from sensor_msgs.msg import JointState
 
 JOINTS = 7
 RATE = 500.0
-SHORT, HOUR = 120_000, 1_800_000
-"""States: four minutes at RATE, and sixty."""
+STATES = 120_000
+"""Four minutes at RATE."""
 FRACTIONS = (0.05, 0.25, 0.5, 0.75, 1.0)
 """Of the states, at which to look."""
 LOOK = 0.05
@@ -96,15 +95,6 @@ class Progress:
 
 def main() -> None:
     """Print the memory over four minutes of messages."""
-    _report(SHORT)
-
-
-def hour() -> None:
-    """Print the memory over an hour of messages."""
-    _report(HOUR)
-
-
-def _report(states: int) -> None:
     with arm_file(JOINTS) as urdf, bench_node() as node:
         progress = Progress(node)
         with running({
@@ -112,18 +102,18 @@ def _report(states: int) -> None:
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     'robot_description_file': urdf, 'rate': RATE, 'lock_step': True,
                     'initial_position': hanging(JOINTS)})}) as pids:
-            print(f'Closed loop of {JOINTS} joints in lock-step, {states} states of {RATE:g} Hz '
-                  f'({states / RATE / 60.0:g} minutes); MB in RAM (of these private), growth:')
+            print(f'Closed loop of {JOINTS} joints in lock-step, {STATES} states of {RATE:g} Hz '
+                  f'({STATES / RATE / 60.0:g} minutes); MB in RAM (of these private), growth:')
             progress.wait_for(1)
             rest = {name: memory_of(pid) for name, pid in pids.items()}
             _print_row('at rest', rest, rest)
             begin = time.monotonic()
-            follow_slow_motion(node, JOINTS, states / RATE)
+            follow_slow_motion(node, JOINTS, STATES / RATE)
             for fraction in FRACTIONS:
-                count = progress.wait_for(round(fraction * states))
+                count = progress.wait_for(round(fraction * STATES))
                 _print_row(
                     str(count), {name: memory_of(pid) for name, pid in pids.items()}, rest)
-            print(f'  {states / (time.monotonic() - begin):.0f} states per second')
+            print(f'  {STATES / (time.monotonic() - begin):.0f} states per second')
 
 
 def _print_row(when: str, found: dict[str, Memory], rest: dict[str, Memory]) -> None:

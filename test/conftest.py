@@ -27,7 +27,7 @@ import re
 import signal
 from typing import Any, TYPE_CHECKING
 
-from fault_table import Row, row_of, seen_words, write_page
+from fault_table import COLLECTED, Row, row_of, seen_words, write_page
 import pytest
 from robots import must_have_everything
 from shared_memory import remove_orphans
@@ -107,6 +107,11 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(SuiteHeader(
         Tool('ROS', lambda: not absent_for_ros(), IMPORTS_ROS)))
     config.stash[BROKEN] = {}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    config.stash[COLLECTED] = list(filter(None, map(row_of, items)))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

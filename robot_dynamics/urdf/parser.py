@@ -270,8 +270,9 @@ def _end(element: ElementTree.Element, tag: str, link_names: tuple[str, ...]) ->
     end = element.find(tag)
     link = None if end is None else end.get('link')
     if link not in link_names or link is None:
+        found = 'missing' if link is None else repr(link)
         raise ModelError(
-            f'robot_description: joint {element.get("name")!r}: {tag} link is {link!r}, '
+            f'robot_description: joint {element.get("name")!r}: {tag} link is {found}, '
             f'expected one of {list(link_names)}')
     return link
 

@@ -15,52 +15,33 @@
 """From a measured state to efforts, without ROS: modes, limits, references, payloads."""
 
 from collections import Counter
-from collections.abc import Sequence
 import threading
 import time
 
 from children import LONG
+from controller_bench import (
+    command,
+    gravity_with,
+    LOAD,
+    make_controller,
+    NAMES,
+    NOW,
+    options,
+    Q,
+    SECOND,
+    set_point,
+    V,
+    ZERO,
+)
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.control_output import ControlOutput
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.planar.urdf import planar_arm_urdf
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-
-NAMES = ('joint1', 'joint2')
-SECOND = 1_000_000_000
-NOW = 1_790_000_000 * SECOND
-Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.zeros(2)
-LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
-
-
-def options(arm: ArmModel, **changes: object) -> ControllerOptions:
-    return ControllerOptions(make_gains(arm.joint_names), **changes)  # type: ignore[arg-type]
-
-
-def make_controller(urdf: str | None = None, **changes: object) -> Controller:
-    arm = load_arm(urdf or default_arm_urdf())
-    return Controller(arm, options(arm, **changes))
-
-
-def set_point(
-    q: Sequence[float], v: Sequence[float] | None = None, a: Sequence[float] | None = None,
-) -> JointTrajectory:
-    return make_trajectory(
-        NAMES, [0.0], [q], [v] if v is not None else (), [a] if a is not None else (), NAMES)
-
-
-def command(output: ControlOutput) -> np.ndarray:
-    assert output.command is not None
-    return output.command
-
 
 # --- the mode of the command ---------------------------------------------------------------------
 
@@ -309,70 +290,6 @@ def test_feedback_under_a_push_is_part_of_the_inertial_term(law: str) -> None:
     assert pushed.inertial == pytest.approx(M @ (400.0 * error + 40.0 * rate))
     assert output.command == pytest.approx(
         pushed.inertial + pushed.coriolis + pushed.gravity + pushed.friction + pushed.external)
-
-
-# --- loads ---------------------------------------------------------------------------------------
-
-def gravity_with(loads: list[Payload]) -> np.ndarray:
-    arm = load_arm(default_arm_urdf())
-    return ArmDynamics(arm.with_payloads(loads)).rigid_body.gravity(Q)
-
-
-def test_a_load_acts_at_once_without_a_transition() -> None:
-    controller = make_controller()
-    done: list[tuple[Payload, ...]] = []
-    controller.set_payloads([LOAD], 0.0, done.append)
-    assert done == [(LOAD,)]
-    assert controller.update(NOW, Q, ZERO).gravity_compensation == (
-        pytest.approx(gravity_with([LOAD])))
-    controller.set_payloads([], 0.0, done.append)
-    assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
-    assert done == [(LOAD,), ()]
-
-
-def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
-    controller = make_controller()
-    done: list[tuple[Payload, ...]] = []
-    controller.set_payloads([LOAD], 2.0, done.append)
-    bare, loaded = gravity_with([]), gravity_with([LOAD])
-    for quarter in range(5):
-        assert not done
-        effort = command(controller.update(NOW + quarter * SECOND // 2, Q, ZERO))
-        assert effort == pytest.approx(bare + quarter / 4 * (loaded - bare), abs=1e-9)
-    assert done == [(LOAD,)]
-    later = command(controller.update(NOW + 9 * SECOND, Q, ZERO))
-    assert later.tolist() == loaded.tolist()
-    assert done == [(LOAD,)]
-
-
-def test_a_replaced_transition_continues_from_its_present_payload() -> None:
-    controller = make_controller()
-    done: list[tuple[Payload, ...]] = []
-    controller.set_payloads([LOAD], 2.0, done.append)
-    controller.update(NOW, Q, ZERO)
-    midway = command(controller.update(NOW + SECOND, Q, ZERO))
-    controller.set_payloads([], 1.0, done.append)
-    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(midway, abs=1e-9)
-    assert command(controller.update(NOW + 3 * SECOND // 2, Q, ZERO)) == pytest.approx(
-        0.5 * (midway + gravity_with([])), abs=1e-9)
-    assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
-        gravity_with([]).tolist())
-    assert done == [()]  # the first load was never completely active
-
-
-def test_a_load_at_once_ends_a_transition() -> None:
-    controller = make_controller()
-    controller.set_payloads([LOAD], 2.0, lambda _: None)
-    controller.update(NOW, Q, ZERO)
-    controller.set_payloads([], 0.0, lambda _: None)
-    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(gravity_with([]))
-
-
-def test_a_load_on_no_link_changes_nothing() -> None:
-    controller = make_controller()
-    with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):
-        controller.set_payloads([make_payload('hand', 1.0)], 0.0, lambda _: None)
-    assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
 
 
 # --- threads -------------------------------------------------------------------------------------

@@ -44,6 +44,7 @@ from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 
 DOCS = Path(__file__).parents[2] / 'docs'
+TESTS = Path(__file__).parents[1]
 PAGES = ('safety.md', 'command.md', 'joint_states.md', 'gains.md', 'reference/diagnostics.md')
 TEXT = ''.join(
     (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
@@ -72,12 +73,17 @@ def quoted_defaults() -> list[tuple[str, str]]:
 # --- the faults ----------------------------------------------------------------------------------
 
 @pytest.fixture(scope='module')
-def collected(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, str, str]]:
+def collected(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory,
+) -> list[tuple[str, str, str]]:
     """Return group, injected and expected of each fault test of the suite."""
+    if [Path(argument).resolve() for argument in request.config.args] == [TESTS]:
+        return [(row.group, row.injected, row.expected)
+                for row in request.config.stash[fault_table.COLLECTED]]
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
     result = children.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
-         '-m', 'fault', '--list-faults', str(file), str(Path(__file__).parents[1])],
+         '-m', 'fault', '--list-faults', str(file), str(TESTS)],
         capture_output=True, text=True, timeout=COLLECTION_TIMEOUT)
     assert result.returncode == 0, result.stdout + result.stderr
     return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]

@@ -73,6 +73,7 @@ def test_a_response_waits_until_its_reader_is_discovered(client: RosClient) -> N
             collector.close()
 
 
+@pytest.mark.soak
 def test_the_client_of_the_tests_survives_the_end_of_subscriptions(client: RosClient) -> None:
     with NodeProcess(DYNAMICS, namespace='/answers'):
         client.forget('/answers')

@@ -35,6 +35,8 @@ pytest.importorskip('rosbags')
 NAMES = ['joint1', 'joint2']
 COUNTS = {'made_mcap': len(KnownMotion().q), 'mcap': 1903, 'sqlite3_zstd': 11376}
 """Joint states of each recording."""
+MOST = 2000
+"""Joint states of a recording that are replayed."""
 WITH_GRAVITY = ('made_mcap', 'mcap')
 STAMP = struct.Struct('<iI')
 """`header.stamp`, after four bytes of encapsulation."""
@@ -88,11 +90,12 @@ def test_the_efforts_are_those_of_the_library_and_of_the_recording(
         recorded = recording.joint_series('/dynamics/gravity_compensation').effort if any(
             topic.name == '/dynamics/gravity_compensation' for topic in recording.topics) else None
     assert positions is not None
-    efforts = np.array([replay.answer(data).effort for data in states_of(path)])
-    assert len(efforts) == COUNTS[name]
-    assert np.array_equal(efforts, [dynamics.rigid_body.gravity(q) for q in positions])
+    states = states_of(path)
+    assert len(states) == COUNTS[name]
+    efforts = np.array([replay.answer(data).effort for data in states[:MOST]])
+    assert np.array_equal(efforts, [dynamics.rigid_body.gravity(q) for q in positions[:MOST]])
     assert (recorded is not None) == (name in WITH_GRAVITY)
-    assert recorded is None or np.array_equal(efforts, recorded)
+    assert recorded is None or np.array_equal(efforts, recorded[:MOST])
 
 
 @pytest.mark.parametrize('name', recordings_of(['made_sqlite3', 'sqlite3_zstd']))

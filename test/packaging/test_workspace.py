@@ -104,7 +104,8 @@ def test_a_failing_test_fails_colcon_test(workspace: Workspace) -> None:
     assert 'Summary: 3 tests, 0 errors, 1 failure, 1 skipped' in result.stdout
 
 
-@pytest.mark.parametrize('option', [(), ('--symlink-install',)])
+@pytest.mark.parametrize('option', [
+    (), pytest.param(('--symlink-install',), marks=pytest.mark.soak)])
 def test_a_build_without_the_interfaces_stops_with_the_command(
         tmp_path: Path, option: tuple[str, ...]) -> None:
     plain = Workspace(tmp_path)

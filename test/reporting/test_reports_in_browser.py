@@ -112,8 +112,19 @@ def drag(tab):
     tab.wait_for_timeout(200)
 
 
-def test_a_report_needs_no_network_fits_the_screen_and_zooms(tab):
+def assert_print_shows_the_static_figures(tab):
+    static, interactive = tab.locator('.zoomable .static'), tab.locator('.interactive')
+    assert interactive.is_visible()
+    assert not static.is_visible()
+    tab.emulate_media(media='print')
+    assert static.is_visible()
+    assert not interactive.is_visible()
+    tab.emulate_media(media='screen')
+
+
+def test_a_report_needs_no_network_fits_the_screen_zooms_and_prints(tab):
     assert_complete_and_narrow(tab)
+    assert_print_shows_the_static_figures(tab)
     name = 'joint1: Measured and model'
     tab.wait_for_function(f'Bokeh.documents[0].get_model_by_name("{name}").y_range.end > 0')
     start, end, low, high = tab.evaluate(RANGES, name)
@@ -129,12 +140,3 @@ def test_a_report_needs_no_network_fits_the_screen_and_zooms(tab):
     # all figures zoom together
     assert tab.evaluate(RANGES, 'joint2: Measured − model')[:2] == [left, right]
     assert tab.errors == []
-
-
-def test_print_shows_the_static_figures(tab):
-    static, interactive = tab.locator('.zoomable .static'), tab.locator('.interactive')
-    assert interactive.is_visible()
-    assert not static.is_visible()
-    tab.emulate_media(media='print')
-    assert static.is_visible()
-    assert not interactive.is_visible()

@@ -27,6 +27,8 @@ import pytest
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'fault_tests.md'
 BEGIN, END = '<!-- faults: begin -->\n', '<!-- faults: end -->\n'
+COLLECTED: pytest.StashKey[list['Row']] = pytest.StashKey()
+"""The rows of all collected tests, also of those that a mark deselects."""
 HEAD = '| injected | expected | seen |\n| --- | --- | --- |\n'
 
 

@@ -27,6 +27,7 @@ from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.figures import BLUE, VERMILION
 from robots import must_have_everything, robot_path, robot_urdf
 from ros_harness import (
@@ -44,6 +45,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
+import trimesh  # noqa: E402
 
 VIEWER = 'robot_dynamics.tools.viewer'
 TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
@@ -85,33 +87,43 @@ def wait_for_position(states, joint, value, tolerance=0.01):
         dict(zip(state.name, state.position))[joint] - value) < tolerance, LONG)
 
 
-# --- real arms -----------------------------------------------------------------------------------
+# --- meshes --------------------------------------------------------------------------------------
 
+@pytest.mark.soak  # software draws the meshes of a real arm slowly
 @pytest.mark.parametrize(('robot', 'start', 'slider'), [
-    ('xarm7', [0.0, -0.5, 0.0, 0.8, 0.0, 1.0, 0.0], 4),  # its meshes are drawn fastest
-    pytest.param('ur10', [0.3, -1.2, 1.5, -0.5, 0.5, 0.0], 3, marks=pytest.mark.soak),
-    pytest.param('panda', PANDA_POSE, 4, marks=pytest.mark.soak)])
+    ('xarm7', [0.0, -0.5, 0.0, 0.8, 0.0, 1.0, 0.0], 4),
+    ('ur10', [0.3, -1.2, 1.5, -0.5, 0.5, 0.0], 3), ('panda', PANDA_POSE, 4)])
 def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
     path = robot_path(robot)
     joint = load_arm(robot_urdf(robot)).joint_names[slider - 1]
+    assert_a_slider_moves_the_picture(browser, client, path, joint, start, slider, 'gravity')
+
+
+def assert_a_slider_moves_the_picture(browser, client, path, joint, start, slider, words):
+    """Check that the page shows these words, and that the picture follows a slider."""
     parameters = {'robot_description_file': str(path)}
-    with viewed(browser, f'/{robot}', parameters, start, scale=COARSE) as (page, _), \
-            client.collect(JointState, f'/{robot}/joint_states', KEEP_MANY) as states:
-        assert 'meshes are not drawn' not in page.words()
-        page.wait_for_words('gravity compensation')
+    with viewed(
+            browser, '/meshes', parameters, start, ('--robot', str(path)), COARSE) as (page, _), \
+            client.collect(JointState, '/meshes/joint_states', KEEP_MANY) as states:
+        page.wait_for_words(words)
+        assert ('not drawn' in page.words()) == ('not drawn' in words)
         before = page.picture()
+        assert before.std() > 0.03
         page.press_key(slider, 'Home')
         page.wait_for_words('follows a reference')
         wait_for_position(states, joint, page.value(slider), 0.02)
         assert page.differs_from(before, 0.01), 'the picture of the arm has not moved'
 
 
-def test_without_its_meshes_an_arm_is_a_stick_figure(browser, tmp_path):
-    (tmp_path / 'ur10.urdf').write_text(robot_urdf('ur10').replace('example-robot-data', 'gone'))
-    parameters = {'robot_description_file': str(tmp_path / 'ur10.urdf')}
-    with viewed(browser, '/sticks', parameters) as (page, _):
-        page.wait_for_words('7 meshes are not drawn')
-        assert page.picture().std() > 0.03
+def test_a_mesh_is_drawn_and_a_missing_one_is_a_stick_figure(browser, client, tmp_path):
+    trimesh.creation.box((0.1, 0.1, 1.0)).export(tmp_path / 'box.stl')
+    urdf = default_arm_urdf()
+    for box, mesh in (('0.1 0.1 1.0', 'box.stl'), ('0.08 0.08 0.8', 'gone.stl')):
+        urdf = urdf.replace(f'<box size="{box}" />', f'<mesh filename="{mesh}" />')
+    (tmp_path / 'arm.urdf').write_text(urdf)
+    assert_a_slider_moves_the_picture(
+        browser, client, tmp_path / 'arm.urdf', 'joint1', (0.785, 0.524), 1,
+        '1 mesh is not drawn; the first one: gone.stl')
 
 
 # --- viewer and demo -----------------------------------------------------------------------------

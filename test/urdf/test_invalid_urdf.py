@@ -77,7 +77,7 @@ REFUSALS = {
         "robot_description: joint 'turn': child link is 'leg', expected one of ['base', 'arm']"),
     'no child': (
         robot(LINKS + JOINT.replace('<child link="arm"/>', '')),
-        "robot_description: joint 'turn': child link is None, expected one of ['base', 'arm']"),
+        "robot_description: joint 'turn': child link is missing, expected one of ['base', 'arm']"),
     'two parents': (
         robot(LINKS + JOINT + SECOND_JOINT),
         "robot_description: link 'arm' is the child of two joints, 'turn' and 'back': "

@@ -229,7 +229,8 @@ class Viewer:
             lines.append(f'payload of the controller: {self._load}')
         if self._shown is not None and self._shown.scene.missing:
             missing = self._shown.scene.missing
-            lines.append(f'{len(missing)} meshes are not drawn; the first one: {missing[0]}')
+            count = '1 mesh is' if len(missing) == 1 else f'{len(missing)} meshes are'
+            lines.append(f'{count} not drawn; the first one: {missing[0]}')
         lines += [f'⚠ {words}' for words in (
             *self._warnings, self._source.problem, self._arm_problem, self._state_problem)
             if words]

@@ -1,0 +1,77 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Payloads of the controller: at once, and with a transition."""
+
+from controller_bench import command, gravity_with, LOAD, make_controller, NOW, Q, SECOND, ZERO
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.payload import make_payload, Payload
+
+
+def test_a_load_acts_at_once_without_a_transition() -> None:
+    controller = make_controller()
+    done: list[tuple[Payload, ...]] = []
+    controller.set_payloads([LOAD], 0.0, done.append)
+    assert done == [(LOAD,)]
+    assert controller.update(NOW, Q, ZERO).gravity_compensation == (
+        pytest.approx(gravity_with([LOAD])))
+    controller.set_payloads([], 0.0, done.append)
+    assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
+    assert done == [(LOAD,), ()]
+
+
+def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
+    controller = make_controller()
+    done: list[tuple[Payload, ...]] = []
+    controller.set_payloads([LOAD], 2.0, done.append)
+    bare, loaded = gravity_with([]), gravity_with([LOAD])
+    for quarter in range(5):
+        assert not done
+        effort = command(controller.update(NOW + quarter * SECOND // 2, Q, ZERO))
+        assert effort == pytest.approx(bare + quarter / 4 * (loaded - bare), abs=1e-9)
+    assert done == [(LOAD,)]
+    later = command(controller.update(NOW + 9 * SECOND, Q, ZERO))
+    assert later.tolist() == loaded.tolist()
+    assert done == [(LOAD,)]
+
+
+def test_a_replaced_transition_continues_from_its_present_payload() -> None:
+    controller = make_controller()
+    done: list[tuple[Payload, ...]] = []
+    controller.set_payloads([LOAD], 2.0, done.append)
+    controller.update(NOW, Q, ZERO)
+    midway = command(controller.update(NOW + SECOND, Q, ZERO))
+    controller.set_payloads([], 1.0, done.append)
+    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(midway, abs=1e-9)
+    assert command(controller.update(NOW + 3 * SECOND // 2, Q, ZERO)) == pytest.approx(
+        0.5 * (midway + gravity_with([])), abs=1e-9)
+    assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
+        gravity_with([]).tolist())
+    assert done == [()]  # the first load was never completely active
+
+
+def test_a_load_at_once_ends_a_transition() -> None:
+    controller = make_controller()
+    controller.set_payloads([LOAD], 2.0, lambda _: None)
+    controller.update(NOW, Q, ZERO)
+    controller.set_payloads([], 0.0, lambda _: None)
+    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(gravity_with([]))
+
+
+def test_a_load_on_no_link_changes_nothing() -> None:
+    controller = make_controller()
+    with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):
+        controller.set_payloads([make_payload('hand', 1.0)], 0.0, lambda _: None)
+    assert controller.update(NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))

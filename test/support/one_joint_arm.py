@@ -1,0 +1,39 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""URDFs of a plausible arm with one joint, whose elements a test of the model check replaces."""
+
+BOX = '<collision><geometry><box size="0.1 0.1 1"/></geometry></collision>'
+LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
+
+
+def inertial(mass=1.0, moments=(0.1, 0.1, 0.002), xyz='0 0 0', products=(0.0, 0.0, 0.0)):
+    (xx, yy, zz), (xy, xz, yz) = moments, products
+    return (
+        f'<inertial><origin xyz="{xyz}"/><mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}" '
+        f'izz="{zz}" ixy="{xy}" ixz="{xz}" iyz="{yz}"/></inertial>')
+
+
+def arm_of(link=None, limit=LIMIT, kind='revolute', more='', axis='0 1 0', geometry=BOX):
+    """Return an arm of one joint whose link has these elements."""
+    link = inertial() if link is None else link
+    return f"""<robot name="r"><link name="base"/><link name="arm">{link}{geometry}</link>
+      <joint name="hinge" type="{kind}"><parent link="base"/><child link="arm"/>
+      <axis xyz="{axis}"/>{limit}</joint>{more}</robot>"""
+
+
+def link_behind(link, kind='continuous', name='hand', parent='arm'):
+    limit = '' if kind == 'fixed' else '<limit effort="100" velocity="1"/>'
+    return f"""<link name="{name}">{link}</link><joint name="to_{name}" type="{kind}">
+      <parent link="{parent}"/><child link="{name}"/><axis xyz="0 1 0"/>{limit}</joint>"""
