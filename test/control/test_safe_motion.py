@@ -116,7 +116,7 @@ def wait_held(
     return held, states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
 
 
-@pytest.mark.parametrize('size', [0.1, 2.0])
+@pytest.mark.parametrize('size', [pytest.param(0.1, marks=pytest.mark.soak), 2.0])
 @pytest.mark.parametrize(('name', 'rate'), [
     ('default', 500.0), ('default', 30.0), ('ur10', 250.0), ('panda', 100.0), ('xarm7', 250.0)])
 def test_a_set_point_is_reached_within_the_limits(

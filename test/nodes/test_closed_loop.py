@@ -223,7 +223,8 @@ def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any
     assert seen[-1].velocity == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
-@pytest.mark.parametrize(('noise', 'bound'), [(0.0, 0.01), (1e-4, 0.01)])
+@pytest.mark.parametrize(('noise', 'bound'), [
+    pytest.param(0.0, 0.01, marks=pytest.mark.soak), (1e-4, 0.01)])
 def test_positions_without_velocities_suffice_for_tracking(
     client: RosClient, noise: float, bound: float,
 ) -> None:

@@ -194,7 +194,7 @@ def test_an_empty_file_next_to_complete_ones(tmp_path):
 # --- truncation ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('form', FORMATS)
-@pytest.mark.parametrize('fraction', [0.4, 0.8])
+@pytest.mark.parametrize('fraction', [0.4, pytest.param(0.8, marks=pytest.mark.soak)])
 def test_of_a_cut_off_file_about_its_fraction_is_read(copied, form, fraction):
     path = copied(form)
     file = cut(stored_file(path), fraction)
