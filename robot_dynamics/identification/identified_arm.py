@@ -25,6 +25,8 @@ them (`kept_fractions`). The rest of the URDF is unchanged.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+import re
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -146,6 +148,7 @@ def _text(value: float) -> str:
 
 
 _DIGITS = 9
+_WIDTH = 99
 
 
 def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
@@ -172,7 +175,7 @@ def parameter_values(
         return [float(f'{value:.{_DIGITS}g}') for value in found]
 
     kept = {name: value for name, value in (given or {}).items()
-            if not name.startswith(('friction.', 'robot_description'))}
+            if not name.startswith(('friction.', 'robot_description', 'uncertainty.'))}
     values: dict[str, Any] = {
         'command': 'none',
         'joints': list(arm.joint_names),
@@ -219,7 +222,9 @@ def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> s
             lines += [f'{indent}{field}: |2-' if value[0].isspace() else f'{indent}{field}: |-']
             lines += [f'{indent}  {line}' for line in value.splitlines()]
         else:
-            lines.append(f'{indent}{field}: {_as_yaml(value)}')
+            lines += textwrap.wrap(
+                f'{indent}{field}: {_as_yaml(value)}', _WIDTH, subsequent_indent=f'{indent}  ',
+                break_long_words=False, break_on_hyphens=False)
     return '\n'.join(lines) + '\n'
 
 
@@ -227,8 +232,11 @@ def _as_yaml(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return f'[{", ".join(_as_yaml(item) for item in value)}]'
     if isinstance(value, float):
-        text = f'{value:.{_DIGITS}g}'
+        text = repr(value)
         # YAML 1.1 parses 1e-05 as a string
         mantissa, exponent, power = text.partition('e')
         return f'{mantissa if "." in mantissa else mantissa + ".0"}{exponent}{power}'
-    return str(value)
+    text = str(value)
+    if re.fullmatch(r'[\w ()./-]*', text):
+        return text
+    return "'" + text.replace("'", "''") + "'"

@@ -166,15 +166,22 @@ def prior_of(arm: ArmModel) -> Prior:
     return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
 
 
-def base_parameters_of(arm: ArmModel) -> BaseParameters:
-    """Return the base parameters of the arm's bodies and the reflected inertia of its rotors."""
+def base_parameters_of(
+    arm: ArmModel, gravities: Sequence[Sequence[float]] = (),
+) -> BaseParameters:
+    """
+    Return the base parameters of the arm's bodies and the reflected inertia of its rotors.
+
+    `gravities` (3,) [m/s²] are several vectors of gravity, empty for that of the arm.
+    """
     q, v, a = random_states(arm, _STATES)
-    m, n = q.shape
-    rotors = np.zeros((m, n, n))
-    rotors[:, np.arange(n), np.arange(n)] = a
-    X = np.concatenate([TorqueRegressor(arm)(q, v, a), rotors], axis=2)
+    rotors = np.zeros((*q.shape, arm.joint_count))
+    rotors[:, np.arange(arm.joint_count), np.arange(arm.joint_count)] = a
+    X = np.concatenate([
+        np.concatenate([TorqueRegressor(each)(q, v, a), rotors], axis=2)
+        for each in [arm.with_gravity(gravity) for gravity in gravities] or [arm]])
     names = (*parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
-    return find_base_parameters(X.reshape(m * n, -1), names)
+    return find_base_parameters(X.reshape(-1, X.shape[2]), names)
 
 
 def fit_model(

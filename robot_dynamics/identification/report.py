@@ -37,6 +37,7 @@ from robot_dynamics.identification.summary import (
     residual_title,
     warnings,
 )
+from robot_dynamics.identification.written_uncertainty import uncertainty_values
 from robot_dynamics.reporting.html_page import Origin
 
 FILES = URDF, PARAMETERS, REPORT, FIGURES = (
@@ -62,7 +63,8 @@ def write_identification(
     identified = fitted_urdf(urdf, arm, fit)
     paths[0].write_text(identified, encoding='utf-8')
     # the URDF itself, as a path would depend on the computer or on the working directory
-    values = {**parameter_values(arm, fit, gain, given), 'robot_description': identified}
+    values = {**parameter_values(arm, fit, gain, given), 'robot_description': identified,
+              **uncertainty_values(found.identification)}
     notes = file_notes(found.identification, urdf)
     paths[1].write_text(
         parameter_file(values, [*_head(found), *(['', *notes] if notes else [])]),

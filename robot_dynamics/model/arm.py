@@ -17,6 +17,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import reprlib
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +31,9 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.urdf.transmissions import gear_ratio, Reductions
 from robot_dynamics.validation import check_unique, check_vector
+
+if TYPE_CHECKING:
+    from robot_dynamics.model.effort_deviation import ModelUncertainty
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
@@ -77,6 +81,7 @@ class ArmModel:
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
+    uncertainty: 'ModelUncertainty | None' = None
 
     def __repr__(self) -> str:
         loads = ''.join(f', {payload!r}' for payload in self.payloads)

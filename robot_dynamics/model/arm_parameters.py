@@ -21,7 +21,7 @@ ROS 2: it contains nodes by name (`dynamics`, or `/**` for all), and for each no
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
+from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.yaml_text import load_yaml
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
@@ -79,7 +80,8 @@ def arm_from_parameters(
 
     `values` are parameters of `dynamics_node` by their full names; an omitted parameter has its
     default. `joints` names the actuated joints, in their order; empty means those of the parameter
-    `joints`. Raises ModelError, or InvalidInputError if the parameters do not match the arm.
+    `joints`. The arm of only some joints of the parameters has no uncertainty. Raises ModelError,
+    or InvalidInputError if the parameters do not match the arm.
     """
     gravity = values.get('gravity', STANDARD_GRAVITY)
     whole = load_arm(urdf, values.get('joints', ()), gravity)
@@ -93,6 +95,11 @@ def arm_from_parameters(
         {field.name: of_joints(f'{group}.{field.name}') for field in fields(kind)}
         for group, kind in (('friction', JointFriction), ('actuator', Actuators)))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
+    if set(names) == set(whole.joint_names):
+        arm = replace(arm, uncertainty=make_uncertainty(
+            arm, values.get('uncertainty.parameters', ()),
+            values.get('uncertainty.covariance', ()), of_joints('uncertainty.effort_noise'),
+            values.get('uncertainty.noise_bandwidth', 0.0)))
     if not any(len(value) for value in motors.values()):
         return arm
     if len(motors['torque_constant']) and not len(motors['gear_ratio']):

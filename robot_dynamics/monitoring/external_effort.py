@@ -51,14 +51,33 @@ class ExternalEffort:
         self._observer = MomentumObserver(dynamics.arm.joint_count, bandwidth)
         self._dynamics = dynamics.unchecked
         self._before: _Known | None = None
+        self._acceleration = MomentumObserver(dynamics.arm.joint_count, bandwidth)
 
     def set_bandwidth(self, bandwidth: float) -> None:
         """Continue with another bandwidth [Hz]."""
         self._observer.set_bandwidth(bandwidth)
+        self._acceleration.set_bandwidth(bandwidth)
+
+    @property
+    def noise_bandwidth(self) -> float:
+        """The equivalent noise bandwidth of the observer [Hz]."""
+        return 0.25 * self._observer.gain
+
+    @property
+    def state(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """
+        Position, velocity and acceleration (n,) of the newest state, None before it.
+
+        The acceleration is the difference of the velocities through the filter of the observer; it
+        is 0 if the arm has no uncertainty, which alone needs it.
+        """
+        before = self._before
+        return None if before is None else (before.q, before.v, self._acceleration.estimate)
 
     def restart(self) -> None:
         """Reset the estimate to 0; the next state is a first one."""
         self._observer.restart()
+        self._acceleration.restart()
         self._before = None
 
     def use(self, dynamics: ArmDynamics) -> None:
@@ -84,6 +103,8 @@ class ExternalEffort:
         self._before = now
         if before is None:
             return None
+        if self._dynamics.arm.uncertainty is not None:
+            self._acceleration.update(v - before.v, np.zeros_like(v), dt)
         passed = self._dynamics.load_behind(np.array((before.v, v)), effort).mean(axis=0)
         return self._observer.update(
             now.momentum - before.momentum,

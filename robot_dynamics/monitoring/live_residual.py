@@ -22,12 +22,17 @@ velocity is the acceleration. Measured and modelled effort therefore refer to th
 √2/ω ago, and to the same frequency band.
 """
 
+import math
+
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.term_series import model_terms
 from robot_dynamics.monitoring.low_pass import LowPass
+
+NOISE_BANDWIDTH = 0.25 * math.pi * math.sqrt(2.0)
+"""Equivalent noise bandwidth of the filter, as a multiple of its cut-off."""
 
 
 class LiveResidual:
@@ -46,6 +51,17 @@ class LiveResidual:
         """Continue with another cut-off [Hz]."""
         for low_pass in (self._position, self._velocity, self._effort):
             low_pass.set_cutoff(bandwidth)
+
+    @property
+    def noise_bandwidth(self) -> float:
+        """The equivalent noise bandwidth of the filter [Hz]."""
+        return NOISE_BANDWIDTH * self._velocity.omega / (2.0 * math.pi)
+
+    @property
+    def state(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """The filtered position, velocity and acceleration, each (n,); None before a state."""
+        q, v = self._position.value, self._velocity.value
+        return None if q is None or v is None else (q, v, self._velocity.rate)
 
     def use(self, dynamics: ArmDynamics) -> None:
         """Continue with another model of the same joints, for example with an attached load."""

@@ -58,6 +58,12 @@ TOPICS: Descriptions = {
         '~/external_effort': 'External joint torque Jᵀf, estimated by the momentum observer '
                              '([external torque](../external_effort.md)). Published while there '
                              'are subscribers.',
+        '~/external_effort_deviation': 'Expected standard deviation of `~/external_effort`. '
+                                       'Published while there are subscribers, if the '
+                                       'parameters `uncertainty.*` are set.',
+        '~/residual_deviation': 'Expected standard deviation of `~/residual`. Published while '
+                                'there are subscribers, if the parameters `uncertainty.*` are '
+                                'set.',
         '~/residual': 'Measured minus modelled effort, filtered. Published while there are '
                       'subscribers.',
         '~/markers': 'Markers for RViz: efforts at the joints, external torque and force, '

@@ -97,6 +97,27 @@ ACTUATOR_SPECS = (
         'restitution', 'Coefficient of restitution e of the gear teeth at contact, in [0, 1], in '
         'simulated_arm', '0', 0, 1),
 )
+UNCERTAINTY_SPECS = (
+    ParameterSpec(
+        'uncertainty.parameters', Type.STRING_ARRAY, [],
+        'Names of the model parameters whose covariance is known, such as mz(LINK), '
+        'viscous(JOINT). If empty, the effort deviations of the model are unknown. identify '
+        'writes these names.', read_only=True),
+    ParameterSpec(
+        'uncertainty.covariance', Type.DOUBLE_ARRAY, [],
+        'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, '
+        'row by row.', read_only=True),
+    ParameterSpec(
+        'uncertainty.effort_noise', Type.DOUBLE_ARRAY, [],
+        'Standard deviation [N m] or [N] of the measured effort about the model, after a filter '
+        'that passes uncertainty.noise_bandwidth; one value for all joints or one per joint. '
+        'If empty, 0.', read_only=True, minimum=0.0, maximum=1e9),
+    ParameterSpec(
+        'uncertainty.noise_bandwidth', Type.DOUBLE, 0.0,
+        'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.effort_noise '
+        'refers. It must be above 0 if uncertainty.effort_noise is set.', read_only=True,
+        minimum=0.0, maximum=1e6),
+)
 
 
 def check_joint_count(arm: ArmModel) -> None:

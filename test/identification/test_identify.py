@@ -32,6 +32,7 @@ from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -153,6 +154,9 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
             assert len(response.motor_current) == 0
             assert np.array(response.effort) == pytest.approx(
                 expected.inverse_dynamics(*state), rel=1e-12, abs=1e-12)
+            assert np.array(response.effort_deviation) == pytest.approx(
+                EffortDeviation(expected, arm.uncertainty)(*state), rel=1e-9)
+            assert 0.0 < max(response.effort_deviation) < 5.0
             # and this differs from the model of the URDF
             before = ArmDynamics(ARM).inverse_dynamics(*state)
             assert np.abs(np.array(response.effort) - before).max() > 0.5

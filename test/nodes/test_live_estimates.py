@@ -84,6 +84,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
     with client.collect(JointState, '/pushed/joint_states') as states, \
             client.collect(JointState, '/pushed/dynamics/external_effort') as estimates, \
             client.collect(JointState, '/pushed/dynamics/residual') as residuals, \
+            client.collect(JointState, '/pushed/dynamics/residual_deviation') as deviations, \
             running(
                 NodeProcess(DYNAMICS, {
                     **ROBOT, 'external_effort_bandwidth': BANDWIDTH,
@@ -106,6 +107,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
             t >= end for t in pairs(states, estimates)), 'states in a row', LONG)
         residuals.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
         left = residuals.messages[-1]  # later residuals are affected by the end of the nodes
+    assert not deviations.messages  # the arm has no uncertainty
     assert list(first.name) == NAMES
     assert not len(first.position)
     assert np.abs(first.effort).max() < 1e-6
@@ -218,3 +220,37 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
             estimates.wait_matched()
             wait_until(lambda: bool(robot.say() and estimates.messages), 'an estimate', LONG)
         assert 0.0 < estimates.messages[0].effort[1] < 1.5
+
+
+def test_the_noise_of_the_estimates_is_the_published_deviation(client: RosClient) -> None:
+    """White noise on the effort of a robot at rest; the deviation of the model is the smaller."""
+    noise, band = np.array([2.0, 0.5]), 5.0
+    uncertainty = {
+        'joints': NAMES, 'uncertainty.parameters': ['mx(link2)', 'viscous(joint1)'],
+        'uncertainty.covariance': [1e-6, 0.0, 1.0], 'uncertainty.noise_bandwidth': band,
+        'uncertainty.effort_noise': (noise * math.sqrt(2.0 * band * STEP)).tolist()}
+    rng = np.random.default_rng(0)
+    with NodeProcess(DYNAMICS, uncertainty, namespace='/noisy'):
+        robot, topic = Held(client, '/noisy'), '/noisy/dynamics'
+        with client.collect(JointState, f'{topic}/residual') as residuals, \
+                client.collect(JointState, f'{topic}/residual_deviation') as of_residual, \
+                client.collect(JointState, f'{topic}/external_effort') as external, \
+                client.collect(JointState, f'{topic}/external_effort_deviation') as of_external:
+            topics = residuals, of_residual, external, of_external
+            for one in topics:
+                one.wait_matched()
+            wait_until(lambda: bool(robot.say() and of_residual.messages), 'estimates', LONG)
+            robot.say(50)
+            begin = robot.stamp
+            for sample in rng.normal(size=(500, 2)):
+                robot.say(effort=(GRAVITY + noise * sample).tolist())
+            wait_until(lambda: all(
+                robot.stamp in by_stamp(one.messages, 'effort') for one in topics),
+                'the newest estimates', LONG)
+            found = [by_stamp(one.messages, 'effort') for one in topics]
+    for estimates, deviations in (found[:2], found[2:]):
+        stamps = [t for t in estimates if t > begin + 50 * round(1e9 * STEP)]
+        measured = np.std([estimates[t] for t in stamps], axis=0)
+        expected = deviations[robot.stamp]
+        assert len(stamps) > 300
+        assert measured == pytest.approx(expected, rel=0.25)

@@ -67,7 +67,9 @@ def nodes() -> Iterator[None]:
     with running(
             NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
             NodeProcess(
-                DYNAMICS, {'robot_description': LIFT, 'ignore_checks': ['inertia']},
+                DYNAMICS, {
+                    'robot_description': LIFT, 'ignore_checks': ['inertia'],
+                    'uncertainty.parameters': ['m(carriage)'], 'uncertainty.covariance': [0.25]},
                 namespace='/lift')):
         yield
 
@@ -155,10 +157,16 @@ def test_tables_have_units(ask: Ask) -> None:
     assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s^2]' in out
     assert 'Effort by term [N m]' in out
     assert re.search(r'joint1 .* -49\.7568\n', out)
+    assert 'Standard deviation' not in out
     status, out, _ = ask('inverse', 'rail=0.5', 'elbow=-0.5', node='/lift/dynamics')
     assert status == 0
     assert 'Effort by term [N m, N]' in out
     assert re.search(r'rail +prismatic .* 39\.2400\n', out)
+    # 0.5 kg at the acceleration of gravity
+    assert 'Standard deviation of the effort by the uncertainty of the model\n' in out
+    assert re.search(r'joint   kind       deviation \[N m, N\]\nrail    prismatic +4\.9050\n', out)
+    out = ask('inverse', 'rail=0.5', 'elbow=-0.5', '--json', node='/lift/dynamics')[1]
+    assert json.loads(out)['effort_deviation'] == pytest.approx([4.905, 0.0])
     assert 'Warning: ' in out  # the elbow cannot deliver the effort
 
 

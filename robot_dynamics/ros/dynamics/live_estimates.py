@@ -17,6 +17,7 @@ Estimates of `dynamics` from measured efforts, computed only while there are sub
 
 `~/external_effort` and `~/residual` are computed after the command is published. Each estimator
 resets when its first subscriber connects. An error in them does not affect the control path.
+The expected standard deviation of an estimate has a topic of its own, `…_deviation`.
 """
 
 from collections import Counter
@@ -30,6 +31,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
@@ -70,6 +72,7 @@ class Estimates:
         self.semantics, self._controller = semantics, controller
         self.template = effort_template(controller.arm.joint_names)
         self._arm = controller.loaded_arm
+        self._deviation: EffortDeviation | None = None
         dynamics = ArmDynamics(self._arm)
         self._external = ExternalEffort(dynamics, values['external_effort_bandwidth'])
         self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
@@ -109,10 +112,32 @@ class Estimates:
             found.append(estimate)
         return found
 
+    @property
+    def has_deviations(self) -> bool:
+        """Whether the arm has an uncertainty."""
+        return self._arm.uncertainty is not None
+
+    def deviation(self, number: int, dt: float) -> FloatArray | None:
+        """
+        Return the expected standard deviation (n,) of an estimate, None if it is unknown.
+
+        `number` is the place of the estimate in the result of `update`, dt [s] the period of the
+        states. The parts are the effort noise behind the filter of the estimate, and the
+        uncertainty of the model at the present state.
+        """
+        estimator, uncertainty = self._all[number], self._arm.uncertainty
+        if uncertainty is None or estimator.state is None:
+            return None
+        if self._deviation is None:
+            self._deviation = EffortDeviation(ArmDynamics(self._arm), uncertainty)
+        return np.hypot(
+            uncertainty.noise(estimator.noise_bandwidth, dt),
+            self._deviation(*estimator.state, smooth=True))
+
     def _take_load(self) -> None:
         arm = self._controller.loaded_arm
         if arm is not self._arm:
-            self._arm, dynamics = arm, ArmDynamics(arm)
+            self._arm, self._deviation, dynamics = arm, None, ArmDynamics(arm)
             for estimator in self._all:
                 estimator.use(dynamics)
 
@@ -126,7 +151,11 @@ class LiveEstimates:
         self._publishers = (
             node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual', NEWEST_ONLY))
+        self._deviations = (
+            node.create_publisher(JointState, '~/external_effort_deviation', NEWEST_ONLY),
+            node.create_publisher(JointState, '~/residual_deviation', NEWEST_ONLY))
         self._counts = [subscription_count(one) for one in self._publishers]
+        self._deviation_counts = [subscription_count(one) for one in self._deviations]
         self._estimates: Estimates | None = None
         self._is_on = self._is_lacking = False
         self._words = NO_SUBSCRIBERS
@@ -151,11 +180,10 @@ class LiveEstimates:
         v: FloatArray | None, judgement: StateVerdict, robot_gravity: FloatArray,
     ) -> None:
         """Take a state whose command is published; `robot_gravity` (n,) is g(q) without a load."""
-        count_external, count_residual = self._counts
-        has_subscribers = count_external() > 0
-        is_limited = self.external_limit is not None
-        wanted = has_subscribers or is_limited or self._is_external_wanted(), count_residual() > 0
         estimates = self._estimates
+        has_subscribers, has_residual = self._has_subscribers(estimates)
+        is_limited = self.external_limit is not None
+        wanted = has_subscribers or is_limited or self._is_external_wanted(), has_residual
         if estimates is None or not any(wanted):
             self._rest()
         elif judgement.is_new:
@@ -165,6 +193,14 @@ class LiveEstimates:
                 self._lack(str(error), has_subscribers or is_limited or wanted[1])
             except Exception as error:  # an error of an estimate must not stop the control path
                 self._lack(repr(error), has_subscribers or is_limited or wanted[1])
+
+    def _has_subscribers(self, estimates: Estimates | None) -> tuple[bool, bool]:
+        """Return whether each estimate, or its deviation, has a subscriber."""
+        external, residual = (count() > 0 for count in self._counts)
+        if estimates is None or not estimates.has_deviations:
+            return external, residual
+        of_external, of_residual = (count() > 0 for count in self._deviation_counts)
+        return external or of_external, residual or of_residual
 
     def excess(self) -> int | None:
         """Return the joint whose external effort exceeds its limit most, None if none does."""
@@ -200,6 +236,17 @@ class LiveEstimates:
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
+        if estimates.has_deviations:
+            self._publish_deviations(estimates, found, dt, state.stamp)
+
+    def _publish_deviations(
+        self, estimates: Estimates, found: list[FloatArray | None], dt: float, stamp: bytes,
+    ) -> None:
+        for i, (publisher, count) in enumerate(zip(self._deviations, self._deviation_counts)):
+            if found[i] is not None and count():
+                deviation = estimates.deviation(i, dt)
+                if deviation is not None:
+                    publisher.publish(estimates.template.filled(stamp, deviation))
 
     def _begin_where_needed(self, estimates: Estimates, judgement: StateVerdict) -> float:
         """Return the time [s] since the state before; after a reset it is not used."""

@@ -42,6 +42,7 @@ from robot_dynamics.ros.robot_description import (
     DESCRIPTION_SPECS,
     FRICTION_SPECS,
     ROBOT_GRAVITY_SPEC,
+    UNCERTAINTY_SPECS,
 )
 
 FULL_EFFORT_TIME = 0.1
@@ -132,6 +133,7 @@ SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
+    *UNCERTAINTY_SPECS,
     IGNORE_CHECKS_SPEC,
     PAYLOAD_SPEC,
     ParameterSpec(

@@ -23,6 +23,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
@@ -102,7 +103,8 @@ class DynamicsServices:
     def _inverse_dynamics(
         self, request: InverseDynamics.Request, response: InverseDynamics.Response,
     ) -> None:
-        dynamics = self._dynamics().unchecked
+        checked = self._dynamics()
+        dynamics = checked.unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
@@ -111,6 +113,11 @@ class DynamicsServices:
         terms = dynamics.terms(q, v, a, wrenches)
         response.joint_names = list(order.names)
         response.effort = floats_to_ros(order.answer(terms.effort))
+        uncertainty = dynamics.arm.uncertainty
+        if uncertainty is not None and uncertainty.has_covariance:
+            deviation = EffortDeviation(checked, uncertainty)(
+                q, v, a, terms.effort - terms.friction)
+            response.effort_deviation = floats_to_ros(order.answer(deviation))
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
         response.terms.header.stamp = self._node.get_clock().now().to_msg()
         response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)

@@ -87,15 +87,21 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
     blocks = [
         _motion_table(units, names, motion),
         f'Effort by term [{units.effort}]\n{units.table(names, terms)}']
+    deviation = list(response.effort_deviation)
+    if deviation:
+        heading = f'deviation [{units.effort}]'
+        blocks.append('Standard deviation of the effort by the uncertainty of the model\n'
+                      + units.table(names, {heading: deviation}))
     if motors['motor_current']:
         blocks.append('Motors\n' + text_table(
             ['joint', *MOTORS.values()],
             [[name, *row] for name, *row in zip(names, *motors.values())]))
     blocks.append(_in_words(energies))
     blocks += [f'Warning: {warning}' for warning in response.warnings]
+    optional = {'effort_deviation': deviation, **motors}
     return Answer({
         'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
-        'terms': terms, **energies, **{key: value for key, value in motors.items() if value},
+        'terms': terms, **energies, **{key: value for key, value in optional.items() if value},
         'warnings': list(response.warnings)}, '\n\n'.join(blocks))
 
 

@@ -1,0 +1,100 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The uncertainty of an identified model, as parameters of the node (`model.effort_deviation`).
+
+The true parameters are assumed to be those of the regularized least squares (`regularized_fit`)
+with their covariance, without bounds and with κ of at most 1, which corresponds to a URDF that is
+wrong by about 100 %. The consistent set differs from them by d, because its κ is larger and it has
+bounds: the mean square of its error is this covariance plus d dᵀ. Parameters that the recordings
+determine have the deviations of the noise; the others have those of such a URDF.
+
+The bodies and rotors are represented by their base parameters for any direction of gravity, so
+that the covariance is also valid for an arm with another mounting.
+"""
+
+from typing import Any
+
+import numpy as np
+from robot_dynamics.analysis.motion_filter import samples_per_independent_sample
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.identification.friction_regressor import (
+    COULOMB,
+    LOAD,
+    OFFSET,
+    VISCOUS,
+)
+from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
+from robot_dynamics.identification.regression import bare_arm
+from robot_dynamics.identification.regularized_fit import bounded_problem
+
+LARGEST_REGULARIZATION = 1.0
+GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
+"""The efforts are affine in gravity: these vectors have the parameters of any direction."""
+
+
+def uncertainty_values(identification: Identification) -> dict[str, Any]:
+    """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
+    names, covariance = parameter_covariance(identification)
+    return {
+        'uncertainty.parameters': list(names),
+        'uncertainty.covariance': covariance[np.tril_indices(len(names))].tolist(),
+        # of single states, because the node knows no motion before a state
+        'uncertainty.effort_noise':
+            identification.tests['consistent'].rms('test_by_sample').tolist(),
+        'uncertainty.noise_bandwidth': min(
+            0.5 * facts.rate_hz / samples_per_independent_sample(facts.cutoff_hz, facts.rate_hz)
+            for facts in (recording.facts for recording in identification.recordings)),
+    }
+
+
+def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the names of k parameters of the consistent set, and their mean squares (k, k)."""
+    arm, information = bare_arm(identification.arm), identification.information
+    choice = identification.models.choice
+    prior = prior_of(arm).for_effort(information)
+    A, b, _, _, own = bounded_problem(
+        information.together(), choice.structures, choice.weights, prior,
+        min(choice.regularization, LARGEST_REGULARIZATION))
+    base = base_parameters_of(arm, GRAVITIES)
+    p, r, size = prior.count, base.rank, A.shape[1]
+    names = [base.names[column] for column in base.columns]
+    T = np.zeros((r + size - p - arm.joint_count, size))
+    T[:r, :p] = base.matrix[:, :p]
+    first = p
+    for j, columns in enumerate(own):
+        T[:r, first] = base.matrix[:, p + j]  # the reflected inertia comes first
+        for place, column in enumerate(columns[1:].tolist(), start=first + 1):
+            T[len(names), place] = 1.0
+            names.append(f'{_friction_name(column - p)}({arm.joint_names[j]})')
+        first += len(columns)
+    # the friction of a joint without effort has no information, and its written values are 0
+    norm = np.linalg.norm(A, axis=0)
+    scale = np.divide(1.0, norm, out=np.zeros(size), where=norm > 0.0)
+    inverse = scale[:, np.newaxis] * np.linalg.pinv(A * scale, rcond=1e-12)
+    fit = identification.models.consistent
+    written = np.concatenate([fit.parameters, *(
+        values[columns - p] for values, columns in zip(fit.joint_values, own))])
+    root = T @ np.column_stack([inverse, written - inverse @ b])
+    return tuple(names), np.asarray(root @ root.T)
+
+
+def _friction_name(column: int) -> str:
+    """Return the name of a friction parameter for its column of `friction_regressor`."""
+    if column in (VISCOUS, OFFSET):
+        return 'viscous' if column == VISCOUS else 'effort_offset'
+    if column < LOAD.start:
+        return 'sigmoid'
+    return 'load' if column < COULOMB.start else 'coulomb'

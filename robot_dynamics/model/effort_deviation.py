@@ -1,0 +1,178 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The uncertainty of a model, and the standard deviation of the efforts that follow from it.
+
+The effort of a model is linear in its parameters θ, τ = X(q, q̇, q̈) θ, except for friction that is
+proportional to the load, whose derivative is in X. With the covariance Σ of θ, the covariance of τ
+is X Σ Xᵀ. θ are inertial parameters of bodies (`regressor`), reflected inertias and friction.
+Parameters that are not named in the uncertainty count as exact, and so do payloads.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.regressor import parameter_names, TorqueRegressor
+from robot_dynamics.validation import check_per_joint, check_scalar, check_unique, check_vector
+
+JOINT_PARAMETERS = ('Ia', 'viscous', 'effort_offset', 'sigmoid', 'load', 'coulomb')
+"""Reflected inertia and friction of a joint; a name is such as 'viscous(joint1)'."""
+_ROUNDING = 1e-8
+_FIELD = 'uncertainty'
+
+
+@dataclass(frozen=True, eq=False)
+class ModelUncertainty:
+    """
+    The covariance of k parameters of an arm with n joints, and the noise of its measured effort.
+
+    `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
+    B with the covariance B Bᵀ. `effort_noise` (n,) [N·m] or [N] is the standard deviation of the
+    measured effort about the model, after a filter that passes the band of `noise_bandwidth` [Hz].
+    """
+
+    columns: IntArray
+    root: FloatArray
+    effort_noise: FloatArray
+    noise_bandwidth: float
+
+    @property
+    def has_covariance(self) -> bool:
+        """Whether any parameter has a covariance."""
+        return len(self.columns) > 0
+
+    def noise(self, bandwidth: float, dt: float) -> FloatArray:
+        """
+        Return the standard deviation (n,) of the effort noise behind another filter.
+
+        `bandwidth` [Hz] is the equivalent noise bandwidth of the filter, dt [s] the period of the
+        samples. The noise counts as white in a wider band; in a narrower band, it has all its
+        power.
+        """
+        band = min(bandwidth, 0.5 / dt)
+        return np.asarray(self.effort_noise * math.sqrt(max(1.0, band / self.noise_bandwidth)))
+
+
+def uncertain_names(arm: ArmModel) -> tuple[str, ...]:
+    """Return the names of all parameters θ, such as 'mz(link1)' or 'viscous(joint1)'."""
+    return (*parameter_names(arm), *(
+        f'{name}({joint})' for name in JOINT_PARAMETERS for joint in arm.joint_names))
+
+
+def make_uncertainty(
+    arm: ArmModel, parameters: Sequence[str] = (), covariance: Sequence[float] = (),
+    effort_noise: Sequence[float] = (), noise_bandwidth: float = 0.0,
+) -> ModelUncertainty | None:
+    """
+    Return the checked uncertainty of an arm, None if nothing is given.
+
+    `covariance` is the lower triangle, row by row, of the covariance of the named parameters.
+    `effort_noise` [N·m] or [N] has one value for all joints or one per joint; it needs a
+    `noise_bandwidth` [Hz] > 0. Raises InvalidInputError for an unknown name, another number of
+    values, a value that is not finite, or a matrix that is not positive semidefinite.
+    """
+    if not (len(parameters) or len(covariance) or len(effort_noise)):
+        return None
+    noise = np.zeros(arm.joint_count)
+    if len(effort_noise):
+        noise = check_per_joint(f'{_FIELD}.effort_noise', effort_noise, arm.joint_names)
+        for joint, value in zip(arm.joint_names, noise.tolist()):
+            check_scalar(f'{_FIELD}.effort_noise of {joint!r}', value, 0.0)
+        check_scalar(
+            f'{_FIELD}.noise_bandwidth', noise_bandwidth, 0.0, exclusive_minimum=True)
+    return ModelUncertainty(
+        _columns(arm, parameters), _root(parameters, covariance), noise, noise_bandwidth or 1.0)
+
+
+def _columns(arm: ArmModel, parameters: Sequence[str]) -> IntArray:
+    known = {name: i for i, name in enumerate(uncertain_names(arm))}
+    check_unique(f'{_FIELD}.parameters', parameters)
+    for name in parameters:
+        if name not in known:
+            raise InvalidInputError(
+                f'{_FIELD}.parameters has {name!r}, expected names such as '
+                f'{next(iter(known))!r} or {next(reversed(known))!r}, with the links and joints '
+                'of the arm')
+    return np.array([known[name] for name in parameters], dtype=np.int64)
+
+
+def _root(parameters: Sequence[str], covariance: Sequence[float]) -> FloatArray:
+    """Return B (k, k) with the covariance B Bᵀ."""
+    field, k = f'{_FIELD}.covariance', len(parameters)
+    count = k * (k + 1) // 2
+    if len(covariance) != count:
+        raise InvalidInputError(
+            f'{field} has {len(covariance)} values, expected {count}: the lower triangle for the '
+            f'{k} parameters in {_FIELD}.parameters')
+    values = check_vector(field, covariance, count)
+    C = np.zeros((k, k))
+    C[np.tril_indices(k)] = values
+    C = C + np.tril(C, -1).T
+    variances = np.diag(C)
+    for name, variance in zip(parameters, variances.tolist()):
+        check_scalar(f'{field} of {name!r} with itself', variance, 0.0)
+    scale = np.where(variances > 0.0, np.sqrt(variances), 1.0)
+    sizes, vectors = np.linalg.eigh(C / np.outer(scale, scale))
+    if sizes.min(initial=0.0) < -_ROUNDING * max(k, 1):
+        raise InvalidInputError(
+            f'{field} has the eigenvalue {sizes.min(initial=0.0):.3g} after scaling to unit '
+            'variances, expected a positive semidefinite matrix, given by its lower triangle')
+    return np.asarray(scale[:, np.newaxis] * vectors * np.sqrt(np.maximum(sizes, 0.0)))
+
+
+class EffortDeviation:
+    """Standard deviations of the efforts of a model; for one thread, like `ArmDynamics`."""
+
+    def __init__(self, dynamics: ArmDynamics, uncertainty: ModelUncertainty) -> None:
+        self._dynamics, self._uncertainty = dynamics.unchecked, uncertainty
+        self._regressor = TorqueRegressor(dynamics.arm)
+
+    def __call__(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
+        smooth: bool = False,
+    ) -> FloatArray:
+        """
+        Return the standard deviation (n,) [N·m] or [N] of the effort at a state, each (n,).
+
+        `load` (n,) is the effort of the rigid bodies with external wrenches, None without
+        wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
+        """
+        X = self.derivatives(q, v, a, load, smooth)
+        return np.asarray(np.linalg.norm(X @ self._uncertainty.root, axis=1))
+
+    def derivatives(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
+        smooth: bool = False,
+    ) -> FloatArray:
+        """Return the derivatives (n, k) of the effort by the uncertain parameters."""
+        if load is None:
+            load = self._dynamics.rigid_body.inverse_dynamics(q, v, a)
+        friction = self._dynamics.friction
+        slow_sign = smooth_sign(v, friction.sigmoid_velocity)
+        sharp_sign = smooth_sign(v, SMOOTHING_VELOCITY) if smooth else np.sign(v)
+        # in the order of JOINT_PARAMETERS; friction by the load multiplies all of the bodies
+        by_load = 1.0 + friction.load * slow_sign * np.sign(load)
+        bodies = by_load[:, np.newaxis] * self._regressor(q[None], v[None], a[None])[0]
+        joints = np.concatenate([np.diag(column) for column in (
+            by_load * a, v, np.ones_like(v), slow_sign, np.abs(load) * slow_sign, sharp_sign)],
+            axis=1)
+        return np.asarray(np.concatenate([bodies, joints], axis=1)[:, self._uncertainty.columns])

@@ -1,0 +1,138 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The covariance that `identify` writes: deviations of efforts that agree with their errors."""
+
+from identification_bench import changed_arm, fourier_motion, recorded, rigid_effort
+import numpy as np
+import pytest
+from robot_dynamics.identification.identified_arm import (
+    fitted_urdf,
+    parameter_file,
+    parameter_values,
+)
+from robot_dynamics.identification.pipeline import base_parameters_of, identify
+from robot_dynamics.identification.written_uncertainty import GRAVITIES, uncertainty_values
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.model.effort_deviation import EffortDeviation
+from robot_dynamics.model.regressor import random_states, TorqueRegressor
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import robot_urdf
+
+ARM = load_arm(default_arm_urdf())
+TRUE = changed_arm(ARM, 0.3)
+ROTORS = np.array([0.3, 0.1])
+NOISE = np.array([1.0, 0.5])
+SEEDS = 8
+
+
+def effort_of(states):
+    v = states.v
+    friction = np.array([1.0, 0.5]) * v + np.array([2.0, 1.0]) * np.tanh(v / 0.1) + (0.2, -0.1)
+    return rigid_effort(TRUE, states, ROTORS) + friction
+
+
+def identified(seed, states, noise=NOISE):
+    """Return the identification, and the values of its parameter file."""
+    found = identify(ARM, [recorded(ARM, states, effort_of(states), noise, seed)])
+    return found, {**parameter_values(ARM, found.models.consistent), **uncertainty_values(found)}
+
+
+def loaded(found, values):
+    urdf = fitted_urdf(default_arm_urdf(), ARM, found.models.consistent)
+    return arm_from_parameters(urdf, values)
+
+
+@pytest.fixture(scope='module')
+def cases():
+    states = fourier_motion(ARM, 100.0, 30.0)
+    return [identified(seed, states) for seed in range(SEEDS)]
+
+
+def test_errors_at_new_states_agree_with_the_deviations(cases):
+    """At states of another motion; near rest, the selected width of the friction matters more."""
+    new = fourier_motion(ARM, 5.0, 20.0, seed=7)
+    true, z = effort_of(new), []
+    for found, values in cases:
+        arm = loaded(found, values)
+        dynamics = ArmDynamics(arm)
+        deviation = EffortDeviation(dynamics, arm.uncertainty)
+        error = true - dynamics.inverse_dynamics_batch(new.q, new.v, new.a)
+        z.append(error / [deviation(*state) for state in zip(new.q, new.v, new.a)])
+    z = np.array(z)
+    for joint in range(2):
+        is_moving = np.abs(new.v[:, joint]) > 0.1
+        assert 0.8 < np.sqrt(np.mean(z[:, is_moving, joint]**2)) < 1.25
+        assert 0.8 < np.sqrt(np.mean(z[:, :, joint]**2)) < 1.5
+
+
+def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):
+    for found, values in cases[:3]:
+        band = values['uncertainty.noise_bandwidth']
+        cutoff = found.recordings[0].facts.cutoff_hz
+        assert band == pytest.approx(0.898 * cutoff, rel=0.01)
+        # white noise at 100 Hz has a band of 50 Hz; the errors of the model add to it
+        ratio = values['uncertainty.effort_noise'] / (NOISE * np.sqrt(band / 50.0))
+        assert ((ratio > 0.9) & (ratio < 1.5)).all()
+
+
+def test_the_file_has_the_uncertainty_in_full(cases, tmp_path):
+    found, values = cases[0]
+    path = tmp_path / 'identified.yaml'
+    path.write_text(parameter_file(values))
+    assert max(map(len, path.read_text().splitlines())) < 100
+    read = read_parameter_file(path)
+    assert {name: list(value) if isinstance(value, (list, tuple)) else value
+            for name, value in values.items()} == read
+    a, b = (loaded(found, each).uncertainty for each in (values, read))
+    assert a.root.tolist() == b.root.tolist()
+    # the names are those of the joints' friction, and of base parameters
+    assert {'viscous(joint1)', 'effort_offset(joint2)', 'sigmoid(joint2)'} <= set(
+        read['uncertainty.parameters'])
+
+
+def test_what_is_not_excited_has_the_deviation_of_the_urdf():
+    # joint2 is at rest: its inertia and friction are unknown, its gravity is not
+    states = fourier_motion(ARM, 100.0, 30.0)
+    still = replace_joint(states, 1)
+    found, values = identified(0, still)
+    arm = loaded(found, values)
+    deviation = EffortDeviation(ArmDynamics(arm), arm.uncertainty)
+    q = np.array([0.5, 0.0])
+    rest, fast = (deviation(q, np.zeros(2), a) for a in (np.zeros(2), np.array([0.0, 5.0])))
+    assert fast[1] > 10.0 * rest[1]
+    assert np.isfinite(fast).all()
+
+
+def replace_joint(states, joint):
+    """Return the motion with one joint at rest at 0."""
+    held = {field: getattr(states, field).copy() for field in ('q', 'v', 'a')}
+    for each in held.values():
+        each[:, joint] = 0.0
+    return states._replace(**held)
+
+
+def test_the_base_parameters_are_those_of_any_direction_of_gravity():
+    arm = load_arm(robot_urdf('ur10'))
+    tilted = arm.with_gravity((3.0, 4.0, -8.0))
+    q, v, a = random_states(tilted, 5, seed=4)
+    Y = np.concatenate([TorqueRegressor(tilted)(q, v, a), a[:, :, np.newaxis] * np.eye(6)], axis=2)
+
+    def largest_error(base):
+        return np.abs(Y - Y[:, :, base.columns] @ base.matrix).max()
+
+    assert largest_error(base_parameters_of(arm, GRAVITIES)) < 1e-3
+    assert largest_error(base_parameters_of(arm)) > 1.0

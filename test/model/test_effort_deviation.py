@@ -1,0 +1,175 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The standard deviation of efforts by the covariance of the parameters, and of their noise."""
+
+from dataclasses import replace
+
+from identification_bench import with_inertial_parameters
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model.effort_deviation import (
+    EffortDeviation,
+    make_uncertainty,
+    uncertain_names,
+)
+from robot_dynamics.model.regressor import inertial_parameters, random_states
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.live_residual import LiveResidual
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import robot_urdf
+
+ARM = load_arm(default_arm_urdf())
+NAMES = ('mz(link2)', 'viscous(joint1)', 'coulomb(joint2)')
+COVARIANCE = (0.04, 0.003, 0.01, 0.0, 0.0, 0.09)
+"""The lower triangle for NAMES."""
+FRICTION = {'viscous': 1.5, 'sigmoid': 2.0, 'sigmoid_velocity': 0.1, 'load': 0.1,
+            'effort_offset': -0.3, 'coulomb': 0.7}
+
+
+def arm_with(bare, phi, rotors, friction):
+    """Return an arm with these bodies, rotors (n,) and friction, each (n,)."""
+    arm = with_inertial_parameters(bare, phi)
+    arm = arm.with_friction(make_friction(arm.joint_names, **friction))
+    return arm.with_actuators(make_actuators(
+        arm.joint_names, [1.0], [1.0], rotor_inertia=rotors))
+
+
+@pytest.mark.parametrize('name', ['ur10', 'kinova'])
+def test_the_derivatives_are_differences_of_efforts(name):
+    bare = load_arm(robot_urdf(name))
+    phi, n = inertial_parameters(bare), bare.joint_count
+    friction = {key: np.full(n, value) for key, value in FRICTION.items()}
+    rotors = np.full(n, 0.2)
+    arm = arm_with(bare, phi, rotors, friction)
+    names = uncertain_names(arm)
+    k = len(names)
+    found = EffortDeviation(ArmDynamics(arm), make_uncertainty(
+        arm, names, np.eye(k)[np.tril_indices(k)]))
+    q, v, a = (each[0] for each in random_states(arm, 1, seed=2))
+    X = found.derivatives(q, v, a)
+
+    def effort(i, step):
+        """Return the effort after a change of one parameter."""
+        changed = phi.copy(), rotors.copy(), {key: each.copy() for key, each in friction.items()}
+        field, _, joint = names[i].partition('(')
+        if i < len(phi):
+            changed[0][i] += step
+        elif field == 'Ia':
+            changed[1][arm.joint_names.index(joint[:-1])] += step
+        else:
+            changed[2][field][arm.joint_names.index(joint[:-1])] += step
+        return ArmDynamics(arm_with(bare, *changed)).inverse_dynamics(q, v, a)
+
+    step = 1e-4
+    differences = np.stack([
+        (effort(i, step) - effort(i, -step)) / (2.0 * step) for i in range(k)], axis=1)
+    assert pytest.approx(differences, rel=1e-5, abs=1e-6) == X
+    assert found(q, v, a) == pytest.approx(np.linalg.norm(differences, axis=1), rel=1e-5)
+
+
+def test_a_covariance_of_a_few_parameters():
+    deviation = EffortDeviation(ArmDynamics(ARM), make_uncertainty(ARM, NAMES, COVARIANCE))
+    q, v, a = np.array([0.3, 0.4]), np.array([-0.5, 0.8]), np.array([0.1, 0.2])
+    X = deviation.derivatives(q, v, a)
+    C = np.array([[0.04, 0.003, 0.0], [0.003, 0.01, 0.0], [0.0, 0.0, 0.09]])
+    assert deviation(q, v, a) == pytest.approx(np.sqrt(np.diag(X @ C @ X.T)), rel=1e-12)
+    assert X[0, 1] == -0.5
+    assert X[1, 2] == 1.0
+    # around rest, the sign of a measured velocity is smooth
+    slow = np.array([0.0, 0.005])
+    assert 0.4 < deviation.derivatives(q, slow, a, smooth=True)[1, 2] < 0.5
+    assert deviation.derivatives(q, slow, a)[1, 2] == 1.0
+
+
+def test_without_parameters_an_arm_has_no_uncertainty():
+    urdf = default_arm_urdf()
+    assert arm_from_parameters(urdf, {}).uncertainty is None
+    values = {'uncertainty.parameters': NAMES, 'uncertainty.covariance': COVARIANCE}
+    uncertainty = arm_from_parameters(urdf, values).uncertainty
+    assert uncertainty.root @ uncertainty.root.T == pytest.approx(np.array(
+        [[0.04, 0.003, 0.0], [0.003, 0.01, 0.0], [0.0, 0.0, 0.09]]), abs=1e-15)
+    assert not uncertainty.effort_noise.any()
+    # names of joints that are locked have no meaning
+    assert arm_from_parameters(urdf, values, ['joint1']).uncertainty is None
+    noise = {'uncertainty.effort_noise': [0.3], 'uncertainty.noise_bandwidth': 5.0}
+    only_noise = arm_from_parameters(urdf, noise).uncertainty
+    assert only_noise.effort_noise.tolist() == [0.3, 0.3]
+    assert not only_noise.has_covariance
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'parameters': ['mz(link3)']},
+     "uncertainty.parameters has 'mz(link3)', expected names such as 'm(link1)' or "
+     "'coulomb(joint2)'"),
+    ({'parameters': ['mz(link2)'] * 3}, "uncertainty.parameters has 'mz(link2)' twice"),
+    ({'covariance': COVARIANCE[:5]},
+     'uncertainty.covariance has 5 values, expected 6: the lower triangle for the 3 parameters'),
+    ({'covariance': (*COVARIANCE[:5], np.nan)},
+     'uncertainty.covariance[5] is nan, expected a finite number'),
+    ({'covariance': (-0.04, *COVARIANCE[1:])},
+     "uncertainty.covariance of 'mz(link2)' with itself is -0.04, expected a number >= 0"),
+    ({'covariance': (0.04, 0.03, *COVARIANCE[2:])},
+     'uncertainty.covariance has the eigenvalue -0.5 after scaling to unit variances, expected a '
+     'positive semidefinite matrix'),
+    ({'effort_noise': [0.1, 0.1, 0.1]}, 'uncertainty.effort_noise has 3 values, expected 2'),
+    ({'effort_noise': [0.1, -0.1]}, "uncertainty.effort_noise of 'joint2' is -0.1, expected"),
+    ({'effort_noise': [0.1], 'noise_bandwidth': 0.0},
+     'uncertainty.noise_bandwidth is 0, expected a number > 0'),
+])
+def test_a_bad_uncertainty_is_rejected(changes, words):
+    values = {'parameters': NAMES, 'covariance': COVARIANCE, **changes}
+    with pytest.raises(InvalidInputError) as caught:
+        arm_from_parameters(default_arm_urdf(), {
+            'joints': ARM.joint_names,
+            **{f'uncertainty.{name}': value for name, value in values.items()}})
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize('estimator', [ExternalEffort, LiveResidual])
+def test_the_noise_of_an_estimate_is_that_of_its_bandwidth(estimator):
+    # effort noise of 2 N·m in each sample at 200 Hz, which is 100 Hz of bandwidth
+    rate, band = 200.0, 20.0
+    uncertainty = make_uncertainty(
+        ARM, effort_noise=[2.0 * np.sqrt(band / (0.5 * rate))], noise_bandwidth=band)
+    dynamics = ArmDynamics(replace(ARM, uncertainty=uncertainty))
+    estimate = estimator(dynamics, 25.0)
+    q, rest = np.array([0.4, 0.3]), np.zeros(2)
+    gravity = dynamics.rigid_body.gravity(q)
+    rng = np.random.default_rng(0)
+    found = [estimate.update(1.0 / rate, q, rest, gravity + 2.0 * noise)
+             for noise in rng.normal(size=(1500, 2))]
+    measured = np.std([each for each in found[50:] if each is not None])
+    expected = uncertainty.noise(estimate.noise_bandwidth, 1.0 / rate)
+    assert measured == pytest.approx(expected[0], rel=0.1)
+    # noise of a narrower band has all its power, that of a wider one ends at the sampling rate
+    assert uncertainty.noise(1.0, 1.0 / rate) == pytest.approx(uncertainty.effort_noise)
+    assert uncertainty.noise(1e6, 1.0 / rate) == pytest.approx([2.0, 2.0])
+
+
+def test_the_state_of_the_external_effort_has_the_filtered_acceleration():
+    uncertainty = make_uncertainty(ARM, NAMES, COVARIANCE)
+    estimate = ExternalEffort(ArmDynamics(replace(ARM, uncertainty=uncertainty)), 10.0)
+    assert estimate.state is None
+    a = np.array([2.0, -1.0])
+    for i in range(200):
+        estimate.update(0.002, np.zeros(2), 0.002 * i * a, np.zeros(2))
+    assert estimate.state[1] == pytest.approx(0.002 * 199 * a)
+    assert estimate.state[2] == pytest.approx(a, rel=1e-6)
