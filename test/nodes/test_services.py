@@ -59,6 +59,7 @@ def test_inverse_dynamics_of_the_planar_arm(planar: Served) -> None:
     assert terms.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
     assert terms.potential_energy == pytest.approx(41.19876418, abs=5e-9)
     assert list(response.warnings) == []
+    assert len(response.effort_deviation) == 0  # the arm has no uncertainty
     assert terms.header.stamp.sec > 0
 
 
