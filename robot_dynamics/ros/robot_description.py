@@ -106,7 +106,7 @@ UNCERTAINTY_SPECS = (
     ParameterSpec(
         'uncertainty.covariance', Type.DOUBLE_ARRAY, [],
         'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, '
-        'row by row.', read_only=True),
+        'row by row.', read_only=True, minimum=-1e12, maximum=1e12),
     ParameterSpec(
         'uncertainty.effort_noise', Type.DOUBLE_ARRAY, [],
         'Standard deviation [N m] or [N] of the measured effort about the model, after a filter '

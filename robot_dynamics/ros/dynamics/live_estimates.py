@@ -17,7 +17,7 @@ Estimates of `dynamics` from measured efforts, computed only while there are sub
 
 `~/external_effort` and `~/residual` are computed after the command is published. Each estimator
 resets when its first subscriber connects. An error in them does not affect the control path.
-The expected standard deviation of an estimate has a topic of its own, `…_deviation`.
+The expected standard deviation of an estimate is published on a separate topic, `…_deviation`.
 """
 
 from collections import Counter
