@@ -45,7 +45,9 @@ MOTORS = {
     'current_time_constant': [3e-4, 4e-4], 'backlash': [1e-3, 2e-3], 'restitution': [0.1, 0.2]}
 EVERYTHING = {
     'joints': ['joint2', 'joint1'], 'gravity': [0.0, 1.0, -9.0],
-    'friction': FRICTION, 'actuator': MOTORS}
+    'friction': FRICTION, 'actuator': MOTORS, 'uncertainty': {
+        'parameters': ['viscous(joint1)', 'm(link2)'], 'covariance': [0.04, 0.01, 0.09],
+        'effort_noise': [0.5, 0.3], 'noise_bandwidth': 5.0}}
 
 
 def values_of_node(path: Path) -> dict[str, Any]:
@@ -73,7 +75,8 @@ def both_values(tmp_path: Path, parameters: dict[str, Any]) -> list[dict[str, An
 
 def numbers_of(arm: ArmModel) -> dict[str, Any]:
     """Return all numbers of an arm that depend on parameters."""
-    parts = {'friction': arm.friction, 'motors': arm.actuators, 'limits': arm.limits}
+    parts = {'friction': arm.friction, 'motors': arm.actuators, 'limits': arm.limits,
+             'uncertainty': arm.uncertainty}
     numbers = {f'{part}.{name}': value.tolist() for part, record in parts.items()
                if record is not None for name, value in vars(record).items()
                if isinstance(value, np.ndarray)}
@@ -91,6 +94,8 @@ def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
     for part, given in (('friction', FRICTION), ('motors', MOTORS)):
         for name, value in given.items():
             assert offline[f'{part}.{name}'] == value
+    assert offline['uncertainty.effort_noise'] == [0.5, 0.3]
+    assert np.array(offline['uncertainty.root']).shape == (2, 2)
     assert sorted(offline['armature']) == pytest.approx([0.05, 0.1])
 
 
@@ -123,6 +128,10 @@ REFUSED = {
     'another number of values': (
         {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
         r'friction\.sigmoid has 3 values, expected 2'),
+    'a covariance that is none': (
+        {'uncertainty': {'parameters': ['viscous(joint1)', 'viscous(joint2)'],
+                         'covariance': [1.0, 2.0, 1.0]}},
+        r'uncertainty\.covariance has the eigenvalue -1 .* expected a positive semidefinite'),
 }
 
 
