@@ -25,6 +25,7 @@ import pinocchio as pin
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import Actuators
+from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.joint_coordinates import JointCoordinates
 from robot_dynamics.model.payload import Payload
@@ -40,7 +41,11 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of n joints, each (n,); infinite for no limit. [rad, m], [/s], [N·m, N]."""
+    """
+    Limits of n joints, each (n,); infinite for no limit. [rad, m], [/s], [N·m, N].
+
+    `effort` is the torque at the joint that the drive can deliver (`ArmModel.with_drive`).
+    """
 
     lower: FloatArray
     upper: FloatArray
@@ -81,6 +86,7 @@ class ArmModel:
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
+    drive: DriveEffort | None = None
     uncertainty: 'ModelUncertainty | None' = None
 
     def __repr__(self) -> str:
@@ -127,6 +133,17 @@ class ArmModel:
     def with_actuators(self, actuators: Actuators) -> 'ArmModel':
         """Return this arm with these motors, whose reflected inertia becomes part of M(q)."""
         return replace(self._with_armature(actuators.reflected_inertia), actuators=actuators)
+
+    def with_drive(self, drive: DriveEffort | None) -> 'ArmModel':
+        """
+        Return this arm with these drives, None for drives whose effort is the torque.
+
+        The effort limits become those of the torque (`DriveEffort.torque_limit`).
+        """
+        if drive is None:
+            return self
+        return replace(
+            self, drive=drive, limits=replace(self.limits, effort=drive.torque_limit()))
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""

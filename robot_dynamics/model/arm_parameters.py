@@ -28,6 +28,7 @@ from typing import Any
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
+from robot_dynamics.joints.drive_effort import make_drive_effort
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
@@ -76,7 +77,7 @@ def arm_from_parameters(
     urdf: str, values: Mapping[str, Any], joints: Sequence[str] = (),
 ) -> ArmModel:
     """
-    Return the arm of a URDF with the joints, gravity, friction and motors of the parameters.
+    Return the arm of a URDF with joints, gravity, friction, motors and drives of the parameters.
 
     `values` are parameters of `dynamics_node` by their full names; an omitted parameter has its
     default. `joints` names the actuated joints, in their order; empty means those of the parameter
@@ -95,6 +96,8 @@ def arm_from_parameters(
         {field.name: of_joints(f'{group}.{field.name}') for field in fields(kind)}
         for group, kind in (('friction', JointFriction), ('actuator', Actuators)))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
+    arm = arm.with_drive(make_drive_effort(
+        names, of_joints('effort.scale'), of_joints('effort.offset'), arm.limits.effort))
     if set(names) == set(whole.joint_names):
         arm = replace(arm, uncertainty=make_uncertainty(
             arm, values.get('uncertainty.parameters', ()),

@@ -1,0 +1,109 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The effort of a drive: scale and offset between the driver's effort and the torque at the joint.
+
+A driver computes torques from currents with its own torque constants, and its sensors have an
+offset. Its effort e, commanded and measured, on the joint side of the gearbox, therefore differs
+from the torque τ at the joint:
+
+    τ = s (e − o)
+
+s is the parameter `effort.scale` (wrong torque constants give s ≠ 1), o is `effort.offset`, the
+driver's effort at zero torque. Efforts that the robot adds on its own (`effort_convention`) pass
+the same drive: e is their sum with the commanded effort.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.parameter_field import per_joint_values
+
+LEAST_SCALE, LARGEST_SCALE = 0.2, 5.0
+"""Range of the scale s: another value is an error of unit, not of a torque constant."""
+LARGEST_OFFSET = 0.2
+"""Largest offset as a fraction of the effort limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class DriveEffort:
+    """
+    The drives of n joints; checked by `make_drive_effort`.
+
+    `scale` s (n,) is the torque at the joint per unit of the driver's effort, `offset` o (n,)
+    [N·m] or [N] the driver's effort at zero torque. `limit` L (n,) [N·m] or [N] is the effort
+    limit of the URDF, which applies to the driver's effort; infinite for no limit.
+    """
+
+    scale: FloatArray
+    offset: FloatArray
+    limit: FloatArray
+
+    def torque(self, effort: FloatArray) -> FloatArray:
+        """Return the torque at the joints (..., n) for the driver's effort."""
+        return np.asarray(self.scale * (effort - self.offset))
+
+    def effort(self, torque: FloatArray) -> FloatArray:
+        """Return the driver's effort (..., n) for the torque at the joints."""
+        return np.asarray(torque / self.scale + self.offset)
+
+    def command(self, torque: FloatArray) -> FloatArray:
+        """Return the driver's effort (..., n) for a torque, never beyond the effort limit."""
+        return np.minimum(np.maximum(self.effort(torque), -self.limit), self.limit)
+
+    def torque_limit(self, fraction: float = 1.0) -> FloatArray:
+        """
+        Return the largest torque (n,) in both directions within a fraction of the effort limit.
+
+        This is min(L, s (L − |o|)) with the effort limit L × fraction, at least 0.
+        """
+        limit = self.limit.copy()
+        limit[np.isfinite(limit)] *= fraction
+        return np.maximum(
+            np.minimum(limit, self.scale * (limit - np.abs(self.offset))), 0.0)
+
+
+def make_drive_effort(
+    joint_names: Sequence[str], scale: Any = (), offset: Any = (),
+    limit: FloatArray | None = None,
+) -> DriveEffort | None:
+    """
+    Return checked drives, None if s is 1 and o is 0 at every joint.
+
+    `scale` and `offset` are empty (1 and 0), one value for all joints, or one value per joint.
+    `limit` (n,) are the effort limits of the joints [N·m] or [N], None for no limits. Raises
+    InvalidInputError for another number of values, for a scale outside LEAST_SCALE to
+    LARGEST_SCALE, and for an offset beyond LARGEST_OFFSET of the effort limit.
+    """
+    n = len(joint_names)
+    s = per_joint_values('effort.scale', scale, joint_names, np.ones(n))
+    o = per_joint_values('effort.offset', offset, joint_names, np.zeros(n))
+    limit = np.full(n, np.inf) if limit is None else limit
+    for name, factor, zero, most in zip(joint_names, s.tolist(), o.tolist(), limit.tolist()):
+        if not LEAST_SCALE <= factor <= LARGEST_SCALE:
+            raise InvalidInputError(
+                f'effort.scale of {name!r} is {factor:g}, expected a number in '
+                f'[{LEAST_SCALE:g}, {LARGEST_SCALE:g}]')
+        bound = LARGEST_OFFSET * most
+        if abs(zero) > bound:
+            raise InvalidInputError(
+                f'effort.offset of {name!r} is {zero:g}, expected a number in '
+                f'[{-bound:g}, {bound:g}], {100.0 * LARGEST_OFFSET:g} % of the effort limit '
+                f'{most:g}')
+    return DriveEffort(s, o, limit) if (s != 1.0).any() or o.any() else None

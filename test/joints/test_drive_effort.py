@@ -1,0 +1,147 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The effort of a drive: conversions in both directions, its limits, and mismatched inputs."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.drive_effort import (
+    DriveEffort,
+    LARGEST_SCALE,
+    LEAST_SCALE,
+    make_drive_effort,
+)
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.planar.urdf import default_arm_urdf
+
+NAMES = ('joint1', 'joint2', 'joint3')
+LIMIT = np.array([10.0, 40.0, np.inf])
+FAR = 1e6
+"""A torque beyond all limits."""
+
+laws = settings(deadline=None, derandomize=True, max_examples=50)
+scales = st.lists(st.floats(LEAST_SCALE, LARGEST_SCALE), min_size=3, max_size=3)
+fractions = st.floats(-0.2, 0.2)
+offsets = st.tuples(
+    fractions.map(lambda f: 10.0 * f), fractions.map(lambda f: 40.0 * f), st.floats(-1e3, 1e3))
+torques = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3).map(np.array)
+
+
+def drive(scale: Any = (0.7, 1.3, 1.0), offset: Any = (1.0, -2.0, 0.0)) -> DriveEffort:
+    made = make_drive_effort(NAMES, scale, offset, LIMIT)
+    assert made is not None
+    return made
+
+
+# --- conversions ---------------------------------------------------------------------------------
+
+def test_an_effort_without_its_offset_times_the_scale_is_the_torque() -> None:
+    assert drive().torque(np.array([11.0, 8.0, 5.0])) == pytest.approx([7.0, 13.0, 5.0])
+    assert drive().effort(np.array([7.0, 13.0, 5.0])) == pytest.approx([11.0, 8.0, 5.0])
+
+
+@laws
+@given(scales, offsets, torques)
+def test_the_conversions_are_inverse_for_one_and_many_samples(
+    scale: list[float], offset: Any, torque: np.ndarray,
+) -> None:
+    some = DriveEffort(np.array(scale), np.array(offset), LIMIT)
+    for samples in (torque, np.tile(torque, (4, 2, 1))):
+        there = some.effort(samples)
+        assert there.shape == samples.shape
+        assert some.torque(there) == pytest.approx(samples, abs=1e-9)
+
+
+# --- limits --------------------------------------------------------------------------------------
+
+@laws
+@given(scales, offsets, st.floats(0.0, 1.0), st.sampled_from([1.0, -1.0]))
+def test_the_largest_torque_needs_no_effort_beyond_the_limit(
+    scale: list[float], offset: Any, fraction: float, sign: float,
+) -> None:
+    some = DriveEffort(np.array(scale), np.array(offset), LIMIT)
+    most = some.torque_limit(fraction)
+    assert (most >= 0.0).all()
+    assert (most <= np.maximum(fraction * LIMIT[:2], 0.0).tolist() + [np.inf]).all()
+    allowed = np.maximum(fraction * LIMIT[:2], np.abs(some.offset[:2]))  # at zero torque
+    assert (np.abs(some.effort(sign * most))[:2] <= allowed + 1e-9).all()
+
+
+@laws
+@given(scales, offsets, st.sampled_from([1.0, -1.0]))
+def test_no_command_is_beyond_the_limit(scale: list[float], offset: Any, sign: float) -> None:
+    some = DriveEffort(np.array(scale), np.array(offset), LIMIT)
+    command = some.command(np.full(3, sign * FAR))
+    assert command[:2].tolist() == [sign * 10.0, sign * 40.0]
+    assert np.isfinite(command[2])
+    within = some.torque_limit()[:2]
+    assert some.command(np.append(within, 0.0)) == pytest.approx(
+        some.effort(np.append(within, 0.0)))
+
+
+def test_the_limit_of_the_torque() -> None:
+    assert drive().torque_limit().tolist() == pytest.approx([0.7 * 9.0, 40.0, np.inf])
+    assert drive().torque_limit(0.5).tolist() == pytest.approx([0.7 * 4.0, 20.0, np.inf])
+    assert drive().torque_limit(0.0).tolist() == [0.0, 0.0, np.inf]
+    assert LIMIT.tolist() == [10.0, 40.0, np.inf]  # unchanged
+
+
+# --- parameters ----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('scale', 'offset'), [((), ()), ([1.0], [0.0]), ([1.0] * 3, ())])
+def test_drives_whose_effort_is_the_torque_cost_nothing(scale: Any, offset: Any) -> None:
+    assert make_drive_effort(NAMES, scale, offset, LIMIT) is None
+
+
+def test_one_value_is_for_all_joints() -> None:
+    some = make_drive_effort(NAMES, [2.0], [-1.5])
+    assert some is not None
+    assert some.scale.tolist() == [2.0] * 3
+    assert some.offset.tolist() == [-1.5] * 3
+    assert np.isinf(some.limit).all()
+
+
+@pytest.mark.parametrize(('scale', 'offset', 'words'), [
+    ([1.0, 0.1, 1.0], (), r"effort.scale of 'joint2' is 0.1, expected a number in \[0.2, 5\]"),
+    ([5.5], (), r"effort.scale of 'joint1' is 5.5, expected a number in \[0.2, 5\]"),
+    ([-1.0], (), "effort.scale of 'joint1' is -1, expected"),
+    ([np.nan], (), r'effort.scale\[0\] is nan, expected a finite number'),
+    ([1.0, 1.0], (), r'effort.scale has 2 values, expected 3, one for each of'),
+    ((), [0.0, -8.5, 0.0],
+     r"effort.offset of 'joint2' is -8.5, expected a number in \[-8, 8\], 20 % of the effort "
+     'limit 40'),
+    ((), [3.0], r"effort.offset of 'joint1' is 3, expected a number in \[-2, 2\], 20 %"),
+])
+def test_mismatched_values_are_rejected_by_name(scale: Any, offset: Any, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        make_drive_effort(NAMES, scale, offset, LIMIT)
+
+
+def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque() -> None:
+    values = {'joints': ['joint2', 'joint1'], 'effort.scale': [0.5, 2.0],
+              'effort.offset': [4.0, -10.0]}
+    arm = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2'))
+    assert arm.drive is not None
+    assert arm.drive.scale.tolist() == [2.0, 0.5]
+    assert arm.drive.offset.tolist() == [-10.0, 4.0]
+    limit = load_arm(default_arm_urdf()).limits.effort
+    assert arm.drive.limit.tolist() == limit.tolist()
+    assert arm.limits.effort.tolist() == [limit[0], 0.5 * (limit[1] - 4.0)]
+    assert arm.with_payloads(()).with_gravity([0.0, 0.0, 0.0]).drive is arm.drive
+    assert arm_from_parameters(default_arm_urdf(), {'effort.scale': [1.0]}).drive is None
