@@ -120,12 +120,16 @@ def joint_effort(
     if motion.effort is None or kind == 'none':
         return None, '' if motion.effort is None else (
             "measured_effort is 'none': the recorded effort is not compared")
-    effort = joint_effort_at_rest(kind, motion.effort, arm.actuators)
+    effort, remarks = joint_effort_at_rest(kind, motion.effort, arm.actuators), []
     if kind in MOTOR_SIDE:
-        return effort, f'measured_effort is {kind!r}: converted by torque constant and gear ratio'
+        remarks.append(f'measured_effort is {kind!r}: converted by torque constant and gear ratio')
     if semantics.lacks_gravity:
-        return effort + gravity, f"measured_effort is {kind!r}: the model's gravity is added"
-    return effort, ''
+        effort = effort + gravity
+        remarks.append(f"measured_effort is {kind!r}: the model's gravity is added")
+    if arm.drive is not None:
+        effort = arm.drive.torque(effort)
+        remarks.append('the measured effort is converted by effort.scale and effort.offset')
+    return effort, '; '.join(remarks)
 
 
 def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> LimitUse:

@@ -195,6 +195,10 @@ def parameter_values(
         values['actuator.torque_constant'] = [1.0] if drive_gain is None else [
             float(f'{gain:.{_DIGITS}g}') for gain in drive_gain]
         values['actuator.rotor_inertia'] = rotors
+    if arm.drive is not None:
+        gain = 1.0 if drive_gain is None else np.asarray(drive_gain)
+        values['effort.scale'] = rounded(arm.drive.scale.tolist())
+        values['effort.offset'] = rounded((gain * arm.drive.offset).tolist())
     if drive_gain is not None:
         values['measured_effort'] = 'motor_current'
     values['command'] = kept.get('command', values['command'])

@@ -92,7 +92,8 @@ def _parser() -> Parser:
                'no recording\ncould be analysed, 130 interrupted')
     add_recordings(parser, 'the description in the recording')
     add_cutoff(parser)
-    add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
+    add_parameters(
+        parser, 'joints, gravity, friction, motors, measured_effort, effort.scale, effort.offset')
     parser.add_argument(
         '--output', type=Path, metavar='DIR',
         help=f'Output directory of {REPORT}, {PICTURE}, {TABLE} and the recording {TERMS}/; for '

@@ -69,7 +69,7 @@ def _parser() -> Parser:
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
         help='Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)')
     add_force(parser)
-    add_parameters(parser, 'joints, gravity, friction, motors')
+    add_parameters(parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints to move, like the parameter joints (default: all); the others are locked')

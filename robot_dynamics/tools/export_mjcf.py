@@ -51,7 +51,7 @@ def _parser() -> Parser:
         description='Write an arm as a model of MuJoCo (MJCF): inertials, joints with limits, '
                     'rotors and friction, motors, gravity. Geometry is not written.')
     add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
-    add_parameters(parser, 'joints, gravity, friction, motors')
+    add_parameters(parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
     add_force(parser)

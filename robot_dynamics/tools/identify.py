@@ -93,7 +93,7 @@ def _parser() -> Parser:
         help='Load that the arm carries in all recordings, or in the recording of this name: '
              'mass [kg] and centre of mass [m] in the frame of the link. It is neither identified '
              'nor part of the output; may be repeated')
-    add_parameters(parser, 'joints, gravity, motors, measured_effort')
+    add_parameters(parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
     parser.add_argument(
         '--output', type=Path, default=OUTPUT, metavar='DIR',
         help=f'Output directory (default: {OUTPUT})')

@@ -213,6 +213,28 @@ def test_gravity_that_the_robot_took_out_is_added(tmp_path):
     assert (analysis.statistics.relative < 2e-3).all()
 
 
+def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
+    reported = MOTION.tau / [0.7, 1.3] + [8.0, -4.0]
+    bag = recorded(tmp_path, list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
+        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, reported))))
+    parameters = {'joints': ['joint1', 'joint2'], 'effort.scale': [0.7, 1.3],
+                  'effort.offset': [8.0, -4.0]}
+    analysis = analyze_recording(bag, AnalysisSettings(URDF, parameters=parameters))
+    assert (analysis.statistics.relative < 2e-3).all()
+    assert any('effort.scale' in remark for remark in analysis.recording.remarks)
+    without = analyze_recording(bag, SETTINGS)
+    assert (without.statistics.relative > 0.1).all()
+    # gravity that the robot took out passes the drive together with the effort
+    lacking = recorded(tmp_path / 'lacking', list(zip(
+        MOTION.stamps_ns.tolist(), joint_state_messages(
+            MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v,
+            reported - _gravity(MOTION.arm, MOTION.q)))))
+    analysis = analyze_recording(lacking, AnalysisSettings(URDF, parameters={
+        **parameters, 'measured_effort': 'joint_torque_without_gravity'}))
+    assert (analysis.statistics.relative < 2e-3).all()
+    assert any('gravity is added; the measured' in one for one in analysis.recording.remarks)
+
+
 def _gravity(arm, positions):
     from robot_dynamics.model.rigid_body import RigidBody
     body = RigidBody(arm)

@@ -39,6 +39,7 @@ from robot_dynamics.identification.regression import (
 )
 from robot_dynamics.identification.regularized_fit import without_memory
 from robot_dynamics.identification.uncertainty import estimate_parameters
+from robot_dynamics.joints.drive_effort import make_drive_effort
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
@@ -134,6 +135,20 @@ def test_the_library_computes_what_was_reported(planar, found):
     assert along == pytest.approx(rows.model(fit), rel=1e-8, abs=1e-7)
     single = dynamics.inverse_dynamics_batch(q, v, a)
     assert single == pytest.approx(rows.model(without_memory(fit)), rel=1e-8, abs=1e-7)
+
+
+def test_drives_stay_in_the_parameters(found):
+    fit = found.models.consistent
+    drive = make_drive_effort(ARM.joint_names, [0.7, 1.3], [8.0, -4.0], ARM.limits.effort)
+    arm = ARM.with_drive(drive)
+    values = parameter_values(arm, fit, given={'effort.scale': [0.7, 1.3, 1.0]})  # of a hand, too
+    assert values['effort.scale'] == [0.7, 1.3]
+    assert values['effort.offset'] == [8.0, -4.0]
+    # τ = G s (i − o): as joint effort, the offset of the current i is G o
+    values = parameter_values(arm, fit, [10.0, 5.0])
+    assert values['effort.scale'] == [0.7, 1.3]
+    assert values['effort.offset'] == [80.0, -20.0]
+    assert not any(name.startswith('effort.') for name in parameter_values(ARM, fit))
 
 
 def test_four_recordings_halve_the_deviations(planar):
