@@ -34,6 +34,7 @@ class ControlOutput(NamedTuple):
     `gravity_compensation` and `computed_torque` are the total efforts at the joints. `command` and
     `terms` exclude the efforts that the robot adds on its own, of which `robot_gravity` is g(q)
     without a load. `hold` is the command that holds the arm still; a command starts from it.
+    `command` and `hold` are efforts of the drives (`drive_effort`), the others torques.
     `clamped` marks the joints of `command` that met their effort limit. `gain_scale` is s if the
     command has lower gains than `computed_torque` (`gain_softening`). All numbers are finite.
     """

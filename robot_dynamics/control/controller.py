@@ -89,7 +89,8 @@ class Controller:
         gravity = GravityCompensation(feedback, options)
         law = gravity if options.command == NO_COMMAND else LAWS[options.command](
             feedback, options)
-        bounds = EffortBounds(self.arm.limits.effort, options.effort_scale)
+        bounds = EffortBounds(
+            self.arm.limits.effort, options.effort_scale, self.arm.drive)
         robot = None if options.semantics.robot_gravity is None else (
             UncheckedArmDynamics(self.arm.with_gravity(options.semantics.robot_gravity)))
         with self._lock:
@@ -314,8 +315,9 @@ class Controller:
             raise non_finite_effort(q, gravity, nominal)
         own = self._robot if self._robot is not None else self._load.unloaded
         robot_gravity = gravity if state.dynamics is own else own.rigid_body.gravity(q)
+        drive = self.arm.drive
         robot = robot_effort(
-            self._options.semantics, robot_gravity, None if is_gravity else answer.friction)
+            self._options.semantics, robot_gravity, None if is_gravity else answer.friction, drive)
         bounds, is_free = self._bounds, robot is NOTHING
         hold, clamped = (gravity, bounds.no_joint) if (
             is_free and gravity_peak <= bounds.least) else (
@@ -328,6 +330,9 @@ class Controller:
             command, clamped = (effort, bounds.no_joint) if is_free and peak <= bounds.least else (
                 bounds.bounded(robot.command(effort), robot, hold))
         self._last = answer, robot
+        if drive is not None:
+            hold = drive.command(hold)
+            command = None if command is None else drive.command(command)
         if reference is None:
             return ControlOutput(
                 gravity, robot_gravity, None, command, hold, clamped, 1.0, None, state.v)
@@ -374,9 +379,14 @@ class Controller:
         """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
         if v is None:
             return hold
+        drive = self.arm.drive
+        torque = hold if drive is None else drive.torque(hold)
         with self._lock, np.errstate(over='ignore', invalid='ignore'):
             M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
             scale = FAULT_DAMPING * self._adaptation.scale
             damping = M @ (scale * self._feedback.gains.kd * v)
-            braked = np.clip(hold - damping, np.minimum(-limit, hold), np.maximum(limit, hold))
-            return braked if np.isfinite(braked).all() else hold
+            braked = np.clip(
+                torque - damping, np.minimum(-limit, torque), np.maximum(limit, torque))
+            if not np.isfinite(braked).all():
+                return hold
+            return braked if drive is None else drive.command(braked)

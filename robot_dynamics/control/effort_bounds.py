@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
@@ -42,7 +43,7 @@ class RobotEffort(NamedTuple):
         if self.gravity is None and self.friction is None:
             return terms
         gravity = terms.gravity - self.gravity if self.gravity is not None else terms.gravity
-        friction = terms.friction if self.friction is None else np.zeros_like(terms.friction)
+        friction = terms.friction if self.friction is None else terms.friction - self.friction
         return terms._replace(
             gravity=gravity, friction=friction, effort=self.command(terms.effort))
 
@@ -52,22 +53,41 @@ NOTHING = RobotEffort(None, None)
 
 def robot_effort(
     convention: EffortConvention, gravity: FloatArray, friction: FloatArray | None,
+    drive: DriveEffort | None = None,
 ) -> RobotEffort:
-    """Return the g(q) and friction (n,) that a robot adds on its own, or `NOTHING`."""
+    """
+    Return the g(q) and friction (n,) that a robot adds on its own, or `NOTHING`.
+
+    The robot adds them as efforts of its drives, which deliver `drive.scale` times as much.
+    """
     if not convention.robot_compensates:
         return NOTHING
+    if drive is not None:
+        gravity = drive.scale * gravity
+        friction = None if friction is None else drive.scale * friction
     return RobotEffort(
         gravity if convention.compensates_gravity else None,
         friction if convention.compensates_friction else None)
 
 
 class EffortBounds:
-    """Effort limits of the URDF (n,), plain and scaled; infinite for a joint without a limit."""
+    """
+    Effort limits of an arm (n,), plain and scaled; infinite for a joint without a limit.
 
-    def __init__(self, limit: FloatArray, scale: float = 1.0) -> None:
+    They are torques at the joints within which the efforts of the drives are within the effort
+    limits of the URDF, and within `scale` times these limits.
+    """
+
+    def __init__(
+        self, limit: FloatArray, scale: float = 1.0, drive: DriveEffort | None = None,
+    ) -> None:
+        """`limit` (n,) are the effort limits of the arm [N·m] or [N]."""
         self._limit = limit
-        self.scaled = limit.copy()
-        self.scaled[np.isfinite(limit)] *= scale
+        if drive is None:
+            self.scaled = limit.copy()
+            self.scaled[np.isfinite(limit)] *= scale
+        else:
+            self.scaled = drive.torque_limit(scale)
         self.least = float(self.scaled.min(initial=np.inf))
         """The smallest of the scaled limits."""
         self.no_joint = np.zeros(len(limit), dtype=bool)

@@ -40,7 +40,7 @@ class ControllerOptions:
     friction_compensation: str = 'reference'
     """The velocity at which computed torque compensates friction; see `control_law`."""
     effort_rate: FloatArray | float = math.inf
-    """Largest rate of change of the command [N·m/s] or [N/s], (n,) or one for all joints."""
+    """Largest rate of change of the torque [N·m/s] or [N/s], (n,) or one for all joints."""
     semantics: EffortConvention = EffortConvention()
     """States which efforts the robot adds to the command on its own; the command omits them."""
     softens_gains: bool = False

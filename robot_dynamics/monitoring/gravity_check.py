@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.actuator import Actuators
+from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.effort_convention import (
     EffortConvention,
     joint_effort_at_rest,
@@ -112,13 +113,15 @@ class GravityCheck:
 
     def __init__(
         self, semantics: EffortConvention, friction: JointFriction, actuators: Actuators | None,
-        is_continuous: BoolArray,
+        is_continuous: BoolArray, drive: DriveEffort | None = None,
     ) -> None:
         """
         Take the known `friction` and `actuators` of the arm, which increase the tolerance.
 
-        `is_continuous` (n,) marks the joints whose position may step by whole turns.
+        `is_continuous` (n,) marks the joints whose position may step by whole turns. `drive` are
+        the drives of the arm if their effort is not the torque.
         """
+        self._drive = drive
         self._is_continuous = is_continuous
         self._semantics, self._actuators = semantics, actuators
         self._friction = friction.static + np.abs(friction.offset)
@@ -152,8 +155,9 @@ class GravityCheck:
         self._last_time = t
         if self._samples and t - self._samples[-1].t < SAMPLE_PERIOD_NS:
             return None
-        self._samples.append(_Sample(
-            t, effort, np.zeros_like(q) if command is None else command, gravity))
+        if command is None:
+            command = np.zeros_like(q) if self._drive is None else self._drive.offset
+        self._samples.append(_Sample(t, effort, command, gravity))
         if t - self._samples[0].t < WINDOW_NS or len(self._samples) < MIN_SAMPLES:
             return None
         verdict = self._judge()
@@ -182,6 +186,11 @@ class GravityCheck:
             for name in ('effort', 'command', 'gravity'))
         measured = joint_effort_at_rest(
             self._semantics.measured_effort, efforts, self._actuators)
+        if self._drive is not None:
+            measured = _as_torque(
+                self._drive, measured, self._semantics.lacks_gravity * gravities)
+            commands = _as_torque(
+                self._drive, commands, self._semantics.compensates_gravity * gravities)
         finite = np.isfinite(measured).all(axis=0)
         if not finite.any():
             self.waiting = NO_EFFORT
@@ -227,6 +236,16 @@ class GravityCheck:
         if self._unloaded_since is None or self._unloaded_since > last:
             self._unloaded_since = first
         return last - self._unloaded_since >= UNLOADED_PATIENCE_NS
+
+
+def _as_torque(drive: DriveEffort, effort: FloatArray, gravity: FloatArray) -> FloatArray:
+    """
+    Return the torque of the driver's effort (samples, n), without `gravity`.
+
+    `gravity` (samples, n) is the gravity torque that the robot adds to the effort, or that the
+    effort excludes. It passes the drive together with the effort.
+    """
+    return np.asarray(drive.torque(effort + gravity) - gravity)
 
 
 def _gravity_ratio(g: FloatArray, efforts: FloatArray, used: BoolArray) -> float:

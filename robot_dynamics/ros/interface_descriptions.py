@@ -43,16 +43,18 @@ TOPICS: Descriptions = {
         '~/joint_trajectory': 'Reference: a trajectory, or a set-point if it has one point '
                               '([trajectories](../trajectories.md)).',
         'effort_command': 'Command of the selected control law, without the terms in '
-                          '`robot_compensates`, within the limits. It has the stamp of the '
-                          'joint state from which it is computed.',
+                          '`robot_compensates`, within the limits, as effort of the driver '
+                          '(`effort.scale`, `effort.offset`). It has the stamp of the joint state '
+                          'from which it is computed.',
         '~/commands': 'The values of `effort_command` in the order of `joints`, as the '
                       'controllers of ros2_control expect them.',
-        '~/gravity_compensation': 'Gravity-compensation torque g(q).',
-        '~/computed_torque': 'Computed torque M(q̈_ref + K_d ė + K_p e) + C q̇ + g + friction, '
-                             'while there is a reference.',
+        '~/gravity_compensation': 'Gravity-compensation torque g(q) at the joints; not a command '
+                                  'for a driver ([effort semantics](../effort_semantics.md)).',
+        '~/computed_torque': 'Computed torque M(q̈_ref + K_d ė + K_p e) + C q̇ + g + friction at '
+                             'the joints, while there is a reference; not a command for a driver.',
         '~/terms': 'Command before its limits, split by term, and the energies. The term '
-                   '`inertial` contains the feedback of position and velocity errors. Published '
-                   'while there are subscribers.',
+                   '`inertial` contains the feedback of position and velocity errors. Torques at '
+                   'the joints. Published while there are subscribers.',
         '~/reference': 'Position and velocity of the reference at the stamp of the joint state, '
                        'while there is a reference and a subscriber.',
         '~/external_effort': 'External joint torque Jᵀf, estimated by the momentum observer '

@@ -19,11 +19,13 @@ The URDF is in a parameter, in a file or in a package, or it is the URDF of the 
 """
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.joints.drive_effort import LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.description_file import read_description_file
+from robot_dynamics.validation import LARGEST_VALUE
 
 FILE = 'robot_description_file'
 MOST_JOINTS = 100
@@ -117,6 +119,23 @@ UNCERTAINTY_SPECS = (
         'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.effort_noise '
         'refers. It must be above 0 if uncertainty.effort_noise is set.', read_only=True,
         minimum=0.0, maximum=1e6),
+)
+
+DRIVE_SPECS = (
+    ParameterSpec(
+        'effort.scale', Type.DOUBLE_ARRAY, [],
+        'Torque at the joint per unit of effort of the driver, commanded or measured; differs '
+        'from 1 if the torque constants of the driver are wrong. One value for all joints or one '
+        'per joint. If empty, 1. dynamics converts with it the measured effort and the command; '
+        'simulated_arm has drives of this scale.',
+        read_only=True, minimum=LEAST_SCALE, maximum=LARGEST_SCALE),
+    ParameterSpec(
+        'effort.offset', Type.DOUBLE_ARRAY, [],
+        'Effort [N m] or [N] of the driver, commanded or measured, at zero torque at the joint; '
+        'at most 20 % of the effort limit of the URDF. One value for all joints or one per joint. '
+        'If empty, 0. dynamics subtracts it from the measured effort and adds it to the command; '
+        'simulated_arm has drives with this offset.',
+        read_only=True, minimum=-LARGEST_VALUE, maximum=LARGEST_VALUE),
 )
 
 

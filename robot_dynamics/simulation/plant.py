@@ -35,9 +35,16 @@ class InnerController:
 
     def __init__(self, arm: ArmModel, semantics: EffortConvention) -> None:
         self.semantics = semantics
+        self.drive = arm.drive
         gravity = semantics.robot_gravity
         self._dynamics = UncheckedArmDynamics(
             arm if gravity is None else arm.with_gravity(gravity))
+
+    @property
+    def idle_effort(self) -> FloatArray:
+        """Return the commanded effort (n,) at which the drives deliver no torque."""
+        return np.zeros(self._dynamics.arm.joint_count) if self.drive is None else (
+            self.drive.offset)
 
     def set_gravity(self, gravity: FloatArray) -> None:
         """Use another gravity (3,) [m/s²], unless the robot assumes another one."""
@@ -47,24 +54,26 @@ class InnerController:
     def with_own_compensation(
         self, effort: FloatArray, q: FloatArray, v: FloatArray,
     ) -> FloatArray:
-        """Return the effort at the joints for a commanded effort at the state (q, v)."""
+        """Return the torque at the joints for a commanded effort at the state (q, v)."""
         if self.semantics.compensates_gravity:
             effort = effort + self._dynamics.rigid_body.gravity(q)
         if self.semantics.compensates_friction:
             # smooth around rest, where the sign of a measured velocity would chatter
             effort = effort + self._dynamics.friction_effort(v, effort, smooth=True)
-        return effort
+        return effort if self.drive is None else self.drive.torque(effort)
 
     def measured(
         self, effort: FloatArray, q: FloatArray, v: FloatArray, braked: bool,
     ) -> FloatArray:
         """
-        Return the effort that the robot reports while `effort` acts at its joints.
+        Return the effort that the robot reports while the torque `effort` acts at its joints.
 
         The result is empty if the robot measures no effort, and zero while the brakes hold the
         arm.
         """
         lacks_gravity = self.semantics.lacks_gravity and not braked
+        if self.drive is not None and not braked:
+            effort = self.drive.effort(effort)
         gravity = self._dynamics.rigid_body.gravity(q) if lacks_gravity else np.zeros_like(q)
         return measured_from_joint(
             self.semantics.measured_effort, effort, v, gravity, self._dynamics.arm.actuators)
@@ -96,7 +105,7 @@ class Plant:
         self.timed_out = False
         """Whether the command timeout has occurred and no effort has arrived since."""
         self._robot = robot
-        self.effort: FloatArray = np.zeros(simulation.arm.joint_count)
+        self.effort = robot.idle_effort
         self.wrenches: dict[str, ExternalWrench] = {}
         self.position_noise = 0.0
         self.velocity_noise = 0.0
@@ -120,7 +129,7 @@ class Plant:
     def reset(self) -> None:
         """Return to the initial pose without effort and wrench, as before the first effort."""
         self.simulation.reset()
-        self.effort = np.zeros_like(self.effort)
+        self.effort = self._robot.idle_effort
         self.wrenches.clear()
         self.commands.reset()
         self.timed_out = False
@@ -160,7 +169,7 @@ class Plant:
         if not self.commands.end_step(passed, period):
             return False
         self.timed_out = True
-        self.effort = np.zeros_like(self.effort)
+        self.effort = self._robot.idle_effort
         if self.has_brakes:
             self.simulation.brake()
         return True

@@ -23,6 +23,7 @@ from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.drive_effort import make_drive_effort
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -296,10 +297,11 @@ def closed_loop(
     q: Any = Q,
 ) -> GravityVerdict | None:
     """Return the verdict with a controller of the bare arm and a simulated robot."""
-    controller = Controller(ARM, ControllerOptions(make_gains(NAMES), semantics=declared))
+    controller = Controller(
+        ARM.with_drive(arm.drive), ControllerOptions(make_gains(NAMES), semantics=declared))
     robot_side = InnerController(
         arm, EffortConvention(declared.measured_effort, robot))
-    check = GravityCheck(declared, arm.friction, None, arm.is_continuous)
+    check = GravityCheck(declared, arm.friction, None, arm.is_continuous, arm.drive)
     simulation = ArmSimulation(arm, q)
     if load:
         simulation.set_payloads([make_payload('tool0', load)])
@@ -338,6 +340,28 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(
     verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
     assert verdict is not None
     assert verdict.agrees, verdict
+
+
+DRIVE = make_drive_effort(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
+
+
+@pytest.mark.parametrize('declared', [
+    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
+    EffortConvention(LACKS, GRAVITY)])
+def test_drives_with_a_scale_and_an_offset_are_as_declared(declared: EffortConvention) -> None:
+    verdict = closed_loop(
+        ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)
+    assert verdict is not None
+    assert verdict.ratio == pytest.approx(declared.expected_ratio, abs=0.01)
+
+
+def test_another_controller_of_such_drives_is_found() -> None:
+    assert DRIVE is not None
+    check = GravityCheck(EffortConvention(), make_friction(NAMES), None, CONTINUOUS, DRIVE)
+    verdict = verdict_of(check, DRIVE.effort(G), None)
+    assert verdict.ratio == pytest.approx(1.0, abs=1e-12)
+    assert verdict.measured == pytest.approx(G)
+    assert verdict.command.tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])

@@ -92,9 +92,10 @@ class Estimates:
         self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
     ) -> FloatArray:
         """Return the joint effort (n,) for a measured effort (n,)."""
-        return joint_from_measured(
-            self.semantics.measured_effort, measured, v, robot_gravity,
-            self._controller.arm.actuators)
+        arm = self._controller.arm
+        effort = joint_from_measured(
+            self.semantics.measured_effort, measured, v, robot_gravity, arm.actuators)
+        return effort if arm.drive is None else arm.drive.torque(effort)
 
     def update(
         self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,

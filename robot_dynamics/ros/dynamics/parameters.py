@@ -40,6 +40,7 @@ from robot_dynamics.ros.payloads import PAYLOAD_SPEC
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     DESCRIPTION_SPECS,
+    DRIVE_SPECS,
     FRICTION_SPECS,
     ROBOT_GRAVITY_SPEC,
     UNCERTAINTY_SPECS,
@@ -133,6 +134,7 @@ SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
+    *DRIVE_SPECS,
     *UNCERTAINTY_SPECS,
     IGNORE_CHECKS_SPEC,
     PAYLOAD_SPEC,
@@ -223,7 +225,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
-        effort_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
+        torque_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
         values['condition_references'], values['infeasible_trajectory'] != 'reject',
         values['reference_loss'] == 'hold',
         optional_limits('following_error_limit', values, arm), values['reference_timeout'],
@@ -241,8 +243,14 @@ def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
     rate = values['effort_rate_limit']
     if rate > 0.0:
         return np.full(arm.joint_count, rate)
-    limit = arm.limits.effort
+    limit = arm.limits.effort if arm.drive is None else arm.drive.limit
     return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
+
+
+def torque_rates(values: Values, arm: ArmModel) -> FloatArray:
+    """Return the rates (n,) [N·m/s] or [N/s] of the torque at the largest rates of the command."""
+    rates = effort_rates(values, arm)
+    return rates if arm.drive is None else arm.drive.scale * rates
 
 
 def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:

@@ -40,6 +40,7 @@ from robot_dynamics.ros.robot_description import (
     check_joint_count,
     description_from_parameters,
     DESCRIPTION_SPECS,
+    DRIVE_SPECS,
     embedded_description,
     FRICTION_SPECS,
     ROBOT_GRAVITY_SPEC,
@@ -56,6 +57,7 @@ SPECS = (
     *DESCRIPTION_SPECS,
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
+    *DRIVE_SPECS,
     PAYLOAD_SPEC,
     ROBOT_GRAVITY_SPEC,
     ParameterSpec(
@@ -229,8 +231,9 @@ class SimulatedArmNode(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             self._plant.commands.timeout = values['command_timeout']
-            self._plant.effort_limit = (
-                self._arm.limits.effort if values['clip_efforts'] else None)
+            drive = self._arm.drive
+            limit = self._arm.limits.effort if drive is None else drive.limit
+            self._plant.effort_limit = limit if values['clip_efforts'] else None
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
             self._plant.effort_noise = values['effort_noise']

@@ -1,0 +1,149 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Commands for drives with a scale and an offset: the torque at the joints, and the limits."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.joints.drive_effort import DriveEffort, make_drive_effort
+from robot_dynamics.joints.effort_convention import EffortConvention
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.plant import InnerController
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+ARM = load_arm(default_arm_urdf())
+NAMES, LIMIT = ARM.joint_names, ARM.limits.effort
+FRICTION = ARM.with_friction(make_friction(NAMES, [2.0], [3.0]))
+Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
+NOW = 1_000_000_000
+
+laws = settings(deadline=None, derandomize=True, max_examples=60)
+scales = st.tuples(st.floats(0.2, 5.0), st.floats(0.2, 5.0))
+offsets = st.tuples(st.floats(-30.0, 30.0), st.floats(-12.0, 12.0))
+angles = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)
+robots = st.sampled_from([(), ('gravity',), ('friction',), ('gravity', 'friction')])
+
+
+def driven(arm: ArmModel, scale: Any, offset: Any) -> tuple[ArmModel, DriveEffort]:
+    drive = make_drive_effort(NAMES, scale, offset, LIMIT)
+    assert drive is not None
+    return arm.with_drive(drive), drive
+
+
+def controller(arm: ArmModel, robot: tuple[str, ...], **options: Any) -> Controller:
+    return Controller(arm, ControllerOptions(
+        make_gains(NAMES, [8.0]), semantics=EffortConvention(robot_compensates=robot), **options))
+
+
+def follow(one: Controller, goal: Any, v: Any = ZERO) -> None:
+    one.update(NOW, Q, v)
+    one.follow(make_trajectory(NAMES, [0.0], [goal], [ZERO], [], NAMES), 0)
+
+
+@laws
+@given(scales, offsets, angles, st.floats(0.0, 1.0), robots)
+def test_no_command_is_beyond_the_limits_of_the_drive(
+    scale: Any, offset: Any, goal: np.ndarray, share: float, robot: tuple[str, ...],
+) -> None:
+    arm, drive = driven(FRICTION, scale, offset)
+    one = controller(arm, robot, effort_scale=share)
+    follow(one, goal)
+    output = one.update(NOW + 1, Q, ZERO)
+    assert output.command is not None
+    for effort in (output.command, output.hold, one.braked(Q, V, output.hold)):
+        assert (np.abs(effort) <= LIMIT).all()
+    free = np.maximum(np.abs(output.hold), np.abs(drive.offset))
+    assert (np.abs(output.command) <= np.maximum(share * LIMIT, free) + 1e-9).all()
+
+
+@pytest.mark.parametrize('robot', [(), ('gravity',), ('gravity', 'friction')])
+def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
+    robot: tuple[str, ...],
+) -> None:
+    arm, drive = driven(FRICTION, [0.7, 1.3], [8.0, -4.0])
+    one = controller(arm, robot)
+    follow(one, Q, V)
+    output = one.update(NOW + 1, Q, V, with_terms=True)
+    assert output.command is not None
+    assert output.terms is not None
+    assert output.computed_torque is not None
+    assert not output.clamped.any()
+    added = np.zeros(2)
+    if 'gravity' in robot:
+        added += output.robot_gravity
+    hold = drive.torque(output.hold + added)
+    assert hold == pytest.approx(output.gravity_compensation)
+    if 'friction' in robot:
+        friction = controller(FRICTION, ())  # the same reference without a drive
+        follow(friction, Q, V)
+        terms = friction.update(NOW + 1, Q, V, with_terms=True).terms
+        assert terms is not None
+        added += terms.friction
+    assert drive.torque(output.command + added) == pytest.approx(output.computed_torque)
+    # the terms are those of the torque that the command causes
+    assert drive.torque(output.command) == pytest.approx(output.terms.effort)
+    parts = output.terms
+    assert parts.inertial + parts.coriolis + parts.gravity + parts.friction == pytest.approx(
+        parts.effort)
+
+
+def test_in_a_fault_the_damping_is_a_torque() -> None:
+    arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
+    without, one = controller(ARM, ()), controller(arm, ())
+    held = without.update(NOW, Q, V).hold
+    braked = without.braked(Q, V, held)
+    assert np.abs(braked - held).min() > 0.1
+    hold = one.update(NOW, Q, V).hold
+    assert drive.torque(one.braked(Q, V, hold)) == pytest.approx(braked)
+    assert one.braked(Q, None, hold) is hold
+
+
+@pytest.mark.parametrize('robot', [(), ('gravity',)])
+@pytest.mark.parametrize('knows', [True, False])
+def test_an_arm_with_drives_holds_if_the_controller_knows_them(
+    robot: tuple[str, ...], knows: bool,
+) -> None:
+    """Half a second of gravity compensation."""
+    arm, _ = driven(ARM, [0.7, 1.3], [8.0, -4.0])
+    one, drives = controller(arm if knows else ARM, robot), InnerController(
+        arm, EffortConvention(robot_compensates=robot))
+    simulation = ArmSimulation(arm, Q)
+    simulation.release()
+    for k in range(250):
+        command = one.update(NOW + 2_000_000 * k, *simulation.state).command
+        assert command is not None
+        simulation.step(drives.with_own_compensation(command, *simulation.state), 2e-3)
+    moved = np.abs(simulation.q - Q).max()
+    assert moved < 1e-6 if knows else moved > 0.1
+
+
+@pytest.mark.parametrize('kind', ['joint_torque', 'joint_torque_without_gravity'])
+def test_the_simulated_drives_report_efforts_of_the_driver(kind: str) -> None:
+    arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
+    robot = InnerController(arm, EffortConvention(kind))
+    g = ArmDynamics(ARM).gravity(Q)
+    taken_out = g if kind != 'joint_torque' else ZERO
+    assert robot.measured(g, Q, ZERO, braked=False) == pytest.approx(drive.effort(g) - taken_out)
+    assert robot.measured(ZERO, Q, ZERO, braked=True).tolist() == [0.0, 0.0]
+    assert robot.with_own_compensation(robot.idle_effort, Q, ZERO).tolist() == [0.0, 0.0]

@@ -1,0 +1,174 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Real nodes in lock-step: an arm whose drives have a scale and an offset."""
+
+from collections.abc import Callable
+from pathlib import Path
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from recordings import joint_state_messages, write_recording
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
+from robot_dynamics.tools.analyze_bag import main as analyze_bag
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    has_stamp,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    write_parameters,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+START, GOAL = [0.8, 0.5], [0.2, 1.0]
+ARM = load_arm(default_arm_urdf())
+G, LIMIT = ArmDynamics(ARM).gravity(START), ARM.limits.effort
+SCALE, OFFSET = [0.7, 1.3], [8.0, -4.0]
+DRIVES = {'joints': NAMES, 'effort.scale': SCALE, 'effort.offset': OFFSET}
+SECOND = 1_000_000_000
+NOISE = 0.02
+"""Standard deviation of the measured effort [N·m]."""
+
+
+def to(position: list[float], seconds: int = 0, stamp: Any = None) -> JointTrajectory:
+    """Return a set-point, or a motion from START in this time that begins at a stamp."""
+    rest = {'velocities': [0.0, 0.0], 'accelerations': [0.0, 0.0]}
+    message = JointTrajectory(joint_names=NAMES, points=[
+        JointTrajectoryPoint(positions=position, **rest)])
+    if stamp is not None:
+        message.header.stamp = stamp
+        message.points[0].time_from_start.sec = seconds
+        message.points.insert(0, JointTrajectoryPoint(positions=START, **rest))
+    return message
+
+
+def move(
+    client: RosClient, namespace: str, states: Collector, answers: Collector,
+    goal: JointTrajectory, is_answer: Callable[[Any], bool], seconds: float,
+) -> None:
+    """Send a goal until this answers it, and wait for this simulated time."""
+    goals = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+    answer = client.ask(goals, goal, answers, is_answer, LONG)
+    end = stamp_from_ros(answer.header.stamp) + seconds * SECOND
+    states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
+    client.node.destroy_publisher(goals)
+
+
+def is_any(message: Any) -> bool:
+    return message is not None
+
+
+def moves(state: Any) -> bool:
+    return bool(np.abs(state.velocity).max() > 0.1)
+
+
+def arm_of_drives(namespace: str) -> NodeProcess:
+    return NodeProcess(SIMULATED_ARM, {
+        **DRIVES, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 3.0,
+        'initial_position': START, 'effort_noise': NOISE}, namespace=namespace)
+
+
+def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosClient) -> None:
+    with client.collect(JointState, '/sags/joint_states') as states, \
+            client.collect(JointState, '/sags/dynamics/computed_torque') as answers, running(
+            NodeProcess(DYNAMICS, {'joints': NAMES, 'gains.natural_frequency': [8.0]},
+                        namespace='/sags'), arm_of_drives('/sags')):
+        move(client, '/sags', states, answers, to(START), is_any, 0.5)
+    moved = np.abs(np.array([m.position for m in states.messages]) - START)
+    assert moved.max() > 0.02
+
+
+def test_known_drives_hold_the_arm_and_a_recording_agrees_with_the_model(
+    client: RosClient, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    node = NodeProcess(
+        DYNAMICS, {**DRIVES, 'gains.natural_frequency': [8.0]}, namespace='/holds')
+    with client.collect(JointState, '/holds/joint_states') as states, \
+            client.collect(JointState, '/holds/dynamics/computed_torque') as answers, \
+            client.collect(JointState, '/holds/effort_command') as commands, \
+            client.collect(Float64MultiArray, '/holds/dynamics/commands') as bare, \
+            client.collect(JointState, '/holds/dynamics/gravity_compensation') as gravity, \
+            client.collect(JointState, '/holds/dynamics/residual') as residuals:
+        with running(node, arm_of_drives('/holds')):
+            move(client, '/holds', states, answers, to(START), is_any, 0.3)
+            node.wait_for_log('Effort check passed: ', LONG)
+            still = states.messages
+            residual = residuals.wait_count(40, LONG)[-20:]  # without the release of the brakes
+            begin = stamp_from_ros(states.messages[-1].header.stamp) + SECOND // 2
+            move(client, '/holds', states, states, to(GOAL, 2, stamp_to_ros(begin)), moves, 2.0)
+            moved = [m for m in states.messages if stamp_from_ros(m.header.stamp) > begin]
+            bare.wait_count(1)
+    held = np.array([m.position for m in still])
+    assert np.abs(held - START).max() < 1e-3
+    # filtered at 10 Hz, of 200 Hz, so that little of the noise is left
+    assert np.abs([m.effort for m in residual]).max() < NOISE
+    driver = np.array([m.effort for m in commands.messages])
+    assert (np.abs(driver) <= LIMIT).all()
+    first, = (m for m in commands.messages[:1])
+    assert first.effort == pytest.approx(G / SCALE + OFFSET)  # efforts of the driver
+    assert {tuple(m.data) for m in bare.messages if any(m.data)} & {
+        tuple(m.effort) for m in commands.messages}
+    torque = gravity.wait_for(has_stamp(first.header.stamp))
+    assert torque.effort == pytest.approx(G)  # a torque at the joints
+    check_recording(moved, tmp_path, capsys)
+
+
+def check_recording(
+    messages: list[Any], directory: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Compare the residual that `analyze_bag` prints with and without the parameters."""
+    stamps = np.array([stamp_from_ros(m.header.stamp) for m in messages])
+    new = np.flatnonzero(np.diff(stamps, prepend=0) > 0)  # a state that waits is sent again
+    q, v, effort = (
+        np.array([getattr(messages[i], field) for i in new])
+        for field in ('position', 'velocity', 'effort'))
+    bag = write_recording(directory / 'bag', list(zip(
+        stamps[new].tolist(), joint_state_messages(stamps[new], NAMES, q, v, effort))))
+    urdf = directory / 'arm.urdf'
+    urdf.write_text(default_arm_urdf(), encoding='utf-8')
+    file = write_parameters(directory / 'drives.yaml', DRIVES)
+    call = [str(bag), '--urdf', str(urdf), '--cutoff', '10']
+    for arguments, low, high in (
+            ([*call, '--parameters', str(file)], 0.0, 1.0), (call, 10.0, 1000.0)):
+        assert analyze_bag(arguments) == 0
+        rows = re.findall(r'^(joint\d) (.*)$', capsys.readouterr().out, re.MULTILINE)
+        relative = {name: float(cells.split()[4]) for name, cells in rows[:2]}  # [%]
+        assert set(relative) == set(NAMES)
+        assert all(low <= value < high for value in relative.values()), relative
+
+
+@pytest.mark.parametrize(('module', 'parameters', 'words'), [
+    (DYNAMICS, {'effort.offset': [0.0, -12.5]},
+     r"effort.offset of 'joint2' is -12.5, expected a number in \[-12, 12\], 20 % of the effort"),
+    (SIMULATED_ARM, {'effort.scale': [1.0, 0.1]},
+     r'effort.scale\[1\] is 0.1, expected a number in \[0.2, 5\]'),
+])
+def test_values_of_no_drive_are_refused(
+    module: str, parameters: dict[str, Any], words: str,
+) -> None:
+    node = NodeProcess(module, {'joints': NAMES, **parameters}).launch()
+    assert node.wait() == 1
+    assert re.search(words, node.log), node.log
+    assert 'Traceback' not in node.log
