@@ -23,8 +23,10 @@ import pytest
 from recordings import joint_state_messages, write_recording
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
+from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
 from robot_dynamics.tools.analyze_bag import main as analyze_bag
 from ros_harness import (
     Collector,
@@ -157,6 +159,13 @@ def check_recording(
         relative = {name: float(cells.split()[4]) for name, cells in rows[:2]}  # [%]
         assert set(relative) == set(NAMES)
         assert all(low <= value < high for value in relative.values()), relative
+
+
+@pytest.mark.parametrize(('rate', 'driver'), [(0.0, [1500.0, 600.0]), (40.0, [40.0, 40.0])])
+def test_the_rate_limit_is_that_of_the_driver(rate: float, driver: list[float]) -> None:
+    arm, values = arm_from_parameters(default_arm_urdf(), DRIVES), {'effort_rate_limit': rate}
+    assert effort_rates(values, arm).tolist() == driver
+    assert torque_rates(values, arm) == pytest.approx(np.array(driver) * SCALE)
 
 
 @pytest.mark.parametrize(('module', 'parameters', 'words'), [
