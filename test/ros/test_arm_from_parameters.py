@@ -128,7 +128,7 @@ REFUSED = {
     'another number of values': (
         {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
         r'friction\.sigmoid has 3 values, expected 2'),
-    'a covariance that is none': (
+    'a covariance with a negative eigenvalue': (
         {'uncertainty': {'parameters': ['viscous(joint1)', 'viscous(joint2)'],
                          'covariance': [1.0, 2.0, 1.0]}},
         r'uncertainty\.covariance has the eigenvalue -1 .* expected a positive semidefinite'),
