@@ -1,0 +1,307 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Calibration of effort scale and offset of each joint from static holds.
+
+The true joint torque is τ = s (e − o), with the driver's effort e on the joint side, the effort
+scale s and the offset o. At rest, τ is the gravity torque. Scale and mass are confounded: if s
+and all masses change by one factor, the efforts are the same. `Reference` lists what determines
+the scale.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.gravity_calibration.gravity_model import (
+    gravity_regressor,
+    gravity_torque,
+    link_columns,
+)
+from robot_dynamics.gravity_calibration.holds import Hold, pair_holds, PairedHolds
+from robot_dynamics.gravity_calibration.scale_fit import (
+    fit_scales,
+    linear_fit,
+    model_effort,
+    Observations,
+    ScaleFit,
+)
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.worst_gravity import sample_positions
+
+LEAST_POSES = 4
+"""Smallest number of poses that a joint must approach from both sides."""
+UNOBSERVABLE = 0.1
+"""Relative standard deviation from which on a scale is not observable."""
+CONFIDENCE = 0.95
+_SAME = 1e-9
+"""Relative singular value below which gravity parameters have no effect on the poses."""
+
+
+class Reference(Enum):
+    """What determines the effort scales; the value states the assumption."""
+
+    WEIGHT = ('The known weight determines the scales. Scales and offsets do not depend on the '
+              'masses of the URDF.')
+    TOOL = ('Assumed: the mass of the tool, and the masses and centres of mass of the URDF, are '
+            'right. If all masses are too high by 1 %, all scales are too high by 1 %.')
+    URDF = ('Assumed: the masses and centres of mass of the URDF are right. If all masses are too '
+            'high by 1 %, all scales are too high by 1 %.')
+
+
+class Tool(NamedTuple):
+    """A tool on a link that the URDF does not contain; `mass` [kg] is None if unknown."""
+
+    link: str
+    mass: float | None = None
+
+
+class HoldSet(NamedTuple):
+    """Holds with the same load: the tool, and a known weight or None."""
+
+    paired: PairedHolds
+    weight: Payload | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ToolEstimate:
+    """
+    The mass [kg] and first moments [kg·m] of a tool in the frame of its link, (4,).
+
+    The standard deviations (4,) are 0 for a mass that was given, infinite if not observable.
+    """
+
+    link: str
+    values: FloatArray
+    deviations: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """
+    Effort scale (n,) and offset (n,) [N·m] or [N] of an arm, with standard deviations (n,).
+
+    A joint that `is_observable` does not mark has the scale 1; one with fewer than LEAST_POSES
+    poses (`pose_count`) also has the offset 0. `noise` is the standard deviation of the effort at
+    a pose, `freedom` its degrees of freedom, `torque_range` the range of the gravity torque in
+    the poses, `reachable_range` its range within the position limits, all (n,) [N·m] or [N].
+    `times` (P,) [s], `measured` and `model` (P, n) are the effort at the poses of all sets, NaN
+    where a joint was not approached from both sides.
+    """
+
+    arm: ArmModel
+    reference: Reference
+    sets: tuple[HoldSet, ...]
+    tool: ToolEstimate | None
+    scale: FloatArray
+    offset: FloatArray
+    scale_deviation: FloatArray
+    offset_deviation: FloatArray
+    is_observable: BoolArray
+    pose_count: IntArray
+    noise: FloatArray
+    freedom: FloatArray
+    torque_range: FloatArray
+    reachable_range: FloatArray
+    condition: float
+    times: FloatArray
+    measured: FloatArray
+    model: FloatArray
+
+    @property
+    def has_enough_poses(self) -> BoolArray:
+        return np.asarray(self.pose_count >= LEAST_POSES)
+
+    @property
+    def coverage_factor(self) -> FloatArray:
+        """Return the half width of the 95 % interval in standard deviations, (n,)."""
+        quantile = optional('scipy.special', 'an interval of confidence').stdtrit
+        return np.asarray(quantile(np.maximum(self.freedom, 1.0), 0.5 + 0.5 * CONFIDENCE))
+
+
+def calibrate_holds(
+    arm: ArmModel, without_weight: Sequence[Hold], with_weight: Sequence[Hold] = (),
+    weight: Payload | None = None, tool: Tool | None = None,
+) -> Calibration:
+    """
+    Return the calibration from holds, those `with_weight` with a known weight on a link.
+
+    `arm` is that of the URDF, with its gravity. Raises InvalidInputError if there are too few
+    poses, no scale is observable, a link is unknown, or the mass of the tool is needed.
+    """
+    if bool(with_weight) != (weight is not None):
+        raise InvalidInputError(
+            f'there are {len(with_weight)} holds with a weight, and the weight is {weight!r}, '
+            'expected both or none')
+    sets = [HoldSet(pair_holds(without_weight, arm.joint_kinds))]
+    if weight is not None:
+        sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
+    return calibrate_sets(arm, sets, tool)
+
+
+def calibrate_sets(
+    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None = None,
+) -> Calibration:
+    """Return the calibration from paired holds, as `calibrate_holds`."""
+    for one in sets:
+        _check_poses(one)
+    has_weight = any(one.weight is not None for one in sets)
+    if tool is not None and tool.mass is None and not has_weight:
+        raise InvalidInputError(
+            'the mass of the tool is not given, expected it, or holds with a known weight: effort '
+            'scale and mass are confounded')
+    reference = Reference.WEIGHT if has_weight else (
+        Reference.URDF if tool is None else Reference.TOOL)
+    counts = sum((one.paired.is_paired.sum(axis=0) for one in sets),
+                 start=np.zeros(arm.joint_count, dtype=np.int64))
+    seen, basis = _observations(arm, sets, tool, reference)
+    seen = seen.only(counts >= LEAST_POSES)
+    fit, is_observable = _fit(seen, arm)
+    return _calibration(arm, reference, tuple(sets), tool, counts, seen, basis, fit, is_observable)
+
+
+def _check_poses(one: HoldSet) -> None:
+    count = len(one.paired.times)
+    if count < LEAST_POSES:
+        load = 'without weight' if one.weight is None else 'with the weight'
+        raise InvalidInputError(
+            f'{len(one.paired.holds)} holds {load} have {count} poses that a joint approached '
+            f'from both sides, expected at least {LEAST_POSES}: hold each pose for 1 s or longer '
+            'after a motion in the positive direction, and again after one in the negative '
+            'direction')
+
+
+def _observations(
+    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, reference: Reference,
+) -> tuple[Observations, FloatArray]:
+    """Return the equations of all sets, and the gravity parameters (4 × bodies, k) of β."""
+    Y = np.concatenate([
+        one.paired.mean(gravity_regressor(arm, one.paired.positions)) for one in sets])
+    effort = np.concatenate([one.paired.effort for one in sets])
+    is_used = np.concatenate([one.paired.is_paired for one in sets])
+    loads = np.concatenate([
+        np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
+    known = np.einsum('pjk,pk->pj', Y, loads)
+    if reference is Reference.WEIGHT:
+        return Observations(effort, known, Y @ (basis := _basis(Y[is_used])), is_used), basis
+    known += np.concatenate([
+        one.paired.mean(gravity_torque(arm, one.paired.positions)) for one in sets])
+    basis = np.zeros((Y.shape[2], 0))
+    if tool is not None and tool.mass is not None:
+        T = link_columns(arm, tool.link)
+        known += Y @ (T[:, 0] * tool.mass)
+        basis = T[:, 1:]
+    return Observations(effort, known, Y @ basis, is_used), basis
+
+
+def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
+    """Return the gravity parameters (4 × bodies,) of a weight."""
+    if weight is None:
+        return np.zeros(4 * (arm.pinocchio_model.njoints - 1))
+    columns = link_columns(arm, weight.link)
+    if not columns.any():
+        raise InvalidInputError(
+            f'the weight is on {weight.link!r}, which is fixed to the base, expected a link that '
+            'joints move')
+    return np.asarray(columns @ np.array([weight.mass, *(weight.mass * weight.com)]))
+
+
+def _basis(Y: FloatArray) -> FloatArray:
+    """Return orthonormal combinations of gravity parameters that determine the rows of Y."""
+    _, singular, Vt = np.linalg.svd(Y, full_matrices=False)
+    return np.asarray(Vt[singular > _SAME * singular[0]].T)
+
+
+def _fit(seen: Observations, arm: ArmModel) -> tuple[ScaleFit, BoolArray]:
+    """Return the fit, and which joints have an observable scale."""
+    n = arm.joint_count
+    fit = fit_scales(seen, np.zeros(n, dtype=np.bool_))
+    deviation = fit.deviations[0]
+    is_observable = seen.is_used.any(axis=0) & (
+        deviation < UNOBSERVABLE * np.abs(fit.inverse)) & (fit.inverse > 0.0)
+    if not is_observable.any():
+        span = np.ptp(seen.known + seen.columns @ fit.beta, axis=0)
+        raise InvalidInputError(
+            'no effort scale is observable: the gravity torque in the poses varies by '
+            f'{np.round(span, 3).tolist()} N·m at {list(arm.joint_names)}, and the effort has the '
+            f'standard deviation {np.round(fit.noise, 3).tolist()}, expected poses in which the '
+            'gravity torque differs more')
+    return (fit if is_observable.all() else fit_scales(seen, ~is_observable)), is_observable
+
+
+def _calibration(
+    arm: ArmModel, reference: Reference, sets: tuple[HoldSet, ...], tool: Tool | None,
+    counts: IntArray, seen: Observations, basis: FloatArray, fit: ScaleFit,
+    is_observable: BoolArray,
+) -> Calibration:
+    has_enough = counts >= LEAST_POSES
+    torque = seen.known + seen.columns @ fit.beta
+    used = np.where(seen.is_used, 1.0, np.nan)
+    with_one = _mean(seen.effort - torque, seen.is_used)
+    inverse = np.where(is_observable, fit.inverse, 1.0)
+    offset = np.where(is_observable, fit.offset, np.where(has_enough, with_one, 0.0))
+    deviation, offset_deviation, _ = fit.deviations
+    reachable = gravity_torque(arm, sample_positions(arm, 128))
+    return Calibration(
+        arm, reference, sets, _tool(arm, tool, reference, basis, fit),
+        1.0 / inverse, offset,
+        np.where(is_observable, deviation / inverse**2, np.inf),
+        np.where(has_enough, offset_deviation, np.inf),
+        is_observable, counts, fit.noise, fit.freedom,
+        np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
+                  for j, rows in enumerate(seen.is_used.T)]),
+        np.ptp(reachable, axis=0), fit.condition,
+        np.concatenate([one.paired.times for one in sets]), used * seen.effort,
+        used * model_effort(inverse, offset, fit.beta, seen))
+
+
+def _mean(values: FloatArray, is_used: BoolArray) -> FloatArray:
+    """Return the mean (n,) of the used values (P, n), 0 without any."""
+    return np.asarray((values * is_used).sum(axis=0) / np.maximum(is_used.sum(axis=0), 1))
+
+
+def _tool(
+    arm: ArmModel, tool: Tool | None, reference: Reference, basis: FloatArray, fit: ScaleFit,
+) -> ToolEstimate | None:
+    """Return the tool; with a weight, it is the difference to the masses of the URDF."""
+    if tool is None:
+        return None
+    n = arm.joint_count
+    covariance = fit.covariance[2 * n:, 2 * n:]
+    mass = tool.mass
+    if reference is Reference.TOOL:
+        return ToolEstimate(
+            tool.link, np.array([mass, *fit.beta]),
+            np.concatenate([[0.0], np.sqrt(np.diag(covariance))]))
+    T = basis.T @ link_columns(arm, tool.link)
+    difference = fit.beta - basis.T @ _urdf_parameters(arm)
+    if mass is None:
+        values, deviations = linear_fit(T, difference, covariance)
+    else:
+        moments, of_moments = linear_fit(T[:, 1:], difference - T[:, 0] * mass, covariance)
+        values, deviations = np.array([mass, *moments]), np.array([0.0, *of_moments])
+    return ToolEstimate(tool.link, values, deviations)
+
+
+def _urdf_parameters(arm: ArmModel) -> FloatArray:
+    """Return the gravity parameters (4 × bodies,) of the arm."""
+    return np.concatenate([
+        inertia.toDynamicParameters()[:4] for inertia in list(arm.pinocchio_model.inertias)[1:]])

@@ -1,0 +1,61 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Gravity torque at rest, linear in masses and first moments: g(q) = Y(q) φ.
+
+φ = (m, m c_x, m c_y, m c_z) of a body: [kg], [kg·m], in the frame of its link.
+"""
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import TorqueRegressor
+from robot_dynamics.model.rigid_body import RigidBody
+
+NAMES = ('m', 'mx', 'my', 'mz')
+"""Names of φ of a body."""
+UNITS = ('kg', 'kg·m', 'kg·m', 'kg·m')
+
+
+def gravity_torque(arm: ArmModel, q: FloatArray) -> FloatArray:
+    """Return g (m, n) of the arm with its payloads [N·m] or [N], at positions (m, n)."""
+    zero = np.zeros_like(q)
+    return RigidBody(arm).inverse_dynamics_batch(q, zero, zero)
+
+
+def gravity_regressor(arm: ArmModel, q: FloatArray) -> FloatArray:
+    """Return Y (m, n, 4 × bodies) at positions (m, n); bodies as in `regressor`."""
+    zero = np.zeros_like(q)
+    Y = TorqueRegressor(arm)(q, zero, zero)
+    kept = np.arange(Y.shape[2]) % COUNT < len(NAMES)
+    return np.asarray(Y[:, :, kept])
+
+
+def link_columns(arm: ArmModel, link: str) -> FloatArray:
+    """
+    Return T (4 × bodies, 4): Y T is the regressor of a load on a link, in the frame of the link.
+
+    Raises InvalidInputError for an unknown link.
+    """
+    frame = arm.link_frame(link, 'link')
+    T = np.zeros((len(NAMES) * (arm.pinocchio_model.njoints - 1), len(NAMES)))
+    if frame.parentJoint == 0:
+        return T  # fixed to the base: no joint bears it
+    body = T[len(NAMES) * (frame.parentJoint - 1):][:len(NAMES)]
+    body[0, 0] = 1.0
+    body[1:, 0] = frame.placement.translation
+    body[1:, 1:] = frame.placement.rotation
+    return T

@@ -1,0 +1,107 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arms with wrong torque constants, offsets and dry friction, and their static holds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.gravity_calibration.gravity_model import gravity_torque
+from robot_dynamics.gravity_calibration.holds import Hold
+from robot_dynamics.gravity_calibration.poses import select_poses
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import robot_urdf
+
+TOOL_LINKS = {'default': 'tool0', 'ur10': 'tool0', 'panda': 'panda_link8', 'xarm7': 'link7'}
+"""The arms of the tests, and the links of their tools."""
+
+
+def arm_of(name: str) -> ArmModel:
+    """Return an arm without its fingers."""
+    urdf = default_arm_urdf() if name == 'default' else robot_urdf(name)
+    joints = [joint for joint in load_arm(urdf).joint_names if 'finger' not in joint]
+    return load_arm(urdf, joints)
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenDrives:
+    """
+    Effort scale and offset (n,) that a calibration has to find, and dry friction (n,) [N·m].
+
+    At a hold, friction has a random part of `remainder` (0 to 1) less than its largest value;
+    `noise` (n,) [N·m] is the standard deviation of the mean effort.
+    """
+
+    arm: ArmModel
+    scale: FloatArray
+    offset: FloatArray
+    friction: FloatArray
+    noise: FloatArray
+    remainder: float = 0.0
+
+    @property
+    def limit(self) -> FloatArray:
+        return effort_limit(self.arm)
+
+    def holds(
+        self, positions: FloatArray, arm: ArmModel | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> list[Hold]:
+        """Return two holds of each position (m, n), of `arm` instead of the own arm if given."""
+        rng = np.random.default_rng(0) if rng is None else rng
+        found = []
+        gravity = gravity_torque(arm or self.arm, positions)
+        for q, g in zip(positions, gravity):
+            for side in (1, -1):
+                dry = self.friction * (1.0 - self.remainder * rng.uniform(size=len(q)))
+                effort = (g + side * dry) / self.scale + self.offset
+                start = 4.0 * len(found)
+                found.append(Hold(
+                    start, start + 2.0, q, effort + self.noise * rng.normal(size=len(q)),
+                    np.full(len(q), side)))
+        return found
+
+
+def effort_limit(arm: ArmModel) -> FloatArray:
+    """Return the effort limits (n,) [N·m]; 50 N·m without a limit."""
+    return np.where(np.isfinite(arm.limits.effort), arm.limits.effort, 50.0)
+
+
+def exact_drives(arm: ArmModel, seed: int = 0) -> HiddenDrives:
+    """Return torque constants that are wrong by up to 30 %, and friction that cancels exactly."""
+    rng = np.random.default_rng(seed)
+    n, limit = arm.joint_count, effort_limit(arm)
+    return HiddenDrives(
+        arm, rng.uniform(0.7, 1.3, n), rng.uniform(-0.05, 0.05, n) * limit,
+        rng.uniform(0.01, 0.02, n) * limit, np.zeros(n))
+
+
+def noisy_drives(arm: ArmModel, seed: int) -> HiddenDrives:
+    """Return `exact_drives` with noise, and friction that does not cancel exactly."""
+    drives = exact_drives(arm, seed)
+    return HiddenDrives(
+        arm, drives.scale, drives.offset, drives.friction, 2e-4 * drives.limit, 0.05)
+
+
+def poses_of(arm: ArmModel, count: int = 12) -> FloatArray:
+    """Return the positions (count, n) of the selected poses."""
+    return select_poses(arm, count).positions
+
+
+def load_on(name: str, mass: float, com=(0.03, 0.02, 0.1)):
+    """Return a load on the tool link of an arm."""
+    return make_payload(TOOL_LINKS[name], mass, com)
