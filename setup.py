@@ -28,6 +28,7 @@ EXECUTABLES = {
     'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
     'analyze_bag': 'robot_dynamics.tools.analyze_bag:main',
     'animate': 'robot_dynamics.tools.animate:main',
+    'calibrate_gravity': 'robot_dynamics.tools.calibrate_gravity:main',
     'check_model': 'robot_dynamics.tools.check_model:main',
     'demo': 'robot_dynamics.tools.demo.cli:main',
     'dynamics': 'robot_dynamics.tools.ros2_dynamics.cli:main',

@@ -28,7 +28,6 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
-from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_calibration.gravity_model import (
     gravity_regressor,
@@ -36,13 +35,8 @@ from robot_dynamics.gravity_calibration.gravity_model import (
     link_columns,
 )
 from robot_dynamics.gravity_calibration.holds import Hold, pair_holds, PairedHolds
-from robot_dynamics.gravity_calibration.scale_fit import (
-    fit_scales,
-    linear_fit,
-    model_effort,
-    Observations,
-    ScaleFit,
-)
+from robot_dynamics.gravity_calibration.scale_fit import fit_scales, Observations, ScaleFit
+from robot_dynamics.gravity_calibration.tool_estimate import estimate_tool, Tool, ToolEstimate
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
@@ -51,7 +45,6 @@ LEAST_POSES = 4
 """Smallest number of poses that a joint must approach from both sides."""
 UNOBSERVABLE = 0.1
 """Relative standard deviation from which on a scale is not observable."""
-CONFIDENCE = 0.95
 _SAME = 1e-9
 """Relative singular value below which gravity parameters have no effect on the poses."""
 
@@ -67,11 +60,11 @@ class Reference(Enum):
             'high by 1 %, all scales are too high by 1 %.')
 
 
-class Tool(NamedTuple):
-    """A tool on a link that the URDF does not contain; `mass` [kg] is None if unknown."""
+class DriveValues(NamedTuple):
+    """Effort scale (n,), and offset (n,) [N·m] or [N]."""
 
-    link: str
-    mass: float | None = None
+    scale: FloatArray
+    offset: FloatArray
 
 
 class HoldSet(NamedTuple):
@@ -82,27 +75,15 @@ class HoldSet(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ToolEstimate:
-    """
-    The mass [kg] and first moments [kg·m] of a tool in the frame of its link, (4,).
-
-    The standard deviations (4,) are 0 for a mass that was given, infinite if not observable.
-    """
-
-    link: str
-    values: FloatArray
-    deviations: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Calibration:
     """
-    Effort scale (n,) and offset (n,) [N·m] or [N] of an arm, with standard deviations (n,).
+    Effort scale (n,) and offset (n,) [N·m] or [N] of an arm.
 
-    A joint that `is_observable` does not mark has the scale 1; one with fewer than LEAST_POSES
-    poses (`pose_count`) also has the offset 0. `noise` is the standard deviation of the effort at
-    a pose, `freedom` its degrees of freedom, `torque_range` the range of the gravity torque in
-    the poses, `reachable_range` its range within the position limits, all (n,) [N·m] or [N].
+    They have standard deviations and half widths of the 95 % intervals (n,), infinite if kept.
+    A joint that `is_observable` does not mark keeps its previous scale; one with fewer than
+    LEAST_POSES poses (`pose_count`) also keeps its previous offset. `noise` is the standard
+    deviation of the effort at a pose, `torque_range` the range of the gravity torque in the poses,
+    `reachable_range` its range within the position limits, all (n,) [N·m] or [N].
     `times` (P,) [s], `measured` and `model` (P, n) are the effort at the poses of all sets, NaN
     where a joint was not approached from both sides.
     """
@@ -114,11 +95,12 @@ class Calibration:
     scale: FloatArray
     offset: FloatArray
     scale_deviation: FloatArray
+    scale_interval: FloatArray
     offset_deviation: FloatArray
+    offset_interval: FloatArray
     is_observable: BoolArray
     pose_count: IntArray
     noise: FloatArray
-    freedom: FloatArray
     torque_range: FloatArray
     reachable_range: FloatArray
     condition: float
@@ -130,21 +112,16 @@ class Calibration:
     def has_enough_poses(self) -> BoolArray:
         return np.asarray(self.pose_count >= LEAST_POSES)
 
-    @property
-    def coverage_factor(self) -> FloatArray:
-        """Return the half width of the 95 % interval in standard deviations, (n,)."""
-        quantile = optional('scipy.special', 'an interval of confidence').stdtrit
-        return np.asarray(quantile(np.maximum(self.freedom, 1.0), 0.5 + 0.5 * CONFIDENCE))
-
 
 def calibrate_holds(
     arm: ArmModel, without_weight: Sequence[Hold], with_weight: Sequence[Hold] = (),
-    weight: Payload | None = None, tool: Tool | None = None,
+    weight: Payload | None = None, tool: Tool | None = None, previous: DriveValues | None = None,
 ) -> Calibration:
     """
     Return the calibration from holds, those `with_weight` with a known weight on a link.
 
-    `arm` is that of the URDF, with its gravity. Raises InvalidInputError if there are too few
+    `arm` is that of the URDF, with its gravity. `previous` are the values that are kept if the
+    holds do not determine them, by default 1 and 0. Raises InvalidInputError if there are too few
     poses, no scale is observable, a link is unknown, or the mass of the tool is needed.
     """
     if bool(with_weight) != (weight is not None):
@@ -154,13 +131,13 @@ def calibrate_holds(
     sets = [HoldSet(pair_holds(without_weight, arm.joint_kinds))]
     if weight is not None:
         sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
-    return calibrate_sets(arm, sets, tool)
+    n = arm.joint_count
+    return _calibrate(arm, sets, tool, previous or DriveValues(np.ones(n), np.zeros(n)))
 
 
-def calibrate_sets(
-    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None = None,
+def _calibrate(
+    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, previous: DriveValues,
 ) -> Calibration:
-    """Return the calibration from paired holds, as `calibrate_holds`."""
     for one in sets:
         _check_poses(one)
     has_weight = any(one.weight is not None for one in sets)
@@ -174,8 +151,25 @@ def calibrate_sets(
                  start=np.zeros(arm.joint_count, dtype=np.int64))
     seen, basis = _observations(arm, sets, tool, reference)
     seen = seen.only(counts >= LEAST_POSES)
-    fit, is_observable = _fit(seen, arm)
-    return _calibration(arm, reference, tuple(sets), tool, counts, seen, basis, fit, is_observable)
+    fit, is_observable = _fit(seen, arm, 1.0 / previous.scale)
+    torque = seen.known + seen.columns @ fit.beta
+    n, has_enough = arm.joint_count, counts >= LEAST_POSES
+    found = _values(seen, torque, fit, is_observable, has_enough, previous)
+    used = np.where(seen.is_used, 1.0, np.nan)
+    k, o = (fit.spread(part) for part in np.split(np.eye(2 * n, len(fit.is_lost)), 2))
+    return Calibration(
+        arm, reference, tuple(sets),
+        None if tool is None else estimate_tool(arm, tool, has_weight, basis, fit),
+        found.scale, found.offset,
+        np.where(is_observable, k.deviation * found.scale**2, np.inf),
+        np.where(is_observable, k.interval * found.scale**2, np.inf),
+        np.where(has_enough, o.deviation, np.inf), np.where(has_enough, o.interval, np.inf),
+        is_observable, counts, fit.noise,
+        np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
+                  for j, rows in enumerate(seen.is_used.T)]),
+        np.ptp(gravity_torque(arm, sample_positions(arm, 128)), axis=0), fit.condition,
+        np.concatenate([one.paired.times for one in sets]), used * seen.effort,
+        used * (torque / found.scale + found.offset))
 
 
 def _check_poses(one: HoldSet) -> None:
@@ -230,78 +224,34 @@ def _basis(Y: FloatArray) -> FloatArray:
     return np.asarray(Vt[singular > _SAME * singular[0]].T)
 
 
-def _fit(seen: Observations, arm: ArmModel) -> tuple[ScaleFit, BoolArray]:
-    """Return the fit, and which joints have an observable scale."""
+def _fit(
+    seen: Observations, arm: ArmModel, assumed: FloatArray,
+) -> tuple[ScaleFit, BoolArray]:
+    """Return the fit, and which joints have an observable scale; the others are `assumed`."""
     n = arm.joint_count
-    fit = fit_scales(seen, np.zeros(n, dtype=np.bool_))
-    deviation = fit.deviations[0]
+    fit = fit_scales(seen, np.full(n, np.nan))
+    deviation = fit.spread(np.eye(n, len(fit.is_lost))).deviation
     is_observable = seen.is_used.any(axis=0) & (
         deviation < UNOBSERVABLE * np.abs(fit.inverse)) & (fit.inverse > 0.0)
     if not is_observable.any():
         span = np.ptp(seen.known + seen.columns @ fit.beta, axis=0)
         raise InvalidInputError(
             'no effort scale is observable: the gravity torque in the poses varies by '
-            f'{np.round(span, 3).tolist()} N·m at {list(arm.joint_names)}, and the effort has the '
-            f'standard deviation {np.round(fit.noise, 3).tolist()}, expected poses in which the '
+            f'{span.round(3).tolist()} N·m at {list(arm.joint_names)}, and the effort has the '
+            f'standard deviation {fit.noise.round(3).tolist()}, expected poses in which the '
             'gravity torque differs more')
-    return (fit if is_observable.all() else fit_scales(seen, ~is_observable)), is_observable
+    if not is_observable.all():
+        fit = fit_scales(seen, np.where(is_observable, np.nan, assumed))
+    return fit, is_observable
 
 
-def _calibration(
-    arm: ArmModel, reference: Reference, sets: tuple[HoldSet, ...], tool: Tool | None,
-    counts: IntArray, seen: Observations, basis: FloatArray, fit: ScaleFit,
-    is_observable: BoolArray,
-) -> Calibration:
-    has_enough = counts >= LEAST_POSES
-    torque = seen.known + seen.columns @ fit.beta
-    used = np.where(seen.is_used, 1.0, np.nan)
-    with_one = _mean(seen.effort - torque, seen.is_used)
-    inverse = np.where(is_observable, fit.inverse, 1.0)
-    offset = np.where(is_observable, fit.offset, np.where(has_enough, with_one, 0.0))
-    deviation, offset_deviation, _ = fit.deviations
-    reachable = gravity_torque(arm, sample_positions(arm, 128))
-    return Calibration(
-        arm, reference, sets, _tool(arm, tool, reference, basis, fit),
-        1.0 / inverse, offset,
-        np.where(is_observable, deviation / inverse**2, np.inf),
-        np.where(has_enough, offset_deviation, np.inf),
-        is_observable, counts, fit.noise, fit.freedom,
-        np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
-                  for j, rows in enumerate(seen.is_used.T)]),
-        np.ptp(reachable, axis=0), fit.condition,
-        np.concatenate([one.paired.times for one in sets]), used * seen.effort,
-        used * model_effort(inverse, offset, fit.beta, seen))
-
-
-def _mean(values: FloatArray, is_used: BoolArray) -> FloatArray:
-    """Return the mean (n,) of the used values (P, n), 0 without any."""
-    return np.asarray((values * is_used).sum(axis=0) / np.maximum(is_used.sum(axis=0), 1))
-
-
-def _tool(
-    arm: ArmModel, tool: Tool | None, reference: Reference, basis: FloatArray, fit: ScaleFit,
-) -> ToolEstimate | None:
-    """Return the tool; with a weight, it is the difference to the masses of the URDF."""
-    if tool is None:
-        return None
-    n = arm.joint_count
-    covariance = fit.covariance[2 * n:, 2 * n:]
-    mass = tool.mass
-    if reference is Reference.TOOL:
-        return ToolEstimate(
-            tool.link, np.array([mass, *fit.beta]),
-            np.concatenate([[0.0], np.sqrt(np.diag(covariance))]))
-    T = basis.T @ link_columns(arm, tool.link)
-    difference = fit.beta - basis.T @ _urdf_parameters(arm)
-    if mass is None:
-        values, deviations = linear_fit(T, difference, covariance)
-    else:
-        moments, of_moments = linear_fit(T[:, 1:], difference - T[:, 0] * mass, covariance)
-        values, deviations = np.array([mass, *moments]), np.array([0.0, *of_moments])
-    return ToolEstimate(tool.link, values, deviations)
-
-
-def _urdf_parameters(arm: ArmModel) -> FloatArray:
-    """Return the gravity parameters (4 × bodies,) of the arm."""
-    return np.concatenate([
-        inertia.toDynamicParameters()[:4] for inertia in list(arm.pinocchio_model.inertias)[1:]])
+def _values(
+    seen: Observations, torque: FloatArray, fit: ScaleFit, is_observable: BoolArray,
+    has_enough: BoolArray, previous: DriveValues,
+) -> DriveValues:
+    """Return scale and offset, of the fit or the previous ones."""
+    scale = np.where(is_observable, 1.0 / fit.inverse, previous.scale)
+    rows = np.maximum(seen.is_used.sum(axis=0), 1)
+    with_previous = np.where(seen.is_used, seen.effort - torque / scale, 0.0).sum(axis=0) / rows
+    return DriveValues(scale, np.where(
+        is_observable, fit.offset, np.where(has_enough, with_previous, previous.offset)))

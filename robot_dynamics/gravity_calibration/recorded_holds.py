@@ -14,18 +14,26 @@
 
 """The calibration of gravity from recordings of static holds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Calibration, Tool
+from robot_dynamics.gravity_calibration.calibration import (
+    calibrate_holds,
+    Calibration,
+    DriveValues,
+)
 from robot_dynamics.gravity_calibration.holds import find_holds, Hold
+from robot_dynamics.gravity_calibration.tool_estimate import Tool
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.validation import check_vector
 
 CALIBRATED = 'effort.scale', 'effort.offset'
 """The parameters that a calibration determines."""
@@ -66,16 +74,33 @@ def calibrate_recordings(
         raise _different_joints(loaded, without)
     return RecordedCalibration(
         calibrate_holds(
-            without.arm, without.holds, () if loaded is None else loaded.holds, weight, tool),
+            without.arm, without.holds, () if loaded is None else loaded.holds, weight, tool,
+            previous_values(without.arm, settings.parameters)),
         without, loaded)
+
+
+def previous_values(arm: ArmModel, parameters: Mapping[str, Any]) -> DriveValues:
+    """Return effort scale and offset of the parameters; raise InvalidInputError."""
+    found = []
+    for name, default in zip(CALIBRATED, (1.0, 0.0)):
+        values = parameters.get(name) or [default]
+        joints = parameters.get('joints') or arm.joint_names
+        if len(values) == 1:
+            values = [values[0]] * len(joints)
+        by_name = dict(zip(joints, check_vector(name, values, len(joints), joints).tolist()))
+        found.append(np.array([by_name.get(joint, default) for joint in arm.joint_names]))
+    scale, offset = found
+    if (scale <= 0.0).any():
+        raise InvalidInputError(f'effort.scale is {scale.tolist()}, expected numbers > 0')
+    return DriveValues(scale, offset)
 
 
 def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHolds:
     """
     Return the holds of recordings with the same load, as if they were one recording.
 
-    `effort.scale` and `effort.offset` of the settings have no effect: the effort is that of the
-    driver. Raises as `calibrate_recordings`.
+    `effort.scale` and `effort.offset` of the settings do not change the effort, which is that of
+    the driver. Raises as `calibrate_recordings`.
     """
     read = [_read(bag, settings) for bag in bags]
     holds: list[Hold] = []

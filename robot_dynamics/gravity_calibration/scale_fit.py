@@ -24,16 +24,23 @@ Regression*, Wiley 1989, sections 2.1 and 2.8.8 (iteratively estimated weights).
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.dependencies import optional
 
+CONFIDENCE = 0.95
 TYPICAL_SCALE_ERROR = 0.3
-"""Standard deviation of 1/s about 1 that is assumed for a joint without observable scale."""
+"""Standard deviation of 1/s about its assumed value, at a joint without observable scale."""
 _STEPS, _ROUNDS = 30, 6
 _CONVERGED = 1e-13
 _SINGULAR = 1e-9
 """Relative singular value below which a combination of parameters is not determined."""
+_LOST = 1e-5
+"""Smallest part of a parameter in an undetermined combination that makes it undetermined."""
+_UNLIMITED = 1e9
+"""Degrees of freedom of what is not estimated from residuals."""
 _LEAST_NOISE = 1e-10
 """Smallest standard deviation of the effort, relative to its largest value."""
 
@@ -56,31 +63,59 @@ class Observations:
         return replace(self, is_used=self.is_used & joints)
 
 
+class Spread(NamedTuple):
+    """Standard deviations and half widths of the 95 % intervals; infinite if not determined."""
+
+    deviation: FloatArray
+    interval: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class ScaleFit:
     """
-    Inverse scale k (n,), offset o (n,) [N·m] or [N], and β (k,), with their covariance.
+    Inverse scale k (n,), offset o (n,) [N·m] or [N], and β (k,).
 
-    The covariance is in the order k, o, β, infinite for what is not determined. `noise` (n,) is
-    the standard deviation of the effort, `freedom` (n,) the degrees of freedom of this value;
-    `condition` is the condition number of the weighted Jacobian with columns of length 1, of the
-    combinations of parameters that it determines.
+    `noise` (n,) is the standard deviation of the effort. `parts` (n + 1, 2n + k, 2n + k) are the
+    parts of the covariance of k, o and β, in this order, due to the noise of each joint, and the
+    assumed scales; `freedom` (n + 1,) are the degrees of freedom of their noise, `is_lost`
+    (2n + k,) marks what is not determined. `condition` is the condition number of the weighted
+    Jacobian with columns of length 1, of the combinations of parameters that it determines.
     """
 
     inverse: FloatArray
     offset: FloatArray
     beta: FloatArray
-    covariance: FloatArray
     noise: FloatArray
+    parts: FloatArray
     freedom: FloatArray
+    is_lost: BoolArray
     condition: float
 
     @property
-    def deviations(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the standard deviations of k, o and β."""
-        n = len(self.inverse)
-        all_of_them = np.sqrt(np.diag(self.covariance))
-        return all_of_them[:n], all_of_them[n:2 * n], all_of_them[2 * n:]
+    def covariance(self) -> FloatArray:
+        """Return the covariance (2n + k, 2n + k), without what is not determined."""
+        return np.asarray(self.parts.sum(axis=0))
+
+    def spread(self, combinations: FloatArray) -> Spread:
+        """
+        Return the spread of combinations (c, 2n + k) of k, o and β.
+
+        With the fraction f_j of the variance due to joint j, and the degrees of freedom ν_j, the
+        estimated weights increase the variance by the factor 1 + 4 Σ f_j (1 − f_j) / ν_j, and the
+        intervals are those of Student's t with 1 / Σ (f_j² / ν_j) degrees of freedom: P. Meier,
+        *Variance of a weighted mean*, Biometrics 9(1), 1953.
+        """
+        C = combinations
+        variances = np.einsum('ck,jkl,cl->jc', C, self.parts, C, optimize=True)
+        total = variances.sum(axis=0)
+        share = np.divide(variances, total, out=np.zeros_like(variances), where=total > 0.0)
+        of_joint = self.freedom[:, None]
+        deviation = np.sqrt(total * (1.0 + 4.0 * (share * (1.0 - share) / of_joint).sum(axis=0)))
+        freedom = 1.0 / np.maximum((share**2 / of_joint).sum(axis=0), 1.0 / _UNLIMITED)
+        quantile = optional('scipy.special', 'an interval of confidence').stdtrit
+        interval = deviation * quantile(freedom, 0.5 + 0.5 * CONFIDENCE)
+        is_lost = (np.abs(C[:, self.is_lost]) > _LOST).any(axis=1)
+        return Spread(np.where(is_lost, np.inf, deviation), np.where(is_lost, np.inf, interval))
 
 
 def model_effort(
@@ -101,11 +136,11 @@ def effort_jacobian(inverse: FloatArray, beta: FloatArray, seen: Observations) -
     return J
 
 
-def fit_scales(seen: Observations, is_assumed: BoolArray) -> ScaleFit:
+def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
     """
     Return the fit.
 
-    k is pulled to 1 with TYPICAL_SCALE_ERROR at the joints that `is_assumed` (n,) marks.
+    k is pulled to `assumed` (n,) with TYPICAL_SCALE_ERROR, and is free where that is NaN.
     """
     n, count = seen.columns.shape[1:]
     values = _first_values(seen)
@@ -113,17 +148,20 @@ def fit_scales(seen: Observations, is_assumed: BoolArray) -> ScaleFit:
     floor = _LEAST_NOISE * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3)
     rows = seen.is_used.sum(axis=0)
     for _ in range(_ROUNDS):
-        J, singular = _minimise(seen, is_assumed, noise, values)
-        basis, _, _ = _decomposed(J)
+        _minimise(seen, assumed, noise, values)
+        basis, _, _ = _decomposed(_weighted_jacobian(seen, assumed, noise, values))
         leverage = (basis**2).sum(axis=1)[:seen.is_used.size].reshape(-1, n).sum(axis=0)
-        freedom = rows - leverage
+        freedom = np.maximum(rows - leverage, 1.0)
         squares = (_residual(seen, values)**2).sum(axis=0)
-        noise = np.sqrt(squares / np.maximum(freedom, 1.0))
-        noise = np.maximum(noise, floor)
-    J = _weighted_jacobian(seen, is_assumed, noise, values)
+        noise = np.maximum(np.sqrt(squares / freedom), floor)
+    J = _weighted_jacobian(seen, assumed, noise, values)
+    basis, singular, back = _decomposed(J)
+    joint = np.append(np.tile(np.arange(n), len(seen.effort)), np.full(n, n))
+    parts = np.array([
+        back @ (basis[joint == j].T @ basis[joint == j]) @ back.T for j in range(n + 1)])
     return ScaleFit(
-        values[:n], values[n:2 * n], values[2 * n:], _covariance(J), noise, freedom,
-        _condition(singular))
+        values[:n], values[n:2 * n], values[2 * n:], noise, parts,
+        np.append(freedom, _UNLIMITED), _is_lost(J), _condition(singular))
 
 
 def _first_values(seen: Observations) -> FloatArray:
@@ -153,33 +191,32 @@ def _residual(seen: Observations, values: FloatArray) -> FloatArray:
 
 
 def _weighted_jacobian(
-    seen: Observations, is_assumed: BoolArray, noise: FloatArray, values: FloatArray,
+    seen: Observations, assumed: FloatArray, noise: FloatArray, values: FloatArray,
 ) -> FloatArray:
     """Return the rows of all equations, (P n + n, 2n + k), and of the assumed scales."""
     n = len(noise)
     J = effort_jacobian(values[:n], values[2 * n:], seen) / noise[:, None]
     J *= seen.is_used[:, :, None]
     pull = np.zeros((n, J.shape[2]))
-    pull[np.arange(n), np.arange(n)] = is_assumed / TYPICAL_SCALE_ERROR
+    pull[np.arange(n), np.arange(n)] = np.isfinite(assumed) / TYPICAL_SCALE_ERROR
     return np.concatenate([J.reshape(-1, J.shape[2]), pull])
 
 
 def _minimise(
-    seen: Observations, is_assumed: BoolArray, noise: FloatArray, values: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Change `values` to the least squares; return Jacobian and singular values there."""
+    seen: Observations, assumed: FloatArray, noise: FloatArray, values: FloatArray,
+) -> None:
+    """Change `values` to the least squares."""
     n = len(noise)
     for _ in range(_STEPS):
-        J = _weighted_jacobian(seen, is_assumed, noise, values)
+        J = _weighted_jacobian(seen, assumed, noise, values)
         r = np.concatenate([
             (_residual(seen, values) / noise).ravel(),
-            is_assumed / TYPICAL_SCALE_ERROR * (1.0 - values[:n])])
-        basis, singular, back = _decomposed(J)
+            np.nan_to_num(assumed - values[:n]) / TYPICAL_SCALE_ERROR])
+        basis, _, back = _decomposed(J)
         step = back @ (basis.T @ r)
         values += step
         if (np.abs(step) <= _CONVERGED * (1.0 + np.abs(values))).all():
             break
-    return J, singular
 
 
 def _decomposed(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -191,35 +228,25 @@ def _decomposed(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return U[:, kept], singular, scale[:, None] * Vt[kept].T / singular[kept]
 
 
-def _covariance(J: FloatArray) -> FloatArray:
-    """Return the covariance; infinite variances for parameters that J does not determine."""
+def _is_lost(J: FloatArray) -> BoolArray:
+    """Return which parameters J (m, p) does not determine, (p,)."""
     norm = np.linalg.norm(J, axis=0)
-    _, singular, back = _decomposed(J)
-    covariance = back @ back.T
     scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
-    Vt = np.linalg.svd(J * scale, full_matrices=True)[2]
+    _, singular, Vt = np.linalg.svd(J * scale, full_matrices=True)
     lost = Vt[(singular > _SINGULAR * singular[0]).sum():]
-    is_lost = (norm == 0.0) | (np.abs(lost) > 1e-5).any(axis=0)
-    covariance[is_lost] = covariance[:, is_lost] = 0.0
-    covariance[is_lost, is_lost] = np.inf
-    return np.asarray(covariance)
+    return np.asarray((norm == 0.0) | (np.abs(lost) > _LOST).any(axis=0))
 
 
-def linear_fit(
-    A: FloatArray, b: FloatArray, covariance: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolArray]:
     """
-    Return the least squares x of A x = b, and standard deviations, infinite if not determined.
+    Return G (p, m) of the least squares x = G b of A x = b, and which of x are not determined.
 
-    b (m,) has this covariance (m, m); entries with an infinite variance are left out.
+    b (m,) has this covariance (m, m).
     """
-    known = np.isfinite(np.diag(covariance))
-    variance, axes = np.linalg.eigh(covariance[np.ix_(known, known)])
+    variance, axes = np.linalg.eigh(covariance)
     rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
-    whitened = rows @ A[known]
-    basis, _, back = _decomposed(whitened)
-    return np.asarray(back @ (basis.T @ (rows @ b[known]))), np.sqrt(
-        np.diag(_covariance(whitened)))
+    basis, _, back = _decomposed(rows @ A)
+    return np.asarray(back @ basis.T @ rows), _is_lost(rows @ A)
 
 
 def _condition(singular: FloatArray) -> float:

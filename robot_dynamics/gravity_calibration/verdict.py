@@ -21,7 +21,7 @@ LEAST_SCALE, LARGEST_SCALE = 0.2, 5.0
 """Range of the effort scale that the nodes accept."""
 LARGEST_OFFSET = 0.2
 """Largest offset that the nodes accept, as a fraction of the effort limit."""
-GOOD_SCALE, GOOD_OFFSET = 0.02, 0.02
+GOOD_SCALE, GOOD_OFFSET = 0.01, 0.02
 """Half widths of the 95 % intervals of a good calibration: of the scale, and of the limit."""
 UNLOADED = 0.01
 """A joint bears no gravity if its torque varies by less than this fraction of that of others."""
@@ -55,12 +55,12 @@ def is_accepted(found: Calibration) -> bool:
 def _verdict(found: Calibration, j: int) -> Verdict:
     name, unit = found.arm.joint_names[j], effort_unit(found, j)
     limit = float(found.arm.limits.effort[j])
-    factor = float(found.coverage_factor[j])
-    offset, of_offset = float(found.offset[j]), factor * float(found.offset_deviation[j])
+    offset, of_offset = float(found.offset[j]), float(found.offset_interval[j])
     if not found.has_enough_poses[j]:
         return Verdict(name, Grade.UNKNOWN, (
             f'approached from both sides in {found.pose_count[j]} poses, expected at least '
-            f'{LEAST_POSES}: scale 1 and offset 0 are kept'), SIDES)
+            f'{LEAST_POSES}: scale {found.scale[j]:.4g} and offset {offset:.3g} {unit} are '
+            'kept'), SIDES)
     at_zero = f'offset {offset:.3g} ± {of_offset:.2g} {unit}'
     if abs(offset) > LARGEST_OFFSET * limit:
         return Verdict(name, Grade.BAD, (
@@ -68,7 +68,7 @@ def _verdict(found: Calibration, j: int) -> Verdict:
             f'{limit:g} {unit}'), UNITS)
     if not found.is_observable[j]:
         return _unobservable(found, j, at_zero)
-    scale, of_scale = float(found.scale[j]), factor * float(found.scale_deviation[j])
+    scale, of_scale = float(found.scale[j]), float(found.scale_interval[j])
     text = f'scale {scale:.4g} ± {of_scale:.2g}, {at_zero}'
     if not LEAST_SCALE <= scale <= LARGEST_SCALE:
         return Verdict(name, Grade.BAD, (
@@ -80,14 +80,15 @@ def _verdict(found: Calibration, j: int) -> Verdict:
 
 def _unobservable(found: Calibration, j: int, at_zero: str) -> Verdict:
     name, unit = found.arm.joint_names[j], effort_unit(found, j)
+    kept = f'scale {found.scale[j]:.4g} is kept; {at_zero}'
     if found.reachable_range[j] <= UNLOADED * found.reachable_range.max() and (
             found.torque_range[j] <= UNLOADED * found.reachable_range.max()):
         return Verdict(name, Grade.UNKNOWN, (
-            f'gravity does not load this joint: scale 1 is kept; {at_zero}'), OTHER_SOURCE)
+            f'gravity does not load this joint: {kept}'), OTHER_SOURCE)
     return Verdict(name, Grade.UNKNOWN, (
         f'the gravity torque varies by {found.torque_range[j]:.3g} {unit} in the poses, within '
         f'the limits by {found.reachable_range[j]:.3g} {unit}; the effort has the standard '
-        f'deviation {found.noise[j]:.2g} {unit}: scale 1 is kept; {at_zero}'), _more(found))
+        f'deviation {found.noise[j]:.2g} {unit}: {kept}'), _more(found))
 
 
 def _more(found: Calibration) -> str:

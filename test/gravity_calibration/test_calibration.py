@@ -20,11 +20,7 @@ from calibration_bench import arm_of, exact_drives, load_on, poses_of, TOOL_LINK
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_calibration.calibration import (
-    calibrate_holds,
-    Reference,
-    Tool,
-)
+from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Reference
 from robot_dynamics.gravity_calibration.gravity_model import (
     gravity_regressor,
     gravity_torque,
@@ -35,6 +31,7 @@ from robot_dynamics.gravity_calibration.scale_fit import (
     model_effort,
     Observations,
 )
+from robot_dynamics.gravity_calibration.tool_estimate import Tool
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf

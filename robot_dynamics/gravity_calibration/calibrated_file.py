@@ -1,0 +1,106 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parameter file of a calibration: the given file, with effort scale and offset."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from robot_dynamics.dependencies import optional
+from robot_dynamics.gravity_calibration.calibration import Calibration
+from robot_dynamics.gravity_calibration.recorded_holds import CALIBRATED, RecordedCalibration
+from robot_dynamics.model.yaml_text import load_yaml
+
+SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
+"""Sections of the node in a parameter file; a later one overrides an earlier one."""
+_DIGITS = 6
+
+
+def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()) -> str:
+    """
+    Return a parameter file of ROS 2 with `effort.scale` and `effort.offset`, comments first.
+
+    `given` is the text of the previous file, or ''. Its other parameters, also those of other
+    nodes, are kept, its comments are not. The new parameters are in the last section that applies
+    to `dynamics`, and have one value for each of the parameter `joints`, which is added if the
+    file does not set it. Joints that were not recorded keep their values.
+    """
+    document = load_yaml(given, 'a parameter file') or {}
+    present = [name for name in SECTIONS if isinstance(document.get(name), dict)] or ['/**']
+    joints = list(found.arm.joint_names)
+    before: dict[str, Any] = {}
+    has_joints = False
+    for name in present:
+        values = document.setdefault(name, {}).setdefault('ros__parameters', {})
+        before |= _taken_out(values)
+        joints = list(values.get('joints') or joints)
+        has_joints |= bool(values.get('joints'))
+    values = document[present[-1]]['ros__parameters']
+    if not has_joints:
+        values['joints'] = joints
+    values['effort'] = {
+        **values.get('effort', {}), 'scale': _in_order(found, joints, before, 'scale', 1.0),
+        'offset': _in_order(found, joints, before, 'offset', 0.0)}
+    return ''.join(f'# {comment}'.rstrip() + '\n' for comment in comments) + _as_yaml(document)
+
+
+def _taken_out(values: dict[str, Any]) -> dict[str, Any]:
+    """Remove the calibrated parameters of a section, and return them by their full names."""
+    found = {name: values.pop(name) for name in CALIBRATED if name in values}
+    group = values.get('effort')
+    if isinstance(group, dict):
+        found |= {name: group.pop(name.partition('.')[2]) for name in CALIBRATED
+                  if name.partition('.')[2] in group}
+    return found
+
+
+def _in_order(
+    found: Calibration, joints: Sequence[str], before: Mapping[str, Any], name: str,
+    default: float,
+) -> list[float]:
+    """Return one value for each joint, that of the previous file if it is not calibrated."""
+    old = np.asarray(before.get(f'effort.{name}') or [default], dtype=np.float64)
+    values = dict(zip(joints, np.broadcast_to(old, len(joints)).tolist()))
+    for joint, value in zip(found.arm.joint_names, getattr(found, name)):
+        values[joint] = float(f'{value:.{_DIGITS}g}')
+    return [values[joint] for joint in joints]
+
+
+def _as_yaml(document: Mapping[str, Any]) -> str:
+    """Return a document with arrays in one line, and text of several lines as it is."""
+    yaml = optional('yaml', 'a parameter file')
+
+    class Dumper(yaml.SafeDumper):  # type: ignore[name-defined]
+        pass
+
+    Dumper.add_representer(list, lambda dumper, value: dumper.represent_sequence(
+        'tag:yaml.org,2002:seq', value, flow_style=True))
+    Dumper.add_representer(str, lambda dumper, value: dumper.represent_scalar(
+        'tag:yaml.org,2002:str', value, style='|' if '\n' in value else None))
+    return str(yaml.dump(document, Dumper=Dumper, sort_keys=False, width=10_000,
+                         allow_unicode=True))
+
+
+def header(found: RecordedCalibration, path: Path) -> list[str]:
+    """Return the comments of a parameter file with this path."""
+    recordings = [one for one in (found.without_weight, found.with_weight) if one is not None]
+    names = ', '.join(bag.name for one in recordings for bag in one.bags)
+    return [
+        f'Effort scale and offset by `calibrate_gravity` from {names}.',
+        found.calibration.reference.value,
+        '',
+        f'  ros2 run robot_dynamics dynamics_node --ros-args --params-file {path.name}',
+    ]

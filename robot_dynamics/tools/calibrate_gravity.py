@@ -1,0 +1,197 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Calibrate effort scale and offset from static holds: `calibrate_gravity BAG… --urdf URDF`.
+
+Exit status: 0 done; 1 the nodes would not accept a value, the report names it; 2 a mistake in the
+arguments, or the recordings do not permit a calibration; 130 interrupted.
+"""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+import os
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from robot_dynamics.tools.command_line import (
+    add_force,
+    add_parameters,
+    add_recordings,
+    DONE,
+    FAILED,
+    origin_of,
+    Parser,
+    prepare_file,
+    read_settings,
+    run_tool,
+    writing,
+)
+
+if TYPE_CHECKING:
+    from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
+    from robot_dynamics.gravity_calibration.tool_estimate import Tool
+    from robot_dynamics.model.payload import Payload
+
+OUTPUT = Path('calibrated.yaml')
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    # Before numpy is loaded: threads slow down operations on matrices of this size.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    return run_tool('calibrate_gravity', partial(_run, arguments, argv))
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog='calibrate_gravity',
+        description='Calibrate effort scale and offset of each joint from recorded static holds, '
+                    'each approached from\nboth sides. Writes a parameter file for dynamics_node '
+                    'and a report.',
+        epilog='exit status: 0 done, 1 the nodes would not accept a value, 2 a mistake in the '
+               'arguments or in the\nrecordings, 130 interrupted')
+    add_recordings(parser, None)
+    parser.add_argument(
+        '--with-weight', nargs='+', type=Path, default=[], metavar='BAG',
+        help='Recordings of holds with a known weight, which determines the scale; requires '
+             '--weight-mass and --weight-link')
+    parser.add_argument('--weight-mass', type=float, metavar='KG', help='Mass of the weight [kg]')
+    parser.add_argument(
+        '--weight-link', metavar='LINK', help='Link of the URDF that carries the weight')
+    parser.add_argument(
+        '--weight-position', nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=('X', 'Y', 'Z'),
+        help='Centre of mass of the weight in the frame of its link [m] (default: 0 0 0)')
+    parser.add_argument(
+        '--tool-link', metavar='LINK',
+        help='Link that carries a tool that is not part of the URDF: its first moments are '
+             'estimated, and its mass if --tool-mass is omitted')
+    parser.add_argument(
+        '--tool-mass', type=float, metavar='KG',
+        help='Known mass of this tool [kg]; required without --with-weight')
+    add_parameters(
+        parser, 'joints, gravity, motors, measured_effort, effort; all are copied to the output')
+    parser.add_argument(
+        '-o', '--output', type=Path, default=OUTPUT, metavar='FILE',
+        help='Output parameter file; the report has the same name, with the suffix .html '
+             '(default: %(default)s)')
+    add_force(parser)
+    return parser
+
+
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
+    from robot_dynamics.dependencies import require
+    from robot_dynamics.recordings.bag_files import find_recordings
+    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
+    loads(arguments)  # report a mistake before the recordings are read
+    prepare_outputs(arguments)
+    return finish(
+        arguments, argv, find_recordings(arguments.bags),
+        find_recordings(arguments.with_weight) if arguments.with_weight else [])
+
+
+def prepare_outputs(arguments: argparse.Namespace) -> None:
+    """Make the directory of the output files; raise InvalidInputError if a file exists."""
+    for path in (arguments.output, _report_path(arguments)):
+        prepare_file(path, arguments.force)
+
+
+def _report_path(arguments: argparse.Namespace) -> Path:
+    return Path(arguments.output.with_suffix('.html'))
+
+
+def loads(arguments: argparse.Namespace) -> tuple['Payload | None', 'Tool | None']:
+    """Return the known weight and the tool; raise InvalidInputError if options are missing."""
+    from robot_dynamics.exceptions import InvalidInputError
+    from robot_dynamics.gravity_calibration.tool_estimate import Tool
+    from robot_dynamics.model.payload import make_payload
+    from robot_dynamics.validation import check_scalar, LARGEST_VALUE
+    weight = tool = None
+    given = [arguments.weight_mass is not None, arguments.weight_link is not None]
+    if given != 2 * [bool(arguments.with_weight)]:
+        raise InvalidInputError(
+            'expected --with-weight, --weight-mass and --weight-link together, or none of them')
+    if arguments.with_weight:
+        check_scalar(
+            '--weight-mass', arguments.weight_mass, 0.0, LARGEST_VALUE, exclusive_minimum=True)
+        weight = make_payload(
+            arguments.weight_link, arguments.weight_mass, arguments.weight_position)
+    if arguments.tool_link is not None:
+        if arguments.tool_mass is not None:
+            check_scalar('--tool-mass', arguments.tool_mass, 0.0, LARGEST_VALUE)
+        tool = Tool(arguments.tool_link, arguments.tool_mass)
+    elif arguments.tool_mass is not None:
+        raise InvalidInputError('--tool-mass is given, expected --tool-link with it')
+    if tool is not None and tool.mass is None and weight is None:
+        raise InvalidInputError(
+            '--tool-link is given without --tool-mass, expected it, or --with-weight: effort '
+            'scale and mass are confounded')
+    return weight, tool
+
+
+def finish(
+    arguments: argparse.Namespace, argv: Sequence[str] | None, bags: Sequence[Path],
+    weighted_bags: Sequence[Path],
+) -> int:
+    """Calibrate from recordings, write the files, print the results; return the exit status."""
+    from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file, header
+    from robot_dynamics.gravity_calibration.recorded_holds import calibrate_recordings
+    from robot_dynamics.gravity_calibration.report import calibration_page
+    from robot_dynamics.gravity_calibration.verdict import is_accepted
+    weight, tool = loads(arguments)
+    found = calibrate_recordings(
+        bags, read_settings(arguments), weighted_bags, weight, tool)
+    origin = origin_of('calibrate_gravity', argv, arguments.urdf, '')
+    written = [_report_path(arguments)]
+    with writing(written[0]):
+        written[0].write_text(calibration_page(found, origin), encoding='utf-8')
+    is_good = is_accepted(found.calibration)
+    if is_good:
+        given = '' if arguments.parameters is None else arguments.parameters.read_text(
+            encoding='utf-8')
+        with writing(arguments.output):
+            arguments.output.write_text(calibrated_file(
+                given, found.calibration, header(found, arguments.output)), encoding='utf-8')
+        written.insert(0, arguments.output)
+    _print(found, written)
+    if not is_good:
+        print(f'calibrate_gravity: {arguments.output} is not written, because the nodes would not '
+              'accept all values', file=sys.stderr)
+    return DONE if is_good else FAILED
+
+
+def _print(found: 'RecordedCalibration', written: Sequence[Path]) -> None:
+    from robot_dynamics.gravity_calibration.summary import fact_rows, joint_rows, notes, tool_rows
+    from robot_dynamics.gravity_calibration.verdict import joint_verdicts
+    from robot_dynamics.reporting.html_page import summary
+    from robot_dynamics.reporting.text_table import quantity_table, text_table
+    verdicts = joint_verdicts(found.calibration)
+    print(text_table([], fact_rows(found)))
+    print('\nTorque at the joint = effort scale · (effort of the driver − effort offset):')
+    print(quantity_table(joint_rows(found.calibration)))
+    if found.calibration.tool is not None:
+        print('\n' + quantity_table(tool_rows(found.calibration)))
+    print('\n' + summary(verdicts, 'joints'))
+    for name, grade, text, step in verdicts:
+        print(f'  {name}: {grade.value[0]}: {text}. Next step: {step}')
+    print('\nWritten:\n' + '\n'.join(f'  {path}' for path in written))
+    for note in notes(found.calibration):
+        print(note)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
