@@ -90,6 +90,7 @@ def _parser() -> Parser:
         help='Output parameter file; the report has the same name, with the suffix .html '
              '(default: %(default)s)')
     add_force(parser)
+    parser.set_defaults(cutoff=None)  # holds are not filtered
     return parser
 
 

@@ -15,8 +15,10 @@
 """Arms with wrong torque constants, offsets and dry friction, and their static holds."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from recordings import START_NS, write_recording
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.gravity_calibration.gravity_model import gravity_torque
 from robot_dynamics.gravity_calibration.holds import Hold
@@ -24,6 +26,7 @@ from robot_dynamics.gravity_calibration.poses import select_poses
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robots import robot_urdf
 
 TOOL_LINKS = {'default': 'tool0', 'ur10': 'tool0', 'panda': 'panda_link8', 'xarm7': 'link7'}
@@ -94,7 +97,7 @@ def noisy_drives(arm: ArmModel, seed: int) -> HiddenDrives:
     """Return `exact_drives` with noise, and friction that does not cancel exactly."""
     drives = exact_drives(arm, seed)
     return HiddenDrives(
-        arm, drives.scale, drives.offset, drives.friction, 2e-4 * drives.limit, 0.05)
+        arm, drives.scale, drives.offset, drives.friction, 2e-4 * drives.limit, 0.1)
 
 
 def poses_of(arm: ArmModel, count: int = 12) -> FloatArray:
@@ -105,3 +108,36 @@ def poses_of(arm: ArmModel, count: int = 12) -> FloatArray:
 def load_on(name: str, mass: float, com=(0.03, 0.02, 0.1)):
     """Return a load on the tool link of an arm."""
     return make_payload(TOOL_LINKS[name], mass, com)
+
+
+class HoldRecording:
+    """
+    The joint states of a driver that approaches each position from both sides, and rests there.
+
+    Positions move linearly from position ± 0.1 to the position, and rest for `seconds`. Dry
+    friction has the sign of the last motion.
+    """
+
+    def __init__(
+        self, drives: HiddenDrives, positions: FloatArray, arm: ArmModel | None = None,
+        rate: float = 50.0, seconds: float = 2.0,
+    ) -> None:
+        self.names = drives.arm.joint_names
+        at, side = [], []
+        for q in positions:
+            for direction in (1, -1):
+                way = np.linspace(q - 0.1 * direction, q, int(rate))
+                at.append(np.concatenate([way, np.tile(q, (int(rate * seconds), 1))]))
+                side.append(np.full(len(at[-1]), direction))
+        self.q = np.concatenate(at)
+        gravity = gravity_torque(arm or drives.arm, self.q)
+        dry = np.concatenate(side)[:, None] * drives.friction
+        self.effort = (gravity + dry) / drives.scale + drives.offset
+        self.stamps_ns = START_NS + np.round(
+            1e9 / rate * np.arange(len(self.q))).astype(np.int64)
+
+    def write(self, path: Path) -> Path:
+        """Write a recording; return its path."""
+        messages = joint_state_messages(
+            self.stamps_ns, self.names, self.q, None, self.effort)
+        return write_recording(path, list(zip(self.stamps_ns.tolist(), messages)))

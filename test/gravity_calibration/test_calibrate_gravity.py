@@ -1,0 +1,219 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tool on recordings: parameter file, report, printed results, and refusals."""
+
+from pathlib import Path
+
+from calibration_bench import arm_of, exact_drives, HiddenDrives, HoldRecording, load_on, poses_of
+import numpy as np
+import pytest
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
+from robot_dynamics.gravity_calibration.calibration import calibrate_holds
+from robot_dynamics.gravity_calibration.recorded_holds import previous_values, read_holds
+from robot_dynamics.model.arm_parameters import read_parameter_file
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools.calibrate_gravity import main
+
+WEIGHT = ['--weight-mass', '2', '--weight-link', 'tool0', '--weight-position', '0.1', '0', '0.05']
+GIVEN = """\
+/**:
+  ros__parameters:
+    joints: [joint1, joint2]
+    gravity: [0.0, 0.0, -9.81]
+    friction:
+      viscous: [0.1, 0.2]
+dynamics:
+  ros__parameters:
+    command: gravity_compensation
+    effort.scale: [1.0, 1.0]
+simulated_arm:
+  ros__parameters:
+    effort:
+      scale: [0.8, 1.25]
+"""
+"""A parameter file with a section for each node."""
+
+
+@pytest.fixture(scope='module')
+def drives() -> HiddenDrives:
+    return exact_drives(arm_of('default'), 4)
+
+
+@pytest.fixture(scope='module')
+def files(tmp_path_factory: pytest.TempPathFactory, drives: HiddenDrives) -> Path:
+    """Return a directory with recordings of the default arm: bare, with tool, with a weight."""
+    directory = tmp_path_factory.mktemp('recordings')
+    arm, q = drives.arm, poses_of(drives.arm, 8)
+    tool, weight = load_on('default', 1.5), load_on('default', 2.0, (0.1, 0.0, 0.05))
+    for name, loads in (('bare', []), ('tool', [tool]), ('weight', [tool, weight])):
+        HoldRecording(drives, q, arm.with_payloads(loads)).write(directory / name)
+    (directory / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
+    (directory / 'arm.yaml').write_text(GIVEN, encoding='utf-8')
+    return directory
+
+
+def run(files: Path, output: Path, recording: str, *options: str) -> int:
+    return main([str(files / recording), '--urdf', str(files / 'arm.urdf'), '-o', str(output),
+                 *options])
+
+
+def test_a_weight_gives_the_drives_of_the_arm(
+    files: Path, drives: HiddenDrives, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    output = tmp_path / 'calibrated.yaml'
+    assert run(files, output, 'tool', '--with-weight', str(files / 'weight'), *WEIGHT,
+               '--tool-link', 'tool0', '--parameters', str(files / 'arm.yaml')) == 0
+    values = read_parameter_file(output)
+    np.testing.assert_allclose(values.pop('effort.scale'), drives.scale, rtol=2e-5)
+    np.testing.assert_allclose(values.pop('effort.offset'), drives.offset, atol=1e-3)
+    given = read_parameter_file(files / 'arm.yaml')
+    del given['effort.scale']
+    assert values == given
+    simulated = read_parameter_file(output, 'simulated_arm')
+    assert simulated['effort.scale'] == [0.8, 1.25]
+    printed, errors = capsys.readouterr()
+    assert errors == ''
+    assert 'Verdict: 2 good, of 2 joints.' in printed
+    assert 'tool:' in printed and '16 holds, 8 poses approached from both sides' in printed
+    assert 'ros2 dynamics payload tool0 1.5 --com 0.0300 0.0000 0.1000' in printed
+    page = (tmp_path / 'calibrated.html').read_text(encoding='utf-8')
+    assert 'The known weight determines the scales.' in page
+    assert page.count('data:image/png;base64,') == 2
+
+
+def test_the_text_of_the_parameter_file(files: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'x' / 'calibrated.yaml'
+    assert run(files, output, 'bare', '--parameters', str(files / 'arm.yaml')) == 0
+    lines = output.read_text(encoding='utf-8').splitlines()
+    first = next(i for i, line in enumerate(lines) if not line.startswith('#'))
+    assert lines[0] == '# Effort scale and offset by `calibrate_gravity` from bare.'
+    assert lines[1].startswith('# Assumed: the masses and centres of mass of the URDF are right.')
+    found = read_parameter_file(output)
+    scale, offset = found['effort.scale'], found['effort.offset']
+    assert lines[first:] == f"""\
+/**:
+  ros__parameters:
+    joints: [joint1, joint2]
+    gravity: [0.0, 0.0, -9.81]
+    friction:
+      viscous: [0.1, 0.2]
+dynamics:
+  ros__parameters:
+    command: gravity_compensation
+    effort:
+      scale: [{scale[0]}, {scale[1]}]
+      offset: [{offset[0]}, {offset[1]}]
+simulated_arm:
+  ros__parameters:
+    effort:
+      scale: [0.8, 1.25]""".splitlines()
+
+
+def test_without_a_parameter_file_the_joints_are_written(files: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'calibrated.yaml'
+    assert run(files, output, 'tool', '--tool-link', 'tool0', '--tool-mass', '1.5') == 0
+    assert list(read_parameter_file(output)) == ['joints', 'effort.scale', 'effort.offset']
+    assert read_parameter_file(output)['joints'] == ['joint1', 'joint2']
+
+
+def test_values_are_in_the_order_of_the_joints_of_the_file(
+    files: Path, tmp_path: Path, drives: HiddenDrives,
+) -> None:
+    parameters = tmp_path / 'arm.yaml'
+    parameters.write_text(
+        '/**:\n  ros__parameters:\n    joints: [joint2, joint1]\n', encoding='utf-8')
+    output = tmp_path / 'calibrated.yaml'
+    assert run(files, output, 'bare', '--parameters', str(parameters)) == 0
+    values = read_parameter_file(output)
+    np.testing.assert_allclose(values['effort.scale'], drives.scale[::-1], rtol=2e-5)
+
+
+def test_previous_values_of_an_unobservable_joint_are_kept(
+    files: Path, tmp_path: Path,
+) -> None:
+    settings = AnalysisSettings(default_arm_urdf(), parameters={
+        'joints': ['joint2', 'joint1'], 'effort.scale': [1.1, 0.9], 'effort.offset': [0.2]})
+    recorded = read_holds([files / 'bare'], settings)
+    kept = previous_values(recorded.arm, settings.parameters)
+    by_name = dict(zip(recorded.arm.joint_names, kept.scale))
+    assert by_name == {'joint1': 0.9, 'joint2': 1.1}
+    assert kept.offset.tolist() == [0.2, 0.2]
+    one_side = [hold._replace(approach=hold.approach * np.array([0, 1]))
+                for hold in recorded.holds]
+    found = calibrate_holds(recorded.arm, one_side, previous=kept)
+    assert (found.scale[0], found.offset[0]) == (kept.scale[0], 0.2)
+    assert found.is_observable.tolist() == [False, True]
+
+
+def test_values_that_the_nodes_refuse_are_not_written(
+    files: Path, drives: HiddenDrives, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    wrong = HiddenDrives(
+        drives.arm, np.array([1.0, 7.0]), drives.offset, drives.friction, drives.noise)
+    HoldRecording(wrong, poses_of(drives.arm, 8)).write(tmp_path / 'wrong')
+    output = tmp_path / 'calibrated.yaml'
+    assert main([str(tmp_path / 'wrong'), '--urdf', str(files / 'arm.urdf'), '-o',
+                 str(output)]) == 1
+    printed, errors = capsys.readouterr()
+    assert not output.exists()
+    assert (tmp_path / 'calibrated.html').is_file()
+    assert 'the scale is not in [0.2, 5]' in printed
+    assert errors == (f'calibrate_gravity: {output} is not written, because the nodes would not '
+                      'accept all values\n')
+
+
+@pytest.mark.parametrize(('options', 'message'), [
+    (['--weight-mass', '2'],
+     'expected --with-weight, --weight-mass and --weight-link together, or none of them'),
+    (['--tool-link', 'tool0'],
+     '--tool-link is given without --tool-mass, expected it, or --with-weight: effort scale and '
+     'mass are confounded'),
+    (['--tool-mass', '1'], '--tool-mass is given, expected --tool-link with it'),
+    (['--with-weight', 'weight', '--weight-mass', '-1', '--weight-link', 'tool0'],
+     '--weight-mass is -1, expected a number in (0, 1e+09]'),
+])
+def test_incomplete_options_are_refused(
+    options: list[str], message: str, files: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(files, tmp_path / 'x.yaml', 'bare', *options) == 2
+    assert capsys.readouterr().err.startswith(f'calibrate_gravity: {message}')
+
+
+@pytest.mark.parametrize('kind', ['joint_torque_without_gravity', 'none'])
+def test_an_effort_without_gravity_is_refused(
+    kind: str, files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    parameters = tmp_path / 'arm.yaml'
+    parameters.write_text(
+        f'/**:\n  ros__parameters:\n    measured_effort: {kind}\n', encoding='utf-8')
+    assert run(files, tmp_path / 'x.yaml', 'bare', '--parameters', str(parameters)) == 2
+    assert capsys.readouterr().err == (
+        f'calibrate_gravity: measured_effort is {kind!r}, expected an effort that includes '
+        'gravity\n')
+
+
+def test_output_files_are_not_replaced(
+    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ('calibrated.yaml', 'calibrated.html'):
+        path = tmp_path / name
+        path.write_text('mine', encoding='utf-8')
+        assert run(files, tmp_path / 'calibrated.yaml', 'bare') == 2
+        assert f'output {str(path)!r} exists' in capsys.readouterr().err
+        assert run(files, tmp_path / 'calibrated.yaml', 'bare', '--force') == 0
+        path.unlink()
+        (tmp_path / 'calibrated.yaml').unlink(missing_ok=True)
+        (tmp_path / 'calibrated.html').unlink(missing_ok=True)

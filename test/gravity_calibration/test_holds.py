@@ -1,0 +1,121 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Static holds in joint states: at rest, from which side, and which belong together."""
+
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.gravity_calibration.holds import find_holds, Hold, pair_holds
+from robot_dynamics.recordings.reader import JointSeries
+
+RATE = 100.0
+REVOLUTE = ('revolute',)
+
+
+def series_of(*parts: np.ndarray, effort: float | None = 3.0) -> JointSeries:
+    """Return joint states of one joint with these positions, one part after the other."""
+    q = np.concatenate(parts)[:, None]
+    return JointSeries(
+        ('joint1',), np.round(1e9 / RATE * np.arange(len(q))).astype(np.int64), q, None,
+        None if effort is None else np.full_like(q, effort), 0)
+
+
+def motion(start: float, end: float, seconds: float = 1.0) -> np.ndarray:
+    """Return a motion that begins and ends at rest."""
+    x = np.linspace(0.0, 1.0, int(seconds * RATE))
+    return start + (end - start) * (3.0 * x**2 - 2.0 * x**3)
+
+
+def rest(at: float, seconds: float = 2.0) -> np.ndarray:
+    return np.full(int(seconds * RATE), at)
+
+
+def test_holds_have_times_means_and_sides() -> None:
+    series = series_of(rest(0.0), motion(0.0, 0.5), rest(0.5), motion(0.5, 0.2), rest(0.2))
+    holds = find_holds(series, REVOLUTE)
+    assert [int(hold.approach[0]) for hold in holds] == [0, 1, -1]
+    np.testing.assert_allclose(
+        [hold.position[0] for hold in holds], [0.0, 0.5, 0.2], atol=1e-3)
+    assert [hold.effort[0] for hold in holds] == [3.0, 3.0, 3.0]
+    for hold, start, end in zip(holds, (0.0, 3.0, 6.0), (2.0, 5.0, 8.0)):
+        assert abs(hold.start - start) < 0.3
+        assert abs(hold.end - end) < 0.3
+
+
+def test_a_short_rest_is_no_hold() -> None:
+    holds = find_holds(series_of(motion(0.0, 0.5), rest(0.5, 0.5), motion(0.5, 1.0)), REVOLUTE)
+    assert holds == []
+
+
+def test_a_creeping_joint_does_not_hold() -> None:
+    creeping = 0.5 + 0.008 / RATE * np.arange(int(3.0 * RATE))
+    assert find_holds(series_of(motion(0.0, 0.5), creeping), REVOLUTE) == []
+
+
+@pytest.mark.parametrize(('overshoot', 'side'), [(0.0, 1), (0.001, 1), (0.003, 0), (0.02, -1)])
+def test_the_last_motion_decides(overshoot: float, side: int) -> None:
+    """A small reversal leaves the side unknown, a large one is the approach."""
+    series = series_of(
+        rest(0.0), motion(0.0, 0.5 + overshoot), motion(0.5 + overshoot, 0.5, 0.3), rest(0.5))
+    assert find_holds(series, REVOLUTE)[-1].approach.tolist() == [side]
+
+
+def test_a_joint_that_stayed_has_no_side() -> None:
+    """Friction of a joint at rest takes a part of the load that changes, which part is unknown."""
+    moving = np.concatenate([motion(0.0, 0.5), rest(0.5), motion(0.5, 0.8), rest(0.8)])
+    staying = np.concatenate([motion(0.3, 0.1), rest(0.1), rest(0.1, 1.0), rest(0.1)])
+    q = np.column_stack([moving, staying])
+    series = JointSeries(
+        ('joint1', 'joint2'), np.arange(len(q)) * 10_000_000, q, None, np.ones_like(q), 0)
+    holds = find_holds(series, ('revolute', 'revolute'))
+    assert [hold.approach.tolist() for hold in holds] == [[1, -1], [1, 0]]
+
+
+def test_noise_and_resolution_of_an_encoder_are_no_motion() -> None:
+    rng = np.random.default_rng(0)
+    series = series_of(motion(0.0, 0.5), rest(0.5), motion(0.5, 0.0), rest(0.0))
+    resolution = 2.0 * np.pi / 4096
+    noisy = series.position + rng.normal(scale=3e-4, size=series.position.shape)
+    coarse = JointSeries(
+        series.joint_names, series.stamps_ns, resolution * np.round(noisy / resolution), None,
+        series.effort, 0)
+    assert [int(hold.approach[0]) for hold in find_holds(coarse, REVOLUTE)] == [1, -1]
+
+
+def test_a_gap_ends_a_hold() -> None:
+    series = series_of(motion(0.0, 0.5), rest(0.5), rest(0.5))
+    stamps = series.stamps_ns.copy()
+    stamps[300:] += 2_000_000_000
+    split = JointSeries(
+        series.joint_names, stamps, series.position, None, series.effort, 0)
+    assert [int(hold.approach[0]) for hold in find_holds(split, REVOLUTE)] == [1, 0]
+
+
+def test_joint_states_without_effort_are_refused() -> None:
+    with pytest.raises(RecordingError, match='has no effort'):
+        find_holds(series_of(rest(0.0), effort=None), REVOLUTE)
+
+
+def hold_at(q: float, effort: float, side: int) -> Hold:
+    return Hold(0.0, 1.0, np.array([q]), np.array([effort]), np.array([side]))
+
+
+def test_both_sides_have_the_same_weight() -> None:
+    paired = pair_holds([
+        hold_at(0.0, 5.0, 1), hold_at(1.0, 0.0, 1), hold_at(0.01, 1.0, -1), hold_at(0.02, 2.0, -1),
+        hold_at(0.03, 99.0, 0)], REVOLUTE)
+    assert paired.effort.tolist() == [[3.25]]
+    assert paired.is_paired.tolist() == [[True]]
+    np.testing.assert_allclose(paired.mean(paired.positions), [[0.0075]])
