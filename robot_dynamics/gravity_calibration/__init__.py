@@ -13,3 +13,26 @@
 # limitations under the License.
 
 """Calibration of effort scale and offset of each joint from static holds."""
+
+from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Calibration, Reference
+from robot_dynamics.gravity_calibration.holds import find_holds, Hold
+from robot_dynamics.gravity_calibration.poses import CalibrationPoses, select_poses
+from robot_dynamics.gravity_calibration.recorded_holds import (
+    calibrate_recordings,
+    RecordedCalibration,
+)
+from robot_dynamics.gravity_calibration.tool_estimate import Tool, ToolEstimate
+
+__all__ = [
+    'calibrate_holds',
+    'calibrate_recordings',
+    'Calibration',
+    'CalibrationPoses',
+    'find_holds',
+    'Hold',
+    'RecordedCalibration',
+    'Reference',
+    'select_poses',
+    'Tool',
+    'ToolEstimate',
+]

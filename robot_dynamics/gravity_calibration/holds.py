@@ -192,13 +192,16 @@ def pair_holds(holds: Sequence[Hold], joint_kinds: Sequence[str]) -> PairedHolds
             near[0].append(h)
         else:
             poses.append([h])
-    weights = np.zeros((len(poses), len(tolerance), len(holds)))
-    for p, pose in enumerate(poses):
+    found, times = [], []
+    for pose in poses:
         sides = np.array([holds[h].approach for h in pose])
         ups, downs = (sides == 1).sum(axis=0), (sides == -1).sum(axis=0)
+        weights = np.zeros((len(tolerance), len(holds)))
         for j in np.flatnonzero(ups * downs):
-            weights[p, j, pose] = 0.5 * (
+            weights[j, pose] = 0.5 * (
                 (sides[:, j] == 1) / ups[j] + (sides[:, j] == -1) / downs[j])
-    kept = weights.any(axis=(1, 2))
-    times = np.array([holds[pose[0]].start for pose in poses])
-    return PairedHolds(tuple(holds), weights[kept], times[kept])
+        if weights.any():
+            found.append(weights)
+            times.append(holds[pose[0]].start)
+    return PairedHolds(
+        tuple(holds), np.array(found).reshape(-1, len(tolerance), len(holds)), np.array(times))

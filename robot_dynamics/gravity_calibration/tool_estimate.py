@@ -25,7 +25,7 @@ from robot_dynamics.model.arm import ArmModel
 
 
 class Tool(NamedTuple):
-    """A tool on a link that the URDF does not contain; `mass` [kg] is None if unknown."""
+    """A tool on a link that the URDF does not contain; `mass` [kg] may be unknown: None."""
 
     link: str
     mass: float | None = None

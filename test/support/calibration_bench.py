@@ -46,7 +46,7 @@ class HiddenDrives:
     Effort scale and offset (n,) that a calibration has to find, and dry friction (n,) [N·m].
 
     At a hold, friction has a random part of `remainder` (0 to 1) less than its largest value;
-    `noise` (n,) [N·m] is the standard deviation of the mean effort.
+    `noise` (n,) [N·m] is the standard deviation of the mean effort, of a sample in a recording.
     """
 
     arm: ArmModel
@@ -123,16 +123,18 @@ class HoldRecording:
         rate: float = 50.0, seconds: float = 2.0,
     ) -> None:
         self.names = drives.arm.joint_names
-        at, side = [], []
+        rng = np.random.default_rng(0)
+        at, dry = [], []
         for q in positions:
             for direction in (1, -1):
                 way = np.linspace(q - 0.1 * direction, q, int(rate))
                 at.append(np.concatenate([way, np.tile(q, (int(rate * seconds), 1))]))
-                side.append(np.full(len(at[-1]), direction))
+                part = 1.0 - drives.remainder * rng.uniform(size=len(q))
+                dry.append(np.tile(direction * part * drives.friction, (len(at[-1]), 1)))
         self.q = np.concatenate(at)
-        gravity = gravity_torque(arm or drives.arm, self.q)
-        dry = np.concatenate(side)[:, None] * drives.friction
-        self.effort = (gravity + dry) / drives.scale + drives.offset
+        torque = gravity_torque(arm or drives.arm, self.q) + np.concatenate(dry)
+        noise = drives.noise * rng.normal(size=self.q.shape)
+        self.effort = torque / drives.scale + drives.offset + noise
         self.stamps_ns = START_NS + np.round(
             1e9 / rate * np.arange(len(self.q))).astype(np.int64)
 
