@@ -120,10 +120,10 @@ class HoldRecording:
 
     def __init__(
         self, drives: HiddenDrives, positions: FloatArray, arm: ArmModel | None = None,
-        rate: float = 50.0, seconds: float = 2.0,
+        rate: float = 50.0, seconds: float = 2.0, seed: int = 0,
     ) -> None:
         self.names = drives.arm.joint_names
-        rng = np.random.default_rng(0)
+        rng = np.random.default_rng(seed)
         at, dry = [], []
         for q in positions:
             for direction in (1, -1):
