@@ -21,11 +21,13 @@ from typing import Any
 import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.gravity_calibration.calibration import Calibration
-from robot_dynamics.gravity_calibration.recorded_holds import CALIBRATED, RecordedCalibration
+from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
 from robot_dynamics.model.yaml_text import load_yaml
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""
+CALIBRATED = 'effort.scale', 'effort.offset'
+"""The parameters that a calibration determines."""
 _DIGITS = 6
 
 

@@ -37,6 +37,7 @@ from robot_dynamics.gravity_calibration.gravity_model import (
 from robot_dynamics.gravity_calibration.holds import Hold, pair_holds, PairedHolds
 from robot_dynamics.gravity_calibration.scale_fit import fit_scales, Observations, ScaleFit
 from robot_dynamics.gravity_calibration.tool_estimate import estimate_tool, Tool, ToolEstimate
+from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
@@ -58,13 +59,6 @@ class Reference(Enum):
             'right. If all masses are too high by 1 %, all scales are too high by 1 %.')
     URDF = ('Assumed: the masses and centres of mass of the URDF are right. If all masses are too '
             'high by 1 %, all scales are too high by 1 %.')
-
-
-class DriveValues(NamedTuple):
-    """Effort scale (n,), and offset (n,) [N·m] or [N]."""
-
-    scale: FloatArray
-    offset: FloatArray
 
 
 class HoldSet(NamedTuple):
@@ -115,13 +109,13 @@ class Calibration:
 
 def calibrate_holds(
     arm: ArmModel, without_weight: Sequence[Hold], with_weight: Sequence[Hold] = (),
-    weight: Payload | None = None, tool: Tool | None = None, previous: DriveValues | None = None,
+    weight: Payload | None = None, tool: Tool | None = None,
 ) -> Calibration:
     """
     Return the calibration from holds, those `with_weight` with a known weight on a link.
 
-    `arm` is that of the URDF, with its gravity. `previous` are the values that are kept if the
-    holds do not determine them, by default 1 and 0. Raises InvalidInputError if there are too few
+    `arm` is that of the URDF, with its gravity. The values of its drive are kept if the holds do
+    not determine them. Raises InvalidInputError if there are too few
     poses, no scale is observable, a link is unknown, or the mass of the tool is needed.
     """
     if bool(with_weight) != (weight is not None):
@@ -131,13 +125,10 @@ def calibrate_holds(
     sets = [HoldSet(pair_holds(without_weight, arm.joint_kinds))]
     if weight is not None:
         sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
-    n = arm.joint_count
-    return _calibrate(arm, sets, tool, previous or DriveValues(np.ones(n), np.zeros(n)))
+    return _calibrate(arm, sets, tool)
 
 
-def _calibrate(
-    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, previous: DriveValues,
-) -> Calibration:
+def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Calibration:
     for one in sets:
         _check_poses(one)
     has_weight = any(one.weight is not None for one in sets)
@@ -151,25 +142,32 @@ def _calibrate(
                  start=np.zeros(arm.joint_count, dtype=np.int64))
     seen, basis = _observations(arm, sets, tool, reference)
     seen = seen.only(counts >= LEAST_POSES)
+    previous = drive_of(arm)
     fit, is_observable = _fit(seen, arm, 1.0 / previous.scale)
     torque = seen.known + seen.columns @ fit.beta
     n, has_enough = arm.joint_count, counts >= LEAST_POSES
-    found = _values(seen, torque, fit, is_observable, has_enough, previous)
+    scale, offset = _values(seen, torque, fit, is_observable, has_enough, previous)
     used = np.where(seen.is_used, 1.0, np.nan)
     k, o = (fit.spread(part) for part in np.split(np.eye(2 * n, len(fit.is_lost)), 2))
     return Calibration(
         arm, reference, tuple(sets),
         None if tool is None else estimate_tool(arm, tool, has_weight, basis, fit),
-        found.scale, found.offset,
-        np.where(is_observable, k.deviation * found.scale**2, np.inf),
-        np.where(is_observable, k.interval * found.scale**2, np.inf),
+        scale, offset,
+        np.where(is_observable, k.deviation * scale**2, np.inf),
+        np.where(is_observable, k.interval * scale**2, np.inf),
         np.where(has_enough, o.deviation, np.inf), np.where(has_enough, o.interval, np.inf),
         is_observable, counts, fit.noise,
         np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
                   for j, rows in enumerate(seen.is_used.T)]),
         np.ptp(gravity_torque(arm, sample_positions(arm, 128)), axis=0), fit.condition,
         np.concatenate([one.paired.times for one in sets]), used * seen.effort,
-        used * (torque / found.scale + found.offset))
+        used * (torque / scale + offset))
+
+
+def drive_of(arm: ArmModel) -> DriveEffort:
+    """Return the drives of an arm, by default with scale 1 and offset 0."""
+    n = arm.joint_count
+    return arm.drive or DriveEffort(np.ones(n), np.zeros(n), arm.limits.effort)
 
 
 def _check_poses(one: HoldSet) -> None:
@@ -247,11 +245,11 @@ def _fit(
 
 def _values(
     seen: Observations, torque: FloatArray, fit: ScaleFit, is_observable: BoolArray,
-    has_enough: BoolArray, previous: DriveValues,
-) -> DriveValues:
+    has_enough: BoolArray, previous: DriveEffort,
+) -> tuple[FloatArray, FloatArray]:
     """Return scale and offset, of the fit or the previous ones."""
     scale = np.where(is_observable, 1.0 / fit.inverse, previous.scale)
     rows = np.maximum(seen.is_used.sum(axis=0), 1)
     with_previous = np.where(seen.is_used, seen.effort - torque / scale, 0.0).sum(axis=0) / rows
-    return DriveValues(scale, np.where(
+    return scale, np.asarray(np.where(
         is_observable, fit.offset, np.where(has_enough, with_previous, previous.offset)))

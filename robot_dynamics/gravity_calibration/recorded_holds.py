@@ -14,29 +14,19 @@
 
 """The calibration of gravity from recordings of static holds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.gravity_calibration.calibration import (
-    calibrate_holds,
-    Calibration,
-    DriveValues,
-)
+from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics.gravity_calibration.holds import find_holds, Hold
 from robot_dynamics.gravity_calibration.tool_estimate import Tool
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.validation import check_vector
-
-CALIBRATED = 'effort.scale', 'effort.offset'
-"""The parameters that a calibration determines."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,25 +64,8 @@ def calibrate_recordings(
         raise _different_joints(loaded, without)
     return RecordedCalibration(
         calibrate_holds(
-            without.arm, without.holds, () if loaded is None else loaded.holds, weight, tool,
-            previous_values(without.arm, settings.parameters)),
+            without.arm, without.holds, () if loaded is None else loaded.holds, weight, tool),
         without, loaded)
-
-
-def previous_values(arm: ArmModel, parameters: Mapping[str, Any]) -> DriveValues:
-    """Return effort scale and offset of the parameters; raise InvalidInputError."""
-    found = []
-    for name, default in zip(CALIBRATED, (1.0, 0.0)):
-        values = parameters.get(name) or [default]
-        joints = parameters.get('joints') or arm.joint_names
-        if len(values) == 1:
-            values = [values[0]] * len(joints)
-        by_name = dict(zip(joints, check_vector(name, values, len(joints), joints).tolist()))
-        found.append(np.array([by_name.get(joint, default) for joint in arm.joint_names]))
-    scale, offset = found
-    if (scale <= 0.0).any():
-        raise InvalidInputError(f'effort.scale is {scale.tolist()}, expected numbers > 0')
-    return DriveValues(scale, offset)
 
 
 def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHolds:
@@ -115,14 +88,12 @@ def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHold
 
 
 def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
-    values = {name: value for name, value in settings.parameters.items()
-              if name not in CALIBRATED}
-    convention = convention_from_parameters(values)
+    convention = convention_from_parameters(settings.parameters)
     kind = convention.measured_effort
     if convention.lacks_gravity or kind == 'none':
         raise InvalidInputError(
             f'measured_effort is {kind!r}, expected an effort that includes gravity')
-    read = read_for_arm(bag, replace(settings, parameters=values))
+    read = read_for_arm(bag, settings)
     if read.series.effort is None:
         raise RecordingError(f'recording {str(bag)!r} has no effort, expected joint states with '
                              'effort')

@@ -14,13 +14,15 @@
 
 """The verdict on the calibration of each joint, and the next step."""
 
-from robot_dynamics.gravity_calibration.calibration import Calibration, LEAST_POSES, Reference
+from robot_dynamics.gravity_calibration.calibration import (
+    Calibration,
+    drive_of,
+    LEAST_POSES,
+    Reference,
+)
+from robot_dynamics.joints.drive_effort import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.reporting.html_page import Grade, Verdict
 
-LEAST_SCALE, LARGEST_SCALE = 0.2, 5.0
-"""Range of the effort scale that the nodes accept."""
-LARGEST_OFFSET = 0.2
-"""Largest offset that the nodes accept, as a fraction of the effort limit."""
 GOOD_SCALE, GOOD_OFFSET = 0.01, 0.02
 """Half widths of the 95 % intervals of a good calibration: of the scale, and of the limit."""
 UNLOADED = 0.01
@@ -54,7 +56,7 @@ def is_accepted(found: Calibration) -> bool:
 
 def _verdict(found: Calibration, j: int) -> Verdict:
     name, unit = found.arm.joint_names[j], effort_unit(found, j)
-    limit = float(found.arm.limits.effort[j])
+    limit = float(drive_of(found.arm).limit[j])
     offset, of_offset = float(found.offset[j]), float(found.offset_interval[j])
     if not found.has_enough_poses[j]:
         return Verdict(name, Grade.UNKNOWN, (

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.gravity_calibration.calibration import calibrate_holds
-from robot_dynamics.gravity_calibration.recorded_holds import previous_values, read_holds
-from robot_dynamics.model.arm_parameters import read_parameter_file
+from robot_dynamics.gravity_calibration.recorded_holds import read_holds
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.calibrate_gravity import main
 
@@ -76,6 +76,8 @@ def test_a_weight_gives_the_drives_of_the_arm(
     assert run(files, output, 'tool', '--with-weight', str(files / 'weight'), *WEIGHT,
                '--tool-link', 'tool0', '--parameters', str(files / 'arm.yaml')) == 0
     values = read_parameter_file(output)
+    arm = arm_from_parameters(default_arm_urdf(), values)
+    np.testing.assert_allclose(arm.drive.torque(drives.offset), 0.0, atol=1e-3)
     np.testing.assert_allclose(values.pop('effort.scale'), drives.scale, rtol=2e-5)
     np.testing.assert_allclose(values.pop('effort.offset'), drives.offset, atol=1e-3)
     given = read_parameter_file(files / 'arm.yaml')
@@ -141,20 +143,19 @@ def test_values_are_in_the_order_of_the_joints_of_the_file(
 
 
 def test_previous_values_of_an_unobservable_joint_are_kept(
-    files: Path, tmp_path: Path,
+    files: Path, drives: HiddenDrives,
 ) -> None:
     settings = AnalysisSettings(default_arm_urdf(), parameters={
         'joints': ['joint2', 'joint1'], 'effort.scale': [1.1, 0.9], 'effort.offset': [0.2]})
     recorded = read_holds([files / 'bare'], settings)
-    kept = previous_values(recorded.arm, settings.parameters)
-    by_name = dict(zip(recorded.arm.joint_names, kept.scale))
-    assert by_name == {'joint1': 0.9, 'joint2': 1.1}
-    assert kept.offset.tolist() == [0.2, 0.2]
-    one_side = [hold._replace(approach=hold.approach * np.array([0, 1]))
+    first = np.array(recorded.arm.joint_names) == 'joint1'
+    one_side = [hold._replace(approach=np.where(first, 0, hold.approach))
                 for hold in recorded.holds]
-    found = calibrate_holds(recorded.arm, one_side, previous=kept)
-    assert (found.scale[0], found.offset[0]) == (kept.scale[0], 0.2)
-    assert found.is_observable.tolist() == [False, True]
+    found = calibrate_holds(recorded.arm, one_side)
+    assert found.is_observable.tolist() == (~first).tolist()
+    assert (found.scale[first], found.offset[first]) == (0.9, 0.2)
+    by_name = dict(zip(drives.arm.joint_names, drives.scale))
+    np.testing.assert_allclose(found.scale[~first], by_name['joint2'], rtol=2e-5)
 
 
 def test_values_that_the_nodes_refuse_are_not_written(
