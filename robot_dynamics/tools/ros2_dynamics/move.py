@@ -141,31 +141,35 @@ class MotionWatch:
                 f'{self._client.name} neither follows nor rejects the goal; its reference is: '
                 f'{self._status}')
 
-    def wait_end(self, goal: Sequence[float], duration: float) -> None:
-        """Wait until the reference rests at `goal`; raise ToolError, NoAnswerError."""
+    def wait_end(self, goal: Sequence[float], on_progress: Callable[[float], None]) -> None:
+        """
+        Wait until the reference rests at `goal`; raise ToolError, NoAnswerError.
+
+        `on_progress` receives the time [s] since the call, by the stamps.
+        """
         assert self.reference is not None
         start_ns = moving_ns = self.reference[0]
         self._early = 0
 
-        with Progress(duration, 's') as progress:
-            def has_ended() -> bool:
-                nonlocal moving_ns
-                assert self.reference is not None
-                now_ns, position, velocity = self.reference
-                if any(velocity):
-                    moving_ns = now_ns
-                progress.update(1e-9 * (now_ns - start_ns))
-                self._check_following()
-                rest = 0.0 if self._is_at(goal, position) else AT_REST_TIME
-                return now_ns - moving_ns > 1e9 * rest
+        def has_ended() -> bool:
+            nonlocal moving_ns
+            assert self.reference is not None
+            now_ns, position, velocity = self.reference
+            if any(velocity):
+                moving_ns = now_ns
+            on_progress(1e-9 * (now_ns - start_ns))
+            self.check_following()
+            rest = 0.0 if self.is_at(goal, position) else AT_REST_TIME
+            return now_ns - moving_ns > 1e9 * rest
 
-            self._client.wait(has_ended, math.inf)
+        self._client.wait(has_ended, math.inf)
         end_ns, position, _ = self.reference
-        if not self._is_at(goal, position):
+        if not self.is_at(goal, position):
             self._raise_other_end(position)
         self._client.wait(lambda: self.position_ns >= end_ns)
 
-    def _check_following(self) -> None:
+    def check_following(self) -> None:
+        """Raise ToolError if the reference ended early, NoAnswerError without messages."""
         if self._early > 1:  # the first status may be from before the goal
             raise ToolError(
                 f'the motion ended early: {self._status.removeprefix(_EARLY)}')
@@ -174,13 +178,14 @@ class MotionWatch:
                 f'{self._client.name} has sent no ~/reference and no /diagnostics for '
                 f'{self._client.timeout:g} s')
 
-    def _is_at(self, goal: Sequence[float], position: Sequence[float]) -> bool:
+    def is_at(self, goal: Sequence[float], position: Sequence[float]) -> bool:
+        """Return whether a reference has reached a goal."""
         return bool(np.abs(self.error(goal, position)).max() < AT_GOAL)
 
     def _raise_other_end(self, position: Sequence[float]) -> NoReturn:
         self._statuses = 0
         self._client.wait(lambda: self._statuses > 1)
-        self._check_following()
+        self.check_following()
         raise ToolError(
             f'the reference ended at {[round(value, 4) for value in position]}, not at the goal: '
             'another reference replaced it, or infeasible_trajectory is clip')
@@ -209,11 +214,12 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
         duration = _duration(
             arguments, names, limits, watch.error(goal, watch.measured()))
-        with _publication(client, names, goal, duration) as publish:
+        with goal_publication(client, names) as publish:
             try:
-                watch.wait_taken(publish)
+                watch.wait_taken(lambda: publish(goal, duration))
                 if not arguments.no_wait:
-                    watch.wait_end(goal, duration)
+                    with Progress(duration, 's') as progress:
+                        watch.wait_end(goal, progress.update)
             except KeyboardInterrupt:
                 report = client.call(Trigger, 'stop', Trigger.Request()).message
                 return Answer(
@@ -254,22 +260,25 @@ def _duration(
 
 
 @contextmanager
-def _publication(
-    client: DynamicsClient, names: Sequence[str], goal: Sequence[float], duration: float,
-) -> Iterator[Callable[[], None]]:
+def goal_publication(
+    client: DynamicsClient, names: Sequence[str],
+) -> Iterator[Callable[[Sequence[float], float], None]]:
     """
-    Yield a function that publishes the goal, once the node and all others have subscribed.
+    Yield a function that publishes a goal, once the node and all others have subscribed.
 
-    The goal is one point, so that the node plans the motion from its present reference. Raises
-    NoAnswerError without a subscription of the node.
+    It takes the goal and the duration [s] of the motion. The goal is one point, so that the node
+    plans the motion from its present reference. Raises NoAnswerError without a subscription of
+    the node.
     """
     topic, node = client.resolve('~/joint_trajectory'), client.node
     # Without conditioning a point without velocities is approached with a constant velocity.
     is_conditioned = client.parameters(['condition_references'])['condition_references']
     rest = [] if is_conditioned else [[0.0] * len(names)]
-    message = trajectory_to_ros(
-        make_trajectory(names, [duration], [goal], rest, rest, names))
     publisher = node.create_publisher(JointTrajectory, topic, _RELIABLE)
+
+    def publish(goal: Sequence[float], duration: float) -> None:
+        publisher.publish(trajectory_to_ros(
+            make_trajectory(names, [duration], [goal], rest, rest, names)))
 
     def has_subscriber() -> bool:
         subscriptions = node.get_subscriptions_info_by_topic(topic)
@@ -281,6 +290,6 @@ def _publication(
         if not client.wait(has_subscriber):
             raise NoAnswerError(
                 f'{client.name} does not subscribe to {topic} in {client.timeout:g} s')
-        yield lambda: publisher.publish(message)
+        yield publish
     finally:
         node.destroy_publisher(publisher)

@@ -62,7 +62,7 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
     if directory.exists():
         raise InvalidInputError(f'--output is {str(directory)!r}, which exists; expected a new '
                                 'directory')
-    specs = _topic_specs(client, arguments.topics)
+    specs = topic_specs(client, arguments.topics)
     urdf = _description(client)
     with RecordingWriter(
             directory, interface_definitions(INTERFACES, ['DynamicsTerms'])) as writer:
@@ -127,7 +127,7 @@ def _description(client: DynamicsClient) -> str | None:
 
 # ------------------------------------------------------------------------------ topics
 
-def _topic_specs(client: DynamicsClient, topics: Sequence[str]) -> list[TopicSpec]:
+def topic_specs(client: DynamicsClient, topics: Sequence[str]) -> list[TopicSpec]:
     """Return the topics with their types and QoS; raise InvalidInputError."""
     if topics:
         names = [client.resolve(topic) for topic in topics]
