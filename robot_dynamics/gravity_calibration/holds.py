@@ -32,7 +32,11 @@ LEAST_DURATION = 1.0
 SETTLING = 0.3
 """First part [s] of a hold that the mean effort excludes."""
 BLOCK = 0.2
-"""Samples are averaged over this time [s] to find the holds."""
+"""
+Samples are averaged over this time [s] to find the holds.
+
+The mean effort excludes the last one, in which the next motion may begin.
+"""
 LONGEST_GAP = 0.5
 """A gap between samples [s] that ends a hold."""
 REST_SPEED = 0.01, 0.002
@@ -126,7 +130,8 @@ def _of_part(
     drift = per_joint(LARGEST_DRIFT, joint_kinds)
     after = 0
     for rows in _rests(times, position, per_joint(REST_SPEED, joint_kinds)):
-        used = rows[times[rows] >= times[rows[0]] + SETTLING]
+        used = rows[(times[rows] >= times[rows[0]] + SETTLING)
+                    & (times[rows] <= times[rows[-1]] - BLOCK)]
         if (times[rows[-1]] - times[rows[0]] < LEAST_DURATION
                 or (_range_of_blocks(times[used], position[used]) > drift).any()):
             continue

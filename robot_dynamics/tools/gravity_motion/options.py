@@ -1,0 +1,110 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The options of `calibrate_gravity --move`."""
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robot_dynamics.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    from robot_dynamics.model.payload import Payload
+    from robot_dynamics.tools.gravity_motion.session import MotionRequest
+
+
+def add_motion_options(parser: argparse.ArgumentParser) -> None:
+    """Add --move and the options of the motion."""
+    group = parser.add_argument_group('motion of the arm')
+    group.add_argument(
+        '--move', action='store_true',
+        help='Move the arm of a running dynamics_node through poses, record, and compute from the '
+             'recording. Collisions are not checked')
+    group.add_argument(
+        '--preview', action='store_true',
+        help='With --move: print the poses and their gravity torques, and do not move the arm')
+    group.add_argument(
+        '--yes', action='store_true',
+        help='Move without the question on the terminal, for scripts')
+    group.add_argument(
+        '--recording', type=Path, metavar='DIR',
+        help='New directory of the recording; that with the weight is DIR-with-weight (default: '
+             'gravity-<time>)')
+    group.add_argument(
+        '--with-weight-after', action='store_true',
+        help='Record a second time with the weight of --weight-mass, --weight-link and '
+             '--weight-position, which the operator attaches when the tool asks for it')
+    group.add_argument(
+        '--poses', type=Path, metavar='FILE',
+        help='YAML file with the list `poses` of JOINT: POSITION in rad or m (default: poses that '
+             'are selected for this arm)')
+    group.add_argument(
+        '--count', type=int, default=10, metavar='N',
+        help='Number of selected poses, 8 to 20 (default: %(default)d)')
+    group.add_argument(
+        '--seed', type=int, default=0, metavar='N',
+        help='Seed of the selection of the poses (default: %(default)d)')
+    group.add_argument(
+        '--range', nargs=3, action='append', default=[], metavar=('JOINT', 'MIN', 'MAX'),
+        dest='ranges',
+        help='Range of a joint at the poses and between them [rad] or [m]; may be repeated '
+             '(default: the position limits; without limits, one turn around 0)')
+    group.add_argument(
+        '--hold', type=float, default=2.0, metavar='S',
+        help='Time at rest at each pose, after the motion from each side [s] (default: '
+             '%(default)g)')
+    for name, words in (
+            ('approach', 'Distance from which each pose is approached, on both sides [rad] or [m] '
+                         '(default: 0.1 rad, 0.02 m, at most 0.05 of the range)'),
+            ('step', 'Largest displacement of a joint per move [rad] or [m] (default: 0.5 rad, '
+                     '0.1 m)'),
+            ('velocity', 'Largest velocity of a joint [rad/s] or [m/s] (default: 0.5 rad/s, '
+                         '0.1 m/s); at most half of its limit'),
+            ('tolerance', 'Largest distance of a measured position at rest from its goal [rad] or '
+                          '[m]; an arm with wrong torque constants sags (default: 0.2 rad, '
+                          '0.05 m)')):
+        group.add_argument(f'--{name}', type=float, metavar='X', help=words)
+    group.add_argument(
+        '--node', default='', metavar='NODE',
+        help='Name of the dynamics node with its namespace (default: the only one that runs)')
+    group.add_argument(
+        '--timeout', type=float, default=5.0, metavar='S',
+        help='Time to search for the node, and to wait for each answer [s] (default: '
+             '%(default)g)')
+
+
+def motion_request(
+    arguments: argparse.Namespace, urdf: str | None, weight: 'Payload | None',
+) -> 'MotionRequest':
+    """Return the request of the options; `weight` is used with --with-weight-after."""
+    from robot_dynamics.tools.gravity_motion.plan import MotionSettings
+    from robot_dynamics.tools.gravity_motion.poses import PoseChoice
+    from robot_dynamics.tools.gravity_motion.session import MotionRequest
+    if arguments.with_weight_after and weight is None:
+        raise InvalidInputError(
+            '--with-weight-after is given without a weight, expected --weight-mass, '
+            '--weight-link and --weight-position as well')
+    if arguments.poses is not None and not arguments.poses.is_file():
+        raise InvalidInputError(f'--poses is {str(arguments.poses)!r}, expected a YAML file')
+    first = arguments.recording or Path(f'gravity-{datetime.now():%Y%m%d-%H%M%S}')
+    used = weight if arguments.with_weight_after else None
+    return MotionRequest(
+        [first] if used is None else [first, first.with_name(f'{first.name}-with-weight')],
+        PoseChoice(arguments.poses, arguments.count, arguments.seed, arguments.ranges),
+        MotionSettings(
+            arguments.hold, arguments.approach, arguments.step, arguments.velocity,
+            arguments.tolerance),
+        used, arguments.node, arguments.timeout, urdf, arguments.yes, arguments.preview)
