@@ -19,10 +19,10 @@ from contextlib import contextmanager
 import os
 from pathlib import Path
 import pty
+import re
 import signal
 import sys
 import threading
-import time
 from typing import Any
 
 from children import TIMEOUT
@@ -37,11 +37,13 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording
-from robot_dynamics.ros.conversions import payload_to_ros
 from robot_dynamics.tools.command_line import ToolError
-from robot_dynamics.tools.gravity_motion.plan import MotionSettings
+from robot_dynamics.tools.gravity_motion.plan import MotionSettings, Move
 from robot_dynamics.tools.gravity_motion.poses import PoseChoice
 from robot_dynamics.tools.gravity_motion.session import MotionRequest, record_holds
+from robot_dynamics.tools.gravity_motion.watch import ArmWatch, RecordingClient
+from robot_dynamics.tools.ros2_dynamics.client import NoAnswerError
+from robot_dynamics.tools.ros2_dynamics.move import goal_publication
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import DYNAMICS, LATCHED, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
@@ -49,9 +51,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 POSES = 'poses: [{joint1: 0.9, joint2: 0.6}, {joint1: -0.9, joint2: 0.9}, ' \
         '{joint1: 0.4, joint2: -1.2}, {joint1: -0.5, joint2: -0.8}]'
-WEIGHT = make_payload('link2', 1.5, (0.0, 0.0, 0.3))
 FAST = MotionSettings(hold=1.5, step=2.0, velocity=2.0)
-SLOW = FAST._replace(velocity=0.002)
+STOPPED = 'Called ~/stop: stopping along the reference, then holding the position'
 COULOMB = 0.5
 """[N m]: dry friction of the simulated arm."""
 
@@ -80,22 +81,14 @@ def request_of(tmp_path: Path) -> Callable[..., MotionRequest]:
 
 
 @contextmanager
-def in_motion(client: RosClient, act: Callable[[], Any]) -> Iterator[None]:
-    """Call `act` in a thread when the reference of the node moves."""
-    def wait() -> None:
-        client.wait_for(JointState, '/dynamics/reference', lambda state: any(state.velocity))
-        act()
-
-    thread = threading.Thread(target=wait)
+def meanwhile(act: Callable[[], Any]) -> Iterator[None]:
+    """Call `act` in a thread."""
+    thread = threading.Thread(target=act)
     thread.start()
     try:
         yield
     finally:
         thread.join(TIMEOUT)
-
-
-def terminate() -> None:
-    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def wait_for_stop(client: RosClient) -> None:
@@ -105,19 +98,6 @@ def wait_for_stop(client: RosClient) -> None:
         and status.message == 'ended early: ~/stop was called' for status in message.status))
     client.wait_for(
         JointState, '/joint_states', lambda state: max(map(abs, state.velocity)) < 1e-3)
-
-
-def masses(client: RosClient) -> list[float]:
-    """Return the mass that the node compensates; 0 without a payload."""
-    message = client.wait_for(InertiaStamped, '/dynamics/payload', qos=LATCHED)
-    return [message.inertia.m]
-
-
-def load(client: RosClient, node: str, mass: float) -> None:
-    payload = payload_to_ros(WEIGHT)
-    payload.inertia.m = mass
-    assert client.call(
-        SetPayload, f'{node}/set_payload', SetPayload.Request(payload=payload)).success
 
 
 @contextmanager
@@ -221,59 +201,110 @@ def test_a_node_that_does_not_follow_references_is_rejected(
         raised.value)
 
 
-# --- interrupts and faults -----------------------------------------------------------------------
+# --- errors, interrupts, the weight --------------------------------------------------------------
 
-def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    request = request_of(settings=SLOW)
-    with in_motion(client, terminate), pytest.raises(KeyboardInterrupt):
-        record_holds(request)
-    wait_for_stop(client)
-    lines = capsys.readouterr().err.splitlines()
-    assert lines[-2:] == [
-        'Called ~/stop: stopping along the reference, then holding the position',
-        f'Recorded 0 of 8 holds: {request.outputs[0]}']
-    with Recording(request.outputs[0]) as recording:
-        assert not recording.losses
-        assert len(recording.joint_series('/joint_states').times)
-
-
-def test_states_that_stop_end_the_calibration(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_states_that_stop_are_an_error(client: RosClient) -> None:
     def pause(paused: bool) -> None:
         client.set_parameters('/simulated_arm', {'paused': paused})
 
-    request = request_of(settings=SLOW, timeout=4.0)
-    try:
-        with in_motion(client, lambda: pause(True)), pytest.raises(ToolError) as raised:
-            record_holds(request)
-    finally:
-        pause(False)
-    assert str(raised.value).splitlines() == [
-        'no joint state with a new stamp on /joint_states for 4 s',
-        'Called ~/stop: stopping along the reference, then holding the position',
-        f'Recorded 0 of 8 holds: {request.outputs[0]}']
-    wait_for_stop(client)
+    arm = load_arm(default_arm_urdf())
+    with RecordingClient('dynamics', TIMEOUT) as one:
+        watch = ArmWatch(one, arm)
+        with watch.following():
+            watch.wait_ready()
+            goal = np.array(watch.measured()) + 0.1
+            with goal_publication(one, arm.joint_names) as publish:
+                watch.move(Move(goal, 0.5, 0.0), publish, lambda _: None)
+            watch.wait_held(goal, 0.1)
+            pause(True)
+            try:
+                one.timeout = 3.0
+                with pytest.raises(NoAnswerError, match='no joint state with a new .* for 3 s'):
+                    watch.wait_held(goal, 1e9)
+            finally:
+                pause(False)
 
 
-def test_a_joint_that_does_not_arrive(request_of: Callable[..., MotionRequest]) -> None:
+def test_a_joint_that_does_not_arrive_is_an_error(
+    request_of: Callable[..., MotionRequest], client: RosClient,
+) -> None:
     request = request_of(settings=FAST._replace(tolerance=1e-7))
     with pytest.raises(ToolError) as raised:
         record_holds(request)
-    first = str(raised.value).splitlines()[0]
-    assert first.startswith('joint1 rests at ') or first.startswith('joint2 rests at ')
-    assert first.endswith('expected at most 1e-07 (--tolerance)')
+    reason, *notes = str(raised.value).splitlines()
+    assert re.fullmatch(
+        r'joint\d rests at .* from its goal .*, expected at most 1e-07 \(--tolerance\)', reason)
+    assert notes == [STOPPED, f'Recorded 0 of 8 holds: {request.outputs[0]}']
+    wait_for_stop(client)
 
 
-# --- the weight ----------------------------------------------------------------------------------
+def test_the_weight_is_compensated_from_enter_to_enter(
+    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], tmp_path: Path,
+) -> None:
+    with (standard_input(monkeypatch) as type_text,
+          client.collect(InertiaStamped, '/dynamics/payload') as payloads):
+        type_text('\n\n')
+        request = with_weight(request_of, tmp_path)
+        assert record_holds(request)
+        payloads.wait_for(lambda message: message.inertia.m == 0.0)
+        assert [message.inertia.m for message in payloads.messages] == [1.5, 0.0]
+    out = capsys.readouterr().out
+    assert out.index('Attach 1.5 kg to link2, with its centre of mass at (0, 0, 0.3) m') < (
+        out.index("~/set_payload: 1.5 kg on 'link2'")) < (
+        out.index('Remove the weight from link2')) < out.index('~/set_payload: no payload')
+    for bag in request.outputs:
+        assert len(positions(bag)) > 100
 
-def wait_for_output(capsys: pytest.CaptureFixture[str], text: str) -> None:
-    """Wait until the output contains a text, in another thread."""
-    seen, deadline = '', time.monotonic() + TIMEOUT
-    while text not in seen:
-        seen += capsys.readouterr().out
-        assert time.monotonic() < deadline, f'no {text!r} in {seen!r}'
-        time.sleep(0.02)
+
+def test_an_interrupt_stops_the_arm_and_keeps_recordings_and_compensation(
+    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], tmp_path: Path,
+) -> None:
+    request = with_weight(request_of, tmp_path)
+
+    def terminate() -> None:
+        client.wait_for(InertiaStamped, '/dynamics/payload', has_weight, qos=LATCHED)
+        client.wait_for(JointState, '/dynamics/reference', lambda state: any(state.velocity))
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    try:
+        with standard_input(monkeypatch) as type_text, meanwhile(terminate):
+            type_text('\n')
+            with pytest.raises(KeyboardInterrupt):
+                record_holds(request)
+        wait_for_stop(client)
+        assert has_weight(client.wait_for(InertiaStamped, '/dynamics/payload', qos=LATCHED))
+    finally:
+        payload = InertiaStamped()
+        assert client.call(
+            SetPayload, '/dynamics/set_payload', SetPayload.Request(payload=payload)).success
+    first, second = request.outputs
+    assert capsys.readouterr().err.splitlines()[-5:] == [
+        f'Recorded 2 of 2 holds: {first}', STOPPED, f'Recorded 0 of 2 holds: {second}',
+        "The node still compensates 1.5 kg on 'link2', because the weight is attached. Remove the "
+        'weight,',
+        'then end the compensation with: ros2 dynamics payload link2 0 --transition 3 --node '
+        '/dynamics']
+    for bag in request.outputs:
+        assert len(positions(bag)) > 100
+
+
+def with_weight(request_of: Callable[..., MotionRequest], tmp_path: Path) -> MotionRequest:
+    """Return a request for one pose, without and with the weight."""
+    file = tmp_path / 'one.yaml'
+    file.write_text('poses: [{joint1: 0.5, joint2: 0.4}]', encoding='utf-8')
+    return request_of(
+        outputs=[tmp_path / 'bag', tmp_path / 'bag-with-weight'], choice=PoseChoice(file),
+        weight=make_payload('link2', 1.5, (0.0, 0.0, 0.3)))
+
+
+def has_weight(message: InertiaStamped) -> bool:
+    return bool(message.inertia.m == 1.5)
+
+
+def positions(bag: Path) -> Any:
+    """Return the recorded positions; the recording must be complete."""
+    with Recording(bag) as recording:
+        assert not recording.losses
+        return recording.joint_series('/joint_states').position

@@ -108,7 +108,8 @@ def _record_holds(client: RecordingClient, request: MotionRequest) -> bool:
     watch = ArmWatch(client, arm)
     with watch.following():
         watch.wait_ready()
-        watch.check_free()
+        if not request.is_confirmed:  # otherwise the motion begins with this check
+            watch.check_free()
         start = np.array(watch.measured())
     poses = chosen_poses(
         arm, request.choice, approach_of(arm, request.settings.approach), request.weight)
