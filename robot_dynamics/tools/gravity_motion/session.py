@@ -108,7 +108,7 @@ def _record_holds(client: RecordingClient, request: MotionRequest) -> bool:
     watch = ArmWatch(client, arm)
     with watch.following():
         watch.wait_ready()
-        if not request.is_confirmed:  # otherwise the motion begins with this check
+        if not (request.is_confirmed or request.previews):  # each pass begins with this check
             watch.check_free()
         start = np.array(watch.measured())
     poses = chosen_poses(
