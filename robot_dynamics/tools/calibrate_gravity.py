@@ -15,8 +15,11 @@
 """
 Calibrate effort scale and offset from static holds: `calibrate_gravity BAG… --urdf URDF`.
 
-Exit status: 0 done; 1 the nodes would not accept a value, the report names it; 2 a mistake in the
-arguments, or the recordings do not permit a calibration; 130 interrupted.
+With `--move` it moves the arm of a running node, and records the holds itself.
+
+Exit status: 0 done; 1 the nodes would not accept a value, the report names it, or the motion ended
+early; 2 a mistake in the arguments, or node or recordings do not permit a calibration; 130
+interrupted.
 """
 
 import argparse
@@ -27,6 +30,7 @@ from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
 
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools.command_line import (
     add_force,
     add_parameters,
@@ -36,10 +40,13 @@ from robot_dynamics.tools.command_line import (
     origin_of,
     Parser,
     prepare_file,
+    read_parameters,
+    read_robot,
     read_settings,
     run_tool,
     writing,
 )
+from robot_dynamics.tools.gravity_motion.options import add_motion_options, motion_request
 
 if TYPE_CHECKING:
     from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
@@ -62,10 +69,11 @@ def _parser() -> Parser:
         prog='calibrate_gravity',
         description='Calibrate effort scale and offset of each joint from recorded static holds, '
                     'each approached from\nboth sides. Writes a parameter file for dynamics_node '
-                    'and a report.',
-        epilog='exit status: 0 done, 1 the nodes would not accept a value, 2 a mistake in the '
-               'arguments or in the\nrecordings, 130 interrupted')
-    add_recordings(parser, None)
+                    'and a report. BAG and --urdf are required without\n--move.',
+        epilog='exit status: 0 done, 1 the nodes would not accept a value, or the motion ended '
+               'early, 2 a mistake in\nthe arguments, in the recordings or in the configuration '
+               'of the node, 130 interrupted')
+    add_recordings(parser, None, required=False)
     parser.add_argument(
         '--with-weight', nargs='+', type=Path, default=[], metavar='BAG',
         help='Recordings of holds with a known weight, which determines the scale; requires '
@@ -90,6 +98,7 @@ def _parser() -> Parser:
         help='Output parameter file; the report has the same name, with the suffix .html '
              '(default: %(default)s)')
     add_force(parser)
+    add_motion_options(parser)
     parser.set_defaults(cutoff=None)  # holds are not filtered
     return parser
 
@@ -98,11 +107,37 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     from robot_dynamics.dependencies import require
     from robot_dynamics.recordings.bag_files import find_recordings
     require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
+    if arguments.move:
+        return _move(arguments, argv)
+    if not arguments.bags or arguments.urdf is None:
+        raise InvalidInputError('expected BAG and --urdf, or --move')
+    if arguments.preview or arguments.with_weight_after:
+        raise InvalidInputError('expected --move with --preview and with --with-weight-after')
     loads(arguments)  # report a mistake before the recordings are read
     prepare_outputs(arguments)
     return finish(
         arguments, argv, find_recordings(arguments.bags),
         find_recordings(arguments.with_weight) if arguments.with_weight else [])
+
+
+def _move(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
+    """Move the arm and record; then calibrate from the recordings."""
+    from robot_dynamics.dependencies import require_ros
+    require_ros('calibrate_gravity --move')
+    from robot_dynamics.tools.gravity_motion.session import record_holds
+    if arguments.bags or arguments.with_weight:
+        raise InvalidInputError(
+            'recordings are given with --move, expected none: --move makes them')
+    if not arguments.preview:
+        prepare_outputs(arguments)
+    request = motion_request(
+        arguments, None if arguments.urdf is None else read_robot(arguments.urdf),
+        read_parameters(arguments.parameters), loads(arguments)[0])
+    arguments.topic = record_holds(request)
+    if arguments.topic is None:
+        return DONE
+    print('Recorded: ' + ', '.join(map(str, request.outputs)) + '\n', flush=True)
+    return finish(arguments, argv, request.outputs[:1], request.outputs[1:])
 
 
 def prepare_outputs(arguments: argparse.Namespace) -> None:
@@ -117,16 +152,17 @@ def _report_path(arguments: argparse.Namespace) -> Path:
 
 def loads(arguments: argparse.Namespace) -> tuple['Payload | None', 'Tool | None']:
     """Return the known weight and the tool; raise InvalidInputError if options are missing."""
-    from robot_dynamics.exceptions import InvalidInputError
     from robot_dynamics.gravity_calibration.tool_estimate import Tool
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.validation import check_scalar, LARGEST_VALUE
     weight = tool = None
     given = [arguments.weight_mass is not None, arguments.weight_link is not None]
-    if given != 2 * [bool(arguments.with_weight)]:
+    is_used = bool(arguments.with_weight) or arguments.with_weight_after
+    if given != 2 * [is_used]:
+        option = '--with-weight-after' if arguments.move else '--with-weight'
         raise InvalidInputError(
-            'expected --with-weight, --weight-mass and --weight-link together, or none of them')
-    if arguments.with_weight:
+            f'expected {option}, --weight-mass and --weight-link together, or none of them')
+    if is_used:
         check_scalar(
             '--weight-mass', arguments.weight_mass, 0.0, LARGEST_VALUE, exclusive_minimum=True)
         weight = make_payload(

@@ -145,12 +145,15 @@ def prepare_directory(
     return kept
 
 
-def add_recordings(parser: argparse.ArgumentParser, urdf_default: str | None) -> None:
-    """Add BAG…, --urdf, which is required without a default, --topic and --map."""
+def add_recordings(
+    parser: argparse.ArgumentParser, urdf_default: str | None, required: bool = True,
+) -> None:
+    """Add BAG…, --urdf, which are `required` (--urdf without a default), --topic and --map."""
     parser.add_argument(
-        'bags', nargs='+', type=Path, metavar='BAG',
+        'bags', nargs='+' if required else '*', type=Path, metavar='BAG',
         help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these')
-    add_robot(parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE')
+    add_robot(
+        parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE', required and urdf_default is None)
     parser.add_argument(
         '--topic', metavar='NAME_OR_TYPE',
         help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
@@ -163,10 +166,11 @@ def add_recordings(parser: argparse.ArgumentParser, urdf_default: str | None) ->
 
 def add_robot(
     parser: argparse.ArgumentParser, option: str, default: str | None, metavar: str,
+    required: bool | None = None,
 ) -> None:
-    """Add the option that names the robot, which is required without a default."""
+    """Add the option that names the robot, by default required without a default."""
     parser.add_argument(
-        option, required=default is None, metavar=metavar,
+        option, required=default is None if required is None else required, metavar=metavar,
         help='URDF or .xacro file of the robot: a path, or package://PACKAGE/PATH'
              + (f' (default: {default})' if default is not None else ''))
 

@@ -45,7 +45,7 @@ from robot_dynamics.tools.gravity_motion.watch import ArmWatch, RecordingClient
 from robot_dynamics.tools.ros2_dynamics.client import NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.move import goal_publication
 from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -93,13 +93,16 @@ def meanwhile(act: Callable[[], Any]) -> Iterator[None]:
         thread.join(TIMEOUT)
 
 
-def wait_for_stop(client: RosClient) -> str:
-    """Wait until ~/stop has ended the reference, and the arm rests; return the payload status."""
-    message = client.wait_for(DiagnosticArray, '/diagnostics', lambda message: (
-        status_of(message, 'reference') == 'ended early: ~/stop was called'))
+def wait_for_stop(client: RosClient) -> None:
+    """Wait until ~/stop has ended the reference, and the arm rests."""
+    wait_for_status(client, 'reference', 'ended early: ~/stop was called')
     client.wait_for(
         JointState, '/joint_states', lambda state: max(map(abs, state.velocity)) < 1e-3)
-    return status_of(message, 'payload')
+
+
+def wait_for_status(client: RosClient, name: str, text: str) -> None:
+    client.wait_for(DiagnosticArray, '/diagnostics', lambda message: (
+        status_of(message, name) == text))
 
 
 def status_of(message: DiagnosticArray, name: str) -> str:
@@ -147,7 +150,7 @@ def test_the_recordings_without_and_with_the_weight(
     with (standard_input(monkeypatch) as type_text,
           client.collect(InertiaStamped, '/dynamics/payload') as payloads):
         type_text('\n\n')
-        assert record_holds(request)
+        assert record_holds(request) == '/joint_states'
         payloads.wait_for(lambda message: message.inertia.m == 0.0)
         assert [message.inertia.m for message in payloads.messages] == [1.5, 0.0]
     out = capsys.readouterr().out
@@ -183,7 +186,7 @@ def test_no_motion_without_a_confirmation(
         with pytest.raises(ToolError, match='not confirmed; the arm has not moved'):
             record_holds(request)
     assert capsys.readouterr().out.endswith('Type yes and press Enter to move the arm: ')
-    assert not record_holds(request._replace(previews=True))
+    assert record_holds(request._replace(previews=True)) is None
     assert not request.outputs[0].exists()
     after = client.wait_for(JointState, '/joint_states')
     np.testing.assert_allclose(after.position, before.position, atol=1e-6)
@@ -262,45 +265,47 @@ def test_a_joint_that_does_not_arrive_is_an_error(
     wait_for_stop(client)
 
 
-def test_an_interrupt_stops_the_arm_and_keeps_recordings_and_compensation(
-    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
+def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
+    request_of: Callable[..., MotionRequest], client: RosClient,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    request = with_weight(request_of, tmp_path)
-
-    def terminate() -> None:
-        payloads.wait_for(lambda message: message.inertia.m == 1.5)
+    def interrupt() -> None:
         client.wait_for(JointState, '/dynamics/reference', lambda state: any(state.velocity))
         os.kill(os.getpid(), signal.SIGTERM)
 
+    request = request_of(settings=FAST._replace(velocity=0.002))
+    with meanwhile(interrupt), pytest.raises(KeyboardInterrupt):
+        record_holds(request)
+    wait_for_stop(client)
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        STOPPED, f'Recorded 0 of 8 holds: {request.outputs[0]}']
+    assert len(recorded(request.outputs[0]).times) > 0
+
+
+def test_an_interrupt_keeps_the_compensation_of_the_weight(
+    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], tmp_path: Path,
+) -> None:
+    file = tmp_path / 'one.yaml'
+    file.write_text('poses: [{joint1: 0.5, joint2: 0.4}]', encoding='utf-8')
+    first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']
+
+    def interrupt() -> None:
+        wait_until((second / 'metadata.yaml').exists, 'the end of the second recording')
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    with standard_input(monkeypatch) as type_text, meanwhile(interrupt):
+        type_text('\n')  # the weight is attached
+        with pytest.raises(KeyboardInterrupt):
+            record_holds(request_of(
+                outputs=bags, choice=PoseChoice(file, least=1), weight=WEIGHT))
     try:
-        with (client.collect(InertiaStamped, '/dynamics/payload') as payloads,
-              standard_input(monkeypatch) as type_text, meanwhile(terminate)):
-            type_text('\n')
-            with pytest.raises(KeyboardInterrupt):
-                record_holds(request)
-        assert wait_for_stop(client) == "1.5 kg on 'link2'"
-    finally:
-        payload = InertiaStamped()
-        assert client.call(
-            SetPayload, '/dynamics/set_payload', SetPayload.Request(payload=payload)).success
-    first, second = request.outputs
-    assert capsys.readouterr().err.splitlines()[-5:] == [
-        f'Recorded 2 of 2 holds: {first}', STOPPED, f'Recorded 0 of 2 holds: {second}',
+        wait_for_status(client, 'payload', "1.5 kg on 'link2'")
+    finally:  # removes all payloads
+        assert client.call(SetPayload, '/dynamics/set_payload', SetPayload.Request()).success
+    assert capsys.readouterr().err.splitlines()[-4:] == [
+        f'Recorded 2 of 2 holds: {first}', f'Recorded 2 of 2 holds: {second}',
         "The node still compensates 1.5 kg on 'link2', because the weight is attached. Remove the "
         'weight,',
         'then end the compensation with: ros2 dynamics payload link2 0 --transition 3 --node '
         '/dynamics']
-    for bag in request.outputs:
-        assert len(recorded(bag).times) > 100
-
-
-def with_weight(request_of: Callable[..., MotionRequest], tmp_path: Path) -> MotionRequest:
-    """Return a request for one pose, without and with the weight."""
-    file = tmp_path / 'one.yaml'
-    file.write_text('poses: [{joint1: 0.5, joint2: 0.4}]', encoding='utf-8')
-    return request_of(
-        outputs=[tmp_path / 'bag', tmp_path / 'bag-with-weight'], choice=PoseChoice(file),
-        weight=WEIGHT)
-
-

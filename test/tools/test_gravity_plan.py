@@ -53,7 +53,7 @@ def limited() -> ArmModel:
 def written(path: Path, text: str) -> PoseChoice:
     file = path / 'poses.yaml'
     file.write_text(text, encoding='utf-8')
-    return PoseChoice(file)
+    return PoseChoice(file, least=1)
 
 
 # --- the moves -----------------------------------------------------------------------------------

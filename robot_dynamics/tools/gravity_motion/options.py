@@ -15,9 +15,10 @@
 """The options of `calibrate_gravity --move`."""
 
 import argparse
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from robot_dynamics.exceptions import InvalidInputError
 
@@ -87,24 +88,25 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
 
 
 def motion_request(
-    arguments: argparse.Namespace, urdf: str | None, weight: 'Payload | None',
+    arguments: argparse.Namespace, urdf: str | None, parameters: Mapping[str, Any],
+    weight: 'Payload | None',
 ) -> 'MotionRequest':
-    """Return the request of the options; `weight` is used with --with-weight-after."""
+    """
+    Return the request of the options.
+
+    `urdf` and `parameters` describe the arm; `weight` is None without --with-weight-after.
+    """
     from robot_dynamics.tools.gravity_motion.plan import MotionSettings
     from robot_dynamics.tools.gravity_motion.poses import PoseChoice
     from robot_dynamics.tools.gravity_motion.session import MotionRequest
-    if arguments.with_weight_after and weight is None:
-        raise InvalidInputError(
-            '--with-weight-after is given without a weight, expected --weight-mass, '
-            '--weight-link and --weight-position as well')
     if arguments.poses is not None and not arguments.poses.is_file():
         raise InvalidInputError(f'--poses is {str(arguments.poses)!r}, expected a YAML file')
     first = arguments.recording or Path(f'gravity-{datetime.now():%Y%m%d-%H%M%S}')
-    used = weight if arguments.with_weight_after else None
     return MotionRequest(
-        [first] if used is None else [first, first.with_name(f'{first.name}-with-weight')],
+        [first] if weight is None else [first, first.with_name(f'{first.name}-with-weight')],
         PoseChoice(arguments.poses, arguments.count, arguments.seed, arguments.ranges),
         MotionSettings(
             arguments.hold, arguments.approach, arguments.step, arguments.velocity,
             arguments.tolerance),
-        used, arguments.node, arguments.timeout, urdf, arguments.yes, arguments.preview)
+        weight, arguments.node, arguments.timeout, urdf, parameters, arguments.yes,
+        arguments.preview)

@@ -22,6 +22,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.gravity_calibration.calibration import LEAST_POSES
 from robot_dynamics.gravity_calibration.poses import approach_distance, COUNTS, select_poses
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -36,12 +37,17 @@ LARGEST_SHARE = 0.8
 
 
 class PoseChoice(NamedTuple):
-    """Which poses are used: of a file, or `number` selected ones within `ranges`."""
+    """
+    Which poses are used: of a file, or `number` selected ones within `ranges`.
+
+    `least` is the smallest number in a file.
+    """
 
     file: Path | None = None
     number: int = 10
     seed: int = 0
     ranges: Sequence[Sequence[str]] = ()
+    least: int = LEAST_POSES
 
 
 def chosen_poses(
@@ -55,7 +61,7 @@ def chosen_poses(
     """
     low, high = position_bounds(arm, choice.ranges, approach, is_finite=choice.file is None)
     if choice.file is not None:
-        poses = read_poses(choice.file, arm.joint_names)
+        poses = read_poses(choice.file, arm.joint_names, choice.least)
     else:
         count = int(check_scalar('--count', choice.number, *COUNTS))
         loaded = arm if weight is None else arm.with_payloads([*arm.payloads, weight])
@@ -68,11 +74,11 @@ def chosen_poses(
     return poses
 
 
-def read_poses(file: Path, joint_names: Sequence[str]) -> FloatArray:
+def read_poses(file: Path, joint_names: Sequence[str], least: int = LEAST_POSES) -> FloatArray:
     """
     Return the poses (m, n) of a YAML file: `poses`, a list of JOINT: POSITION, [rad] or [m].
 
-    Raises InvalidInputError, which names the pose and the joint.
+    It has at least so many poses. Raises InvalidInputError, which names the pose and the joint.
     """
     yaml = optional('yaml', 'a file of poses')
     try:
@@ -81,10 +87,10 @@ def read_poses(file: Path, joint_names: Sequence[str]) -> FloatArray:
         raise InvalidInputError(
             f'--poses {str(file)!r} cannot be read: {" ".join(str(error).split())}') from None
     entries = document.get('poses') if isinstance(document, dict) else None
-    if not isinstance(entries, list) or not 1 <= len(entries) <= MOST_IN_FILE:
+    if not isinstance(entries, list) or not least <= len(entries) <= MOST_IN_FILE:
         raise InvalidInputError(
-            f'--poses {str(file)!r} has no list `poses` of 1 to {MOST_IN_FILE} entries, expected '
-            f'for example: poses: [{{{joint_names[0]}: 0.5, ...}}, ...]')
+            f'--poses {str(file)!r} has no list `poses` of {least} to {MOST_IN_FILE} entries, '
+            f'expected for example: poses: [{{{joint_names[0]}: 0.5, ...}}, ...]')
     return np.array([_pose(i, entry, joint_names) for i, entry in enumerate(entries, 1)])
 
 

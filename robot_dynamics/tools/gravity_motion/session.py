@@ -14,19 +14,21 @@
 
 """The calibration motion of a running node: confirmation, recordings, weight, orderly end."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 import signal
 import sys
 import time
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import describe_payloads, Payload
 from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.writer import RecordingWriter
@@ -57,14 +59,17 @@ RECORDED = ('effort_command', '~/reference', '~/payload')
 NEEDED = {'command': 'computed_torque', 'condition_references': True}
 """Parameters of the node without which the arm does not move, or not smoothly."""
 
+WITHOUT_GRAVITY = ('none', 'joint_torque_without_gravity')
+"""Values of `measured_effort` that do not permit a calibration."""
+
 
 class MotionRequest(NamedTuple):
     """
     What the user asks for.
 
     `node` is the name of the node, empty for the only one; `timeout` [s] that of its answers;
-    `urdf` the URDF, None for that of the node. `outputs` are the new directories of the
-    recordings: one, and one more with `weight`.
+    `urdf` the URDF, None for that of the node; `parameters` those of the calculation. `outputs`
+    are the new directories of the recordings: one, and one more with `weight`.
     """
 
     outputs: Sequence[Path]
@@ -74,13 +79,14 @@ class MotionRequest(NamedTuple):
     node: str = ''
     timeout: float = 5.0
     urdf: str | None = None
+    parameters: Mapping[str, Any] = MappingProxyType({})
     is_confirmed: bool = False
     previews: bool = False
 
 
-def record_holds(request: MotionRequest) -> bool:
+def record_holds(request: MotionRequest) -> str | None:
     """
-    Move the arm and record the holds; return whether it moved, which it does not in a preview.
+    Move the arm and record the holds; return the topic of the joint states, None for a preview.
 
     The arm moves after a confirmation on the terminal. SIGINT and SIGTERM stop the arm, and the
     recording up to then is kept. Raises KeyboardInterrupt then; InvalidInputError or NoAnswerError
@@ -97,11 +103,10 @@ def record_holds(request: MotionRequest) -> bool:
         return _record_holds(client, request)
 
 
-def _record_holds(client: RecordingClient, request: MotionRequest) -> bool:
-    _check_parameters(client)
+def _record_holds(client: RecordingClient, request: MotionRequest) -> str | None:
     urdf = request.urdf if request.urdf is not None else client.description()
-    arm = load_arm(
-        urdf, client.joint_names(), client.parameters(['gravity'])['gravity'])
+    arm = arm_from_parameters(urdf, request.parameters)
+    _check_node(client, arm, request.parameters.get('measured_effort', 'joint_torque'))
     payloads = _payloads(client, arm)
     _check_weight(payloads, request.weight)
     arm = arm.with_payloads(payloads)
@@ -116,10 +121,10 @@ def _record_holds(client: RecordingClient, request: MotionRequest) -> bool:
     plan = make_plan(arm, start, poses, request.settings)
     print(preview(plan, client.name, request.weight, request.outputs), flush=True)
     if request.previews:
-        return False
+        return None
     _confirm(request.is_confirmed)
     CalibrationMotion(client, watch, urdf, request.weight).run(plan, request.outputs)
-    return True
+    return client.joint_state_topic()
 
 
 class CalibrationMotion:
@@ -159,8 +164,7 @@ class CalibrationMotion:
         specs = topic_specs(client, names)
         self._holds = 0
         with RecordingWriter(output) as writer:
-            write_description(
-                writer, client.resolve('robot_description'), self._urdf, time.time_ns())
+            write_description(writer, '/robot_description', self._urdf, time.time_ns())
             client.recorder = recorder = Recorder(client.node, writer, specs)
             try:
                 self._follow(plan)
@@ -258,17 +262,26 @@ class CalibrationMotion:
 
 # ------------------------------------------------------------------------------ before the motion
 
-def _check_parameters(client: RecordingClient) -> None:
-    found = client.parameters([*NEEDED, 'measured_effort'])
+def _check_node(client: RecordingClient, arm: ArmModel, measured_effort: str) -> None:
+    """Raise InvalidInputError unless the node moves this arm, and measures what is expected."""
+    found = client.parameters([*NEEDED, 'measured_effort', 'gravity'])
     for name, wanted in NEEDED.items():
         if found[name] != wanted:
             raise InvalidInputError(
                 f'parameter {name} of {client.name} is {found[name]!r}, expected {wanted!r}: the '
                 'node moves the arm through conditioned references')
-    if found['measured_effort'] == 'none':
+    if found['measured_effort'] in WITHOUT_GRAVITY:
         raise InvalidInputError(
-            f"parameter measured_effort of {client.name} is 'none', expected joint states with "
-            'measured efforts')
+            f'parameter measured_effort of {client.name} is {found["measured_effort"]!r}, '
+            'expected an effort that includes gravity')
+    for name, given, wanted in (
+            ('joints', list(arm.joint_names), client.joint_names()),
+            ('gravity', arm.gravity.tolist(), list(found['gravity'])),
+            ('measured_effort', measured_effort, found['measured_effort'])):
+        if given != wanted:
+            raise InvalidInputError(
+                f'--urdf and --parameters have {name} {given!r}, expected {wanted!r} of '
+                f'{client.name}: use the parameter file of the node')
 
 
 def _payloads(client: RecordingClient, arm: ArmModel) -> list[Payload]:
