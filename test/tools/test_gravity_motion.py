@@ -34,9 +34,12 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_calibration.holds import find_holds, pair_holds
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording
+from robot_dynamics.ros.conversions import payload_to_ros
+from robot_dynamics.tools.calibrate_gravity import main
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics.tools.gravity_motion.plan import MotionSettings, Move
 from robot_dynamics.tools.gravity_motion.poses import PoseChoice
@@ -141,32 +144,48 @@ def recorded(bag: Path) -> JointSeries:
 
 # --- the whole sequence --------------------------------------------------------------------------
 
-def test_the_recordings_without_and_with_the_weight(
+def test_the_tool_moves_the_arm_without_and_with_the_weight(
     request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str], tmp_path: Path,
 ) -> None:
-    request = request_of(
-        outputs=[tmp_path / 'bag', tmp_path / 'bag-with-weight'], weight=WEIGHT)
-    with (standard_input(monkeypatch) as type_text,
+    first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']
+    output = tmp_path / 'calibrated.yaml'
+
+    def operate() -> None:
+        for bag, payload in zip(bags, (WEIGHT, None)):
+            wait_until((bag / 'metadata.yaml').exists, f'the end of {bag.name}')
+            assert client.call(SetPayload, '/simulated_arm/set_payload', SetPayload.Request(
+                payload=payload_to_ros(payload))).success
+            type_text('\n')
+
+    with (standard_input(monkeypatch) as type_text, meanwhile(operate),
           client.collect(InertiaStamped, '/dynamics/payload') as payloads):
-        type_text('\n\n')
-        assert record_holds(request) == '/joint_states'
+        poses = request_of().choice.file
+        assert main([
+            '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
+            str(poses), '--hold', '1.5', '--step', '2', '--velocity', '2', '--recording',
+            str(first), '--with-weight-after', '--weight-mass', '1.5', '--weight-link', 'link2',
+            '--weight-position', '0', '0', '0.3', '--output', str(output)]) == 0
         payloads.wait_for(lambda message: message.inertia.m == 0.0)
         assert [message.inertia.m for message in payloads.messages] == [1.5, 0.0]
     out = capsys.readouterr().out
     assert '/dynamics: 4 poses of planar_arm, in this order' in out
     assert out.index('Attach 1.5 kg to link2, with its centre of mass at (0, 0, 0.3) m') < (
         out.index("~/set_payload: 1.5 kg on 'link2'")) < (
-        out.index('Remove the weight from link2')) < out.index('~/set_payload: no payload')
-    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
-    for bag in request.outputs:
-        series = recorded(bag)
+        out.index('Remove the weight from link2')) < out.index('~/set_payload: no payload') < (
+        out.index(f'Recorded: {first}, {second}'))
+    arm = load_arm(default_arm_urdf())
+    for bag, loaded in zip(bags, (arm, arm.with_payloads([WEIGHT]))):
+        series, dynamics = recorded(bag), ArmDynamics(loaded)
         holds = pair_holds(find_holds(series, KINDS), KINDS)
         assert holds.is_paired.sum() == 8
         gravity = np.array([dynamics.gravity(hold.position) for hold in holds.holds])
         one_sided = np.array([hold.effort for hold in holds.holds]) - gravity
         np.testing.assert_allclose(holds.effort, holds.mean(gravity), atol=0.02)
         assert np.abs(one_sided).max() > 0.8 * COULOMB  # the mean of both sides cancels it
+    found = read_parameter_file(output)
+    np.testing.assert_allclose(found['effort.scale'], 1.0, atol=0.01)
+    np.testing.assert_allclose(found['effort.offset'], 0.0, atol=0.05)
 
 
 # --- confirmation and rejections -----------------------------------------------------------------
@@ -267,19 +286,23 @@ def test_a_joint_that_does_not_arrive_is_an_error(
 
 def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
     request_of: Callable[..., MotionRequest], client: RosClient,
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], tmp_path: Path,
 ) -> None:
     def interrupt() -> None:
         client.wait_for(JointState, '/dynamics/reference', lambda state: any(state.velocity))
         os.kill(os.getpid(), signal.SIGTERM)
 
-    request = request_of(settings=FAST._replace(velocity=0.002))
-    with meanwhile(interrupt), pytest.raises(KeyboardInterrupt):
-        record_holds(request)
+    bag, poses = tmp_path / 'bag', request_of().choice.file
+    with meanwhile(interrupt):
+        assert main([
+            '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
+            str(poses), '--velocity', '0.002', '--recording', str(bag), '--output',
+            str(tmp_path / 'calibrated.yaml')]) == 130
     wait_for_stop(client)
-    assert capsys.readouterr().err.splitlines()[-2:] == [
-        STOPPED, f'Recorded 0 of 8 holds: {request.outputs[0]}']
-    assert len(recorded(request.outputs[0]).times) > 0
+    assert capsys.readouterr().err.splitlines()[-3:] == [
+        STOPPED, f'Recorded 0 of 8 holds: {bag}', 'calibrate_gravity: interrupted']
+    assert len(recorded(bag).times) > 0
+    assert not (tmp_path / 'calibrated.yaml').exists()
 
 
 def test_an_interrupt_keeps_the_compensation_of_the_weight(
