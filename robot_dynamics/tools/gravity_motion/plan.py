@@ -98,8 +98,8 @@ class MotionPlan:
         here = self.start
         for i, pose in enumerate(self.poses):
             for side in (1.0, -1.0):
-                beside = pose + side * self.approach
-                for goal in (*self._steps(here, beside), pose):
+                aside = pose + side * self.approach
+                for goal in (*self._steps(here, aside), pose):
                     yield i, self._move(here, goal, self.hold if goal is pose else 0.0)
                     here = goal
 

@@ -128,7 +128,7 @@ def _record_holds(client: RecordingClient, request: MotionRequest) -> str | None
 
 
 class CalibrationMotion:
-    """The passes of a calibration; every end leaves an arm that holds, and says what to do."""
+    """The passes of a calibration; every end leaves an arm that holds, and is reported."""
 
     def __init__(
         self, client: RecordingClient, watch: ArmWatch, urdf: str, weight: Payload | None,

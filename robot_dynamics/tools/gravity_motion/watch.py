@@ -132,7 +132,7 @@ class ArmWatch(MotionWatch):
         """
         Wait until all joints have rested for `seconds` by the stamps, while the node holds `goal`.
 
-        The arm may rest beside its goal (n,), at most by the `tolerance` (n,), if any.
+        The arm may rest at a distance from its goal (n,), at most the `tolerance` (n,), if any.
         """
         anchor, start_ns = np.array(self.measured()), self.position_ns
         since_ns = start_ns
