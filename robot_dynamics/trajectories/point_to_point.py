@@ -38,7 +38,8 @@ from robot_dynamics.trajectories.motion_limits import MotionLimits
 _SAMPLES = 17
 _GROWTH, _DURATIONS = 1.15, 36
 _TOLERANCE = 1.01
-_AT_REST = 1e-9
+_AT_REST = 1e-6
+"""[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
 _RESOLUTION = 1e-6
 """[s] to which durations are rounded up, so that points are distinct in time."""
 SHORTEST = 1e-3
@@ -71,6 +72,21 @@ def rest_to_rest_duration(distance: FloatArray, limits: MotionLimits) -> FloatAr
         np.cbrt(60.0 * d / limits.jerk))))
 
 
+def without_creep(state: Reference) -> Reference:
+    """
+    Return the state with joints at rest that move imperceptibly.
+
+    The path of a quintic of years would depend on an initial acceleration of 1e-10 rad/s².
+    """
+    moves = _moves(state)
+    return Reference(state.position, *(np.where(moves, x, 0.0) for x in state[1:]))
+
+
+def _moves(state: Reference) -> BoolArray:
+    return np.asarray(
+        (np.abs(state.velocity) > _AT_REST) | (np.abs(state.acceleration) > _AT_REST))
+
+
 def goal_points(
     start: Reference, goal: FloatArray, limits: MotionLimits, arrival: float = 0.0,
     shortest: float = 0.0,
@@ -83,7 +99,7 @@ def goal_points(
     deviate from the direct path.
     """
     rest = Reference(goal, np.zeros_like(goal), np.zeros_like(goal))
-    moves = (np.abs(start.velocity) > _AT_REST) | (np.abs(start.acceleration) > _AT_REST)
+    moves = _moves(start)
     T = rest_to_rest_duration(goal - start.position, limits)
     T = np.maximum(T, max(shortest, SHORTEST))
     pieces = _ways(start, rest, limits, T, shortest) if moves.any() else [

@@ -18,8 +18,9 @@ An online trajectory generator: references that the arm can follow, for any inpu
 A new trajectory is entered from the present reference (position, velocity and acceleration) by a
 quintic within `MotionLimits`:
 
-- a set-point without a velocity is a goal at rest, reached as early as the limits permit; if the
-  same set-point is repeated, the plan remains unchanged;
+- a set-point without a velocity is a goal at rest, reached as early as the limits permit, but not
+  before its time; if the same set-point is repeated, the plan remains unchanged, unless its time
+  is earlier;
 - a set-point with a velocity is a moving target; it is met one period of the stream after its
   arrival, or as early as the limits permit; when the stream ends, a planned stop follows;
 - a trajectory of several points that starts at rest is delayed until the arm is at its start;
@@ -45,7 +46,12 @@ from robot_dynamics.trajectories.motion_limits import (
     MotionLimits,
     VELOCITY_FRACTION,
 )
-from robot_dynamics.trajectories.point_to_point import goal_points, meeting_points, stop_points
+from robot_dynamics.trajectories.point_to_point import (
+    goal_points,
+    meeting_points,
+    stop_points,
+    without_creep,
+)
 
 LONGEST_PERIOD = 0.5
 """Largest interval [s] between two set-points of one stream."""
@@ -60,6 +66,8 @@ ON_PATH = 1e-6
 _LONGEST = 20.0
 _MEETINGS: FloatArray = np.geomspace(0.004, _LONGEST, 48)
 _STOP_POINTS = 12
+_SAME_TIME_NS = 1_000_000
+"""[ns] by which a goal has to be earlier for a new plan."""
 _APART = 3e-6
 """[s] by which a motion to the first point ends early, which permits rounding of durations."""
 
@@ -80,6 +88,8 @@ class ReferenceGenerator(TrajectoryFollower):
         self.limits = limits
         self.stream_timeout = stream_timeout
         self._set_point: tuple[int, TrajectoryPoint] | None = None
+        self._arrival_ns = 0
+        """The time of the last goal at rest; it arrives then or later."""
 
     def clear(self) -> None:
         """Discard trajectory and stream; the next trajectory starts from the measured state."""
@@ -116,12 +126,17 @@ class ReferenceGenerator(TrajectoryFollower):
         if self.limits is None:
             self._set_point = None
             return super()._entered(trajectory, start_ns, now_ns, state)
+        state = without_creep(state)
         first = trajectory.points[0]
         wait = (start_ns - now_ns) / NANOSECONDS_PER_SECOND + first.time_from_start
         if trajectory.is_set_point:
             before, self._set_point = self._set_point, (now_ns, first)
-            if before is not None and self.active is not None and _is_same_goal(before[1], first):
+            arrival_ns = now_ns + nanoseconds(max(wait, 0.0))
+            is_earlier = arrival_ns + _SAME_TIME_NS < self._arrival_ns
+            if before is not None and self.active is not None and not is_earlier and (
+                    _is_same_goal(before[1], first)):
                 return self.active
+            self._arrival_ns = arrival_ns
             lead_in = self._to_set_point(first, max(wait, 0.0), now_ns, state, before)
         else:
             self._set_point = None
