@@ -120,6 +120,10 @@ def test_the_cells_print_and_draw_what_is_stored(notebook: Path, tmp_path: Path)
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
+def test_figures_have_the_common_style(notebook: Path) -> None:
+    assert any('**style.STYLE' in ''.join(cell['source']) for cell in code_cells(notebook))
+
+
 def test_it_has_two_figures_that_are_small(notebook: Path) -> None:
     sizes = [len(figure) for cell in code_cells(notebook) for figure in stored_figures(cell)]
     assert len(sizes) == 2

@@ -30,6 +30,7 @@ import python_pages  # noqa: E402
 import site_links  # noqa: E402
 
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+NOTEBOOKS = sorted((ROOT / 'docs').rglob('*.ipynb'))
 
 
 def anchors(page: Path) -> list[str]:
@@ -38,7 +39,8 @@ def anchors(page: Path) -> list[str]:
             for heading in re.findall(r'^#+ (.+)$', text, re.MULTILINE)]
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    'page', PAGES + NOTEBOOKS, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_anchors_of_links_are_headings(page: Path) -> None:
     for link in site_links.links(page.read_text(encoding='utf-8')):
         path, _, anchor = link.partition('#')
