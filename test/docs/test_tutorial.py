@@ -111,12 +111,18 @@ def relative_residuals(out: str) -> list[float]:
         r'^joint\d +\S+ N·m +\S+ N·m +(\S+) %', out, re.MULTILINE)]
 
 
+def table_headings(text: str) -> set[str]:
+    """Return the heading of each table, with single spaces."""
+    return {' '.join(line.split()) for line in re.findall(r'^joint .*', text, re.MULTILINE)}
+
+
 def test_the_tutorial(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding='utf-8')
     files, commands = files_and_commands(page)
     for name, text in files.items():
         (tmp_path / name).write_text(text, encoding='utf-8')
     printed = run_all(commands, tmp_path)
+    assert table_headings(page) <= table_headings('\n'.join(printed.values()))
     used = {command[3] for command in commands if command[0] == 'ros2'}
     assert used >= {'excite', 'demo', 'analyze_bag', 'identify', *NODES}
     analyze = 'ros2 run robot_dynamics analyze_bag '
