@@ -185,7 +185,7 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin
         print(f'Recording        {directory / RECORDING}')
         if not arguments.no_plot:
             save_picture(report, arm, directory / PICTURE)
-            print(f'Picture          {directory / PICTURE}')
+            print(f'Figure           {directory / PICTURE}')
             write_loop_page(
                 report, run, arm, directory / PICTURE, directory / REPORT, origin)
             print(f'Report           {directory / REPORT}')
@@ -237,7 +237,7 @@ def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') ->
                 comparison, directory / PICTURE, directory / REPORT, origin)
         except (RobotDynamicsError, OSError) as error:
             raise ToolError(str(error)) from None
-        print(f'Picture          {directory / PICTURE}')
+        print(f'Figure           {directory / PICTURE}')
         print(f'Report           {directory / REPORT}')
     return DONE
 

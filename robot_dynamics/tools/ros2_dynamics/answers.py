@@ -201,7 +201,7 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     facts = {'state': state, 'command': command, 'joints': ', '.join(joints) or 'none yet'}
     facts |= {} if payloads is None else {'payload': _describe_payloads(payloads)}
     blocks = [f'{name}\n' + text_table([], list(facts.items())),
-              text_table(['check', 'level', 'says'], rows)]
+              text_table(['check', 'level', 'message'], rows)]
     if arguments.verbose:
         blocks += [f'{row[0]}\n' + text_table([], [
             [pair.key, pair.value] for pair in status.values])
