@@ -21,7 +21,7 @@ from robot_dynamics.tools.animate import main as animate
 
 
 def main(directory: Path) -> int:
-    """Write the moving picture into a directory."""
+    """Write the animation into a directory."""
     return animate(['--force', '-o', str(directory / 'double_pendulum.gif')])
 
 

@@ -167,7 +167,7 @@ class _Animation:
         handed = '' if last else (
             f';  of joint {i + 2}: {_size(now.joint_acceleration[i + 1])} m/s²')
         self._begin(
-            k, f'Stop. Outward pass: how does link {i + 1} move?',
+            k, f'Stop. Outward pass: motion of link {i + 1}',
             f'${rate}$ = {_number(now.omega[i])} rad/s,   '
             f'${rates}$ = {_number(now.omega_dot[i])} rad/s²\n'
             f'acceleration $\\dot v_{{C{i + 1}}}$ of its centre of mass: '
@@ -190,8 +190,8 @@ class _Animation:
         n, now = len(self._joints), self._passes[k]
         force, moment = _force_formulas(i, i + 1 == n)
         self._begin(
-            k, f'Inward pass: what does joint {i + 1} pass on to link {i + 1}?',
-            f'${force}$,  in size {_size(now.force[i])} N\n'
+            k, f'Inward pass: force and moment of joint {i + 1} on link {i + 1}',
+            f'${force}$,  magnitude {_size(now.force[i])} N\n'
             f'${moment}$ = {_number(now.tau[i])} N·m', scales)
         stage = self._stage
         stage.draw_links(now, i)
