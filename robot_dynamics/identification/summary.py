@@ -111,7 +111,7 @@ def _friction_cell(field: ParameterField, friction: Mapping[str, float]) -> str:
 def parameter_rows(identification: Identification) -> Rows:
     """Return the base parameters and the joints' own parameters, with their deviations."""
     estimate, base = identification.estimate, identification.base
-    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'is')]
+    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'definition')]
     for i, name in enumerate(estimate.names):
         is_base = i < estimate.base_count
         rows.append((

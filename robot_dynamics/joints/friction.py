@@ -83,7 +83,7 @@ FRICTION_FIELDS = (
         'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
         'Velocity v_a {unit} over which the friction F_a changes its sign; one value for all '
         'joints or one per joint. If empty, {default:g}.',
-        'its velocity', ('sigmoid', 'load')),
+        'sigmoid velocity', ('sigmoid', 'load')),
     ParameterField(
         'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
         'Load-dependent friction coefficient: friction effort per unit of load effort, with the '

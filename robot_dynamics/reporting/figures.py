@@ -121,7 +121,7 @@ def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray])
 
 def residual_panel(times: FloatArray, residual: FloatArray) -> Panel:
     """Return the panel of the residual (measured − model), (m, n) [N·m] or [N]."""
-    return Panel('Measured − model', 'residual', times, {'error': residual}, ('N·m', 'N'))
+    return Panel('Measured − model', 'residual', times, {'residual': residual}, ('N·m', 'N'))
 
 
 def joint_figure(

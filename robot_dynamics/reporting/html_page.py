@@ -42,7 +42,8 @@ th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd
   vertical-align: top; }
 th:first-child, td:first-child, .text td, .text th { text-align: left; }
 td:not(:last-child) { white-space: nowrap; }
-.text td, .long td:last-child { overflow-wrap: anywhere; white-space: normal; }
+.text td { overflow-wrap: break-word; white-space: normal; }
+.text td:last-child, .long td:last-child { overflow-wrap: anywhere; white-space: normal; }
 .long td:last-child, .long th:last-child { text-align: left; }
 th { border-bottom: 2px solid #888; }
 ul { overflow-wrap: anywhere; }

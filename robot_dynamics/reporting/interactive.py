@@ -59,7 +59,8 @@ def zoomable_figures(
     try:
         span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
     except MissingDependencyError as error:
-        return Zoomable('', f'{static}<p>{escape(str(error))}</p>')
+        reason = escape(str(error))
+        return Zoomable('', f'{static}<p>{reason[0].upper()}{reason[1:]}</p>')
     rows = []
     for row, name in enumerate(joint_names):
         prismatic = joint_kinds[row] == 'prismatic'
