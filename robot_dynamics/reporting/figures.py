@@ -50,6 +50,7 @@ LINES: Mapping[str, LineStyle] = {
     'reference': LineStyle(SKY, '-', 5.0),
     'measured': LineStyle(BLUE, '-', 1.4),
     'error': LineStyle(VERMILION, '-', 1.0),
+    'measured − model': LineStyle(VERMILION, '-', 1.0),
     'model': LineStyle(VERMILION, (0, (6, 2)), 1.5),
     'residual': LineStyle(GREY, (0, (1, 1)), 1.4),
     'effort': LineStyle(BLACK, '-', 1.6),
@@ -121,7 +122,8 @@ def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray])
 
 def residual_panel(times: FloatArray, residual: FloatArray) -> Panel:
     """Return the panel of the residual (measured − model), (m, n) [N·m] or [N]."""
-    return Panel('Measured − model', 'residual', times, {'residual': residual}, ('N·m', 'N'))
+    return Panel(
+        'Residual', 'residual', times, {'measured − model': residual}, ('N·m', 'N'))
 
 
 def joint_figure(
