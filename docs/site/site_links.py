@@ -50,7 +50,7 @@ def target_in_site(target: str, source: str) -> str:
     path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
     if path in PAGES_OF_FILES:
         return PAGES_OF_FILES[path] + mark + anchor
-    if path.startswith('docs/'):
+    if path.startswith('docs/') and not path.endswith('.py'):  # mkdocs.yml excludes programs
         return path.removeprefix('docs/') + mark + anchor
     if path.startswith('..') or not (ROOT / path).exists():
         raise ValueError(f'{target!r} leads to no file of the repository')

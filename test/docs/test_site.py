@@ -78,6 +78,8 @@ def test_anchors_are_those_of_github(heading: str, anchor: str) -> None:
     ('CONTRIBUTING.md', 'README.md', 'index.md', 'contributing.md'),
     ('config/ur10.yaml', 'README.md', 'index.md', 'code/config/ur10.yaml.md'),
     ('../setup.py', 'docs/safety.md', 'safety.md', 'code/setup.py.md'),
+    ('examples/one_process.py', 'docs/safety.md', 'safety.md',
+     'code/docs/examples/one_process.py.md'),
     ('https://a.example/b', 'README.md', 'index.md', 'https://a.example/b'),
 ])
 def test_links_lead_to_pages_of_the_site(link: str, source: str, page: str, shown: str) -> None:
@@ -163,6 +165,8 @@ STYLE = '@font-face {src: url("f.woff")} p {background: url(data:image/png;base6
 def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
     (directory / 'index.html').write_text(page, encoding='utf-8')
     (directory / 'a.css').write_text(style, encoding='utf-8')
+    for name in ('a.png', 'a.js'):
+        (directory / name).touch()
     return directory
 
 
@@ -191,6 +195,16 @@ def test_what_a_page_loads_from_another_server_is_found(
 def test_what_a_style_sheet_loads_from_another_server_is_found(tmp_path: Path, more: str) -> None:
     (fault,) = faults_of(write_site(tmp_path, style=STYLE + more))
     assert re.fullmatch(r'a\.css: loads (https:)?//elsewhere\.example/f\.(woff|css)', fault)
+
+
+@pytest.mark.parametrize(('address', 'is_there'), [
+    ('a.css', True), ('/a.css', True), ('index.html#any', True), ('#any', True),
+    ('https://elsewhere.example/', True), ('absent.html', False), ('docs/a.css', False),
+])
+def test_links_to_absent_files_are_found(tmp_path: Path, address: str, is_there: bool) -> None:
+    faults = faults_of(write_site(tmp_path, page=f'{GOOD}<a href="{address}">this</a>'))
+    assert faults == (
+        [] if is_there else [f'index.html: links to {address}, which does not exist'])
 
 
 def test_an_empty_directory_is_no_site(tmp_path: Path) -> None:
