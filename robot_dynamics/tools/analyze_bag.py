@@ -208,7 +208,7 @@ def print_failures(failed: Sequence[tuple[str, str]]) -> None:
     """Print the failed recordings and the reasons to stderr."""
     if not failed:
         return
-    print(f'analyze_bag: {len(failed)} could not be analysed:', file=sys.stderr)
+    print(f'analyze_bag: recordings that could not be analysed: {len(failed)}', file=sys.stderr)
     for name, error in failed[:LONGEST_LIST]:
         print(f'  {name}: {" ".join(error.split())}', file=sys.stderr)
     if len(failed) > LONGEST_LIST:

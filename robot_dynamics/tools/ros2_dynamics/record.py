@@ -70,7 +70,8 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
             write_description(
                 writer, client.resolve('robot_description'), urdf, time.time_ns())
         recorder = Recorder(client.node, writer, specs)
-        began = f'Recording {len(specs)} topics to {directory}; ' + (
+        topics = 'topic' if len(specs) == 1 else 'topics'
+        began = f'Recording {len(specs)} {topics} to {directory}; ' + (
             f'ends after {seconds:g} s.' if seconds else 'Ctrl-C ends.')
         several = _record(client, recorder, seconds, began)
     rows = [
