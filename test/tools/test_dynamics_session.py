@@ -304,7 +304,7 @@ def test_a_recording_has_the_description_and_all_topics(ask: Ask, tmp_path: Path
         assert all(time_ns <= next(recording.messages(topic))[0] for topic in TOPICS)
         series = recording.joint_series(recording.joint_state_topic())
         assert series.joint_names == ('joint1', 'joint2')
-        np.testing.assert_allclose(series.position, np.full_like(series.position, 0.5), atol=5e-3)
+        np.testing.assert_allclose(wrap_to_pi(series.position - 0.5), 0.0, atol=5e-3)
         terms = next(recording.messages('/dynamics/terms'))[1]
         assert list(terms.joint_names) == ['joint1', 'joint2']
 

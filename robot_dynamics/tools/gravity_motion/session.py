@@ -169,13 +169,14 @@ class CalibrationMotion:
             try:
                 self._follow(plan)
             except BaseException:
+                client.recorder = None  # the disk may be full
                 self._stop()
                 raise
             finally:
                 client.recorder = None
-                recorder.close()
                 self._notes.append(
                     f'Recorded {self._holds} of {2 * len(plan.poses)} holds: {output}')
+                recorder.close()
 
     def _follow(self, plan: MotionPlan) -> None:
         """Move through the plan from the measured position."""
