@@ -32,7 +32,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_calibration.holds import find_holds, pair_holds
-from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.model.payload import make_payload
@@ -58,8 +58,10 @@ WEIGHT = make_payload('link2', 1.5, (0.0, 0.0, 0.3))
 KINDS = ('revolute', 'revolute')
 FAST = MotionSettings(hold=1.5, step=2.0, velocity=2.0)
 STOPPED = 'Called ~/stop: stopping along the reference, then holding the position'
-COULOMB = 0.5
+COULOMB = 1.5
 """[N m]: dry friction of the simulated arm."""
+SCALE, OFFSET = np.array([0.75, 1.3]), np.array([1.5, -1.0])
+"""Effort scale and offset [N m] of the drives of the simulated arm, unknown to the node."""
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -67,7 +69,9 @@ def nodes() -> Iterator[None]:
     with running(
             NodeProcess(DYNAMICS, {'condition_references': True}),
             NodeProcess(SIMULATED_ARM, {
-                'rate': 50.0, 'lock_step': True, 'friction.coulomb': [COULOMB]})):
+                'rate': 50.0, 'lock_step': True, 'friction.coulomb': [COULOMB],
+                'joints': ['joint1', 'joint2'], 'effort.scale': SCALE.tolist(),
+                'effort.offset': OFFSET.tolist()})):
         yield
 
 
@@ -144,7 +148,23 @@ def recorded(bag: Path) -> JointSeries:
 
 # --- the whole sequence --------------------------------------------------------------------------
 
-def test_the_tool_moves_the_arm_without_and_with_the_weight(
+def test_the_tool_moves_the_arm_and_calibrates(
+    request_of: Callable[..., MotionRequest], capsys: pytest.CaptureFixture[str], tmp_path: Path,
+) -> None:
+    bag, output = tmp_path / 'bag', tmp_path / 'calibrated.yaml'
+    assert main([
+        '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
+        str(request_of().choice.file), '--hold', '1.5', '--step', '2', '--velocity', '1',
+        '--recording', str(bag), '--output', str(output)]) == 0
+    out = capsys.readouterr().out
+    assert '/dynamics: 4 poses of planar_arm, in this order' in out
+    assert f'Recorded: {bag}\n' in out
+    check_holds(bag, load_arm(default_arm_urdf()))
+    check_calibrated(output)
+
+
+@pytest.mark.soak
+def test_the_tool_calibrates_with_a_weight(
     request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str], tmp_path: Path,
 ) -> None:
@@ -160,32 +180,43 @@ def test_the_tool_moves_the_arm_without_and_with_the_weight(
 
     with (standard_input(monkeypatch) as type_text, meanwhile(operate),
           client.collect(InertiaStamped, '/dynamics/payload') as payloads):
-        poses = request_of().choice.file
         assert main([
             '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
-            str(poses), '--hold', '1.5', '--step', '2', '--velocity', '2', '--recording',
-            str(first), '--with-weight-after', '--weight-mass', '1.5', '--weight-link', 'link2',
-            '--weight-position', '0', '0', '0.3', '--output', str(output)]) == 0
+            str(request_of().choice.file), '--hold', '1.5', '--step', '2', '--velocity', '1',
+            '--recording', str(first), '--with-weight-after', '--weight-mass', '1.5',
+            '--weight-link', 'link2', '--weight-position', '0', '0', '0.3',
+            '--output', str(output)]) == 0
         payloads.wait_for(lambda message: message.inertia.m == 0.0)
         assert [message.inertia.m for message in payloads.messages] == [1.5, 0.0]
     out = capsys.readouterr().out
-    assert '/dynamics: 4 poses of planar_arm, in this order' in out
     assert out.index('Attach 1.5 kg to link2, with its centre of mass at (0, 0, 0.3) m') < (
         out.index("~/set_payload: 1.5 kg on 'link2'")) < (
         out.index('Remove the weight from link2')) < out.index('~/set_payload: no payload') < (
         out.index(f'Recorded: {first}, {second}'))
     arm = load_arm(default_arm_urdf())
-    for bag, loaded in zip(bags, (arm, arm.with_payloads([WEIGHT]))):
-        series, dynamics = recorded(bag), ArmDynamics(loaded)
-        holds = pair_holds(find_holds(series, KINDS), KINDS)
-        assert holds.is_paired.sum() == 8
-        gravity = np.array([dynamics.gravity(hold.position) for hold in holds.holds])
-        one_sided = np.array([hold.effort for hold in holds.holds]) - gravity
-        np.testing.assert_allclose(holds.effort, holds.mean(gravity), atol=0.02)
-        assert np.abs(one_sided).max() > 0.8 * COULOMB  # the mean of both sides cancels it
+    check_holds(first, arm)
+    check_holds(second, arm.with_payloads([WEIGHT]))
+    check_calibrated(output)
+
+
+def check_holds(bag: Path, arm: ArmModel) -> None:
+    """Check that all holds are from both sides, and that friction cancels in their mean."""
+    holds = pair_holds(find_holds(recorded(bag), KINDS), KINDS)
+    assert holds.is_paired.sum() == 8
+    dynamics = ArmDynamics(arm)
+    gravity = np.array([dynamics.gravity(hold.position) for hold in holds.holds])
+    effort = np.array([hold.effort for hold in holds.holds])
+    one_sided = SCALE * (effort - OFFSET) - gravity
+    np.testing.assert_allclose(
+        SCALE * (holds.effort - OFFSET), holds.mean(gravity), atol=0.1)
+    assert np.abs(one_sided).max() > 0.8 * COULOMB
+
+
+def check_calibrated(output: Path) -> None:
+    """Compare the scale and the offset of the file with those of the drives."""
     found = read_parameter_file(output)
-    np.testing.assert_allclose(found['effort.scale'], 1.0, atol=0.01)
-    np.testing.assert_allclose(found['effort.offset'], 0.0, atol=0.05)
+    np.testing.assert_allclose(found['effort.scale'], SCALE, rtol=0.005)
+    np.testing.assert_allclose(found['effort.offset'], OFFSET, atol=0.1)
 
 
 # --- confirmation and rejections -----------------------------------------------------------------

@@ -38,7 +38,7 @@ LONGEST_HOLD = 600.0
 """[s]"""
 VELOCITY_SHARE = 0.5
 """Largest used share of a joint's velocity limit."""
-APPROACH_VELOCITY = 0.2
+APPROACH_VELOCITY = 0.1
 """Share of the velocity for the last move to a pose: dry friction keeps its sign if no joint
 overshoots."""
 LARGEST_TURN = 1.5
