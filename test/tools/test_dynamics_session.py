@@ -31,6 +31,7 @@ from children import TIMEOUT
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
