@@ -1,0 +1,189 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The smallest motion that makes a parameter observable, from the information matrix.
+
+The information of a candidate is added to the present information: of a hold, if necessary
+approached from both directions, or of a motion with a sinusoidal acceleration of one joint.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.load_regressor import LoadRegressor
+from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
+from robot_dynamics.model.worst_gravity import sample_positions
+
+TURNS = np.radians([15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0, 180.0])
+"""Candidate displacements of a joint [rad]."""
+SLIDES = np.array([0.05, 0.1, 0.2, 0.3, 0.5])
+"""Candidate displacements of a prismatic joint [m]."""
+POSES = 60
+"""Number of candidate poses of the whole arm."""
+MOST_HOLDS = 6
+"""Largest number of holds in an advice."""
+ACCELERATIONS = (1.0, 2.0, 5.0, 10.0, 20.0)
+"""Candidate amplitudes [rad/s²] or [m/s²]."""
+SECONDS, FREQUENCY = 10.0, 1.0
+"""Duration [s] and frequency [Hz] of a candidate motion."""
+KINDS_OF_HOLD = (('single', ''), ('paired', ', approached from both directions'))
+_INERTIA = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """
+    The present state of an estimation.
+
+    `information` (10, 10) of the parameters, `limit` (10,) of the deviations, `position` (n,) of
+    the arm, `variances` (n,) of observations by their kind, `block` of motion [s].
+    """
+
+    information: FloatArray
+    limit: FloatArray
+    position: FloatArray
+    variances: Mapping[str, FloatArray]
+    block: float
+
+    def suffices(self, parameter: int, gain: FloatArray) -> bool:
+        """Return whether a parameter is observable with this further information (10, 10)."""
+        return bool(self.deviation(parameter, gain) <= self.limit[parameter])
+
+    def deviation(self, parameter: int, gain: FloatArray) -> float:
+        """Return the deviation of a parameter with this further information (10, 10)."""
+        covariance = np.linalg.inv(self.information + gain)
+        return float(np.sqrt(max(covariance[parameter, parameter], 0.0)))
+
+
+def advise(
+    arm: ArmModel, link: str, missing: Sequence[int], knowledge: Knowledge,
+) -> tuple[str, ...]:
+    """Return a sentence for each parameter of π that is not observable."""
+    adviser = _Adviser(arm, link, knowledge)
+    sentences: dict[str, list[str]] = {}
+    for i in missing:
+        sentence = adviser.hold(i) if i < _INERTIA else adviser.motion(i)
+        sentences.setdefault(sentence, []).append(NAMES[i])
+    return tuple(f'{", ".join(names)}: {text}' for text, names in sentences.items())
+
+
+class _Adviser:
+    def __init__(self, arm: ArmModel, link: str, knowledge: Knowledge) -> None:
+        self._arm, self._knowledge = arm, knowledge
+        self._regressor = LoadRegressor(arm, link)
+        moves = sorted(self._single_joint(), key=lambda one: abs(one[1]))
+        self._moves = [(joint, change) for joint, change, _ in moves]
+        self._positions = np.array([knowledge.position, *(position for *_, position in moves)])
+        self._poses = sample_positions(arm, POSES)
+        both = np.concatenate([self._positions, self._poses])
+        zero = np.zeros_like(both)
+        self._static = self._regressor(both, zero, zero)
+
+    def hold(self, parameter: int) -> str:
+        """Return the smallest motion of one joint, or else the fewest poses, to hold."""
+        suffices, count = self._knowledge.suffices, len(self._positions)
+        for kind, addition in KINDS_OF_HOLD:
+            present, *gains = self._static_gain(kind)[:count]
+            if suffices(parameter, present):
+                return 'hold the present pose once more' + addition
+            for (joint, change), position, gain in zip(self._moves, self._positions[1:], gains):
+                if suffices(parameter, gain):
+                    return self._turn_text(joint, change, position[joint]) + addition
+        for kind, addition in KINDS_OF_HOLD:
+            chosen = self._poses_to_hold(parameter, self._static_gain(kind)[count:])
+            if len(chosen) < MOST_HOLDS:
+                return self._poses_text(chosen) + addition
+        return self._poses_text(chosen) + addition + ', several times'
+
+    def _turn_text(self, joint: int, change: float, target: float) -> str:
+        name, unit = self._arm.joint_names[joint], self._unit(joint)
+        size = np.degrees(change) if unit == '°' else change
+        return f'move {name!r} by {size:+.3g} {unit} (to {target:.3g}) and hold the pose'
+
+    def _poses_text(self, poses: Sequence[int]) -> str:
+        texts = ', '.join(
+            '(' + ', '.join(f'{value:.2f}' for value in self._poses[i].tolist()) + ')'
+            for i in dict.fromkeys(poses))
+        return f'hold the poses {texts} of {list(self._arm.joint_names)}'
+
+    def motion(self, parameter: int) -> str:
+        """Return the joints to accelerate, and the smallest amplitude."""
+        best: list[tuple[float, int]] = []
+        for amplitude in ACCELERATIONS:
+            gains = [self._dynamic_gain(joint, amplitude)
+                     for joint in range(self._arm.joint_count)]
+            for joint, gain in enumerate(gains):
+                if self._knowledge.suffices(parameter, gain):
+                    return self._motion_text([joint], amplitude)
+            best = sorted((self._knowledge.deviation(parameter, gain), joint)
+                          for joint, gain in enumerate(gains))
+            for count in range(2, len(best) + 1):
+                joints = [joint for _, joint in best[:count]]
+                if self._knowledge.suffices(parameter, sum((gains[j] for j in joints),
+                                                           np.zeros((COUNT, COUNT)))):
+                    return self._motion_text(joints, amplitude)
+        return self._motion_text([joint for _, joint in best], ACCELERATIONS[-1]) + (
+            ', and longer; a trajectory of `excite` is better')
+
+    def _motion_text(self, joints: Sequence[int], amplitude: float) -> str:
+        names = ', '.join(repr(self._arm.joint_names[j]) for j in sorted(joints))
+        return (f'accelerate {names} with an amplitude of {amplitude:g} rad/s² (m/s²) at '
+                f'{FREQUENCY:g} Hz for {SECONDS:g} s' + (' each' if len(joints) > 1 else ''))
+
+    def _poses_to_hold(self, parameter: int, gains: FloatArray) -> list[int]:
+        """Return the poses that reduce the deviation most, MOST_HOLDS if they do not suffice."""
+        gain = np.zeros((COUNT, COUNT))
+        chosen: list[int] = []
+        while len(chosen) < MOST_HOLDS and not self._knowledge.suffices(parameter, gain):
+            deviations = [self._knowledge.deviation(parameter, gain + one) for one in gains]
+            chosen.append(int(np.argmin(deviations)))
+            gain = gain + gains[chosen[-1]]
+        return chosen
+
+    def _single_joint(self) -> Iterator[tuple[int, float, FloatArray]]:
+        """Yield joint, displacement and position of poses within the limits."""
+        limits, start = self._arm.limits, self._knowledge.position
+        for joint in range(self._arm.joint_count):
+            for size in SLIDES if self._unit(joint) == 'm' else TURNS:
+                for change in (size, -size):
+                    position = start.copy()
+                    position[joint] += change
+                    if limits.lower[joint] <= position[joint] <= limits.upper[joint]:
+                        yield joint, float(change), position
+
+    def _unit(self, joint: int) -> str:
+        return 'm' if self._arm.joint_kinds[joint] == 'prismatic' else '°'
+
+    def _static_gain(self, kind: str) -> FloatArray:
+        """Return the information (m, 10, 10) of holds."""
+        Y = self._static
+        return np.asarray(np.einsum(
+            'mji,mjk,j->mik', Y, Y, 1.0 / self._knowledge.variances[kind], optimize=True))
+
+    def _dynamic_gain(self, joint: int, amplitude: float) -> FloatArray:
+        """Return the information (10, 10) of a sinusoidal motion of one joint."""
+        omega, phase = 2.0 * np.pi * FREQUENCY, np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+        q, v, a = np.zeros((3, len(phase), self._arm.joint_count))
+        q[:] = self._knowledge.position
+        q[:, joint] -= amplitude / omega**2 * np.cos(phase)
+        v[:, joint] = amplitude / omega * np.sin(phase)
+        a[:, joint] = amplitude * np.cos(phase)
+        Y = self._regressor(q, v, a)
+        blocks = SECONDS / self._knowledge.block / len(phase)
+        return np.asarray(blocks * np.einsum(
+            'mji,mjk,j->ik', Y, Y, 1.0 / self._knowledge.variances['motion']))

@@ -1,0 +1,115 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Estimation of what is attached to a link, from measured minus modelled effort.
+
+Recursive weighted least squares in information form: each sample is added once, memory and the
+time of an estimate do not depend on the duration. Errors of the regressor are neglected, because
+the noise of encoders is far below that of efforts; D. Kubus, T. Kröger, F. M. Wahl, "On-line
+estimation of inertial parameters using a recursive total least-squares approach", IEEE/RSJ IROS
+2008, include them for a force sensor and accelerometers.
+"""
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.load_regressor import LoadRegressor
+from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.payload_estimation.information import solve
+from robot_dynamics.payload_estimation.pairing import pair_rests
+from robot_dynamics.payload_estimation.result import make_result, PayloadEstimate
+from robot_dynamics.payload_estimation.rows import (
+    COLUMNS,
+    EFFORT,
+    RESIDUAL,
+    RowBuilder,
+    SIGN,
+    SLIDING_VELOCITY,
+    VELOCITY,
+)
+
+SHORTEST_BLOCK = 0.1
+"""[s]"""
+_FRICTION_SMOOTHING = SLIDING_VELOCITY / 5.0
+
+
+class PayloadEstimator:
+    """
+    Estimates the body on one link of an arm; for one thread.
+
+    `arm` is the model without this body; its friction is subtracted from the measured effort.
+    """
+
+    def __init__(self, arm: ArmModel, link: str, cutoff_hz: float) -> None:
+        """
+        Take samples that passed a low-pass filter with the cut-off `cutoff_hz` [Hz].
+
+        Raises InvalidInputError for an unknown link.
+        """
+        if not cutoff_hz > 0.0:
+            raise InvalidInputError(f'cutoff_hz is {cutoff_hz:g}, expected a number > 0')
+        self.arm, self.link = arm, link
+        self._regressor = LoadRegressor(arm, link)
+        self._dynamics = ArmDynamics(arm).unchecked
+        self._block = max(SHORTEST_BLOCK, 1.0 / cutoff_hz)
+        self._rows = RowBuilder(arm.joint_count, self._block, self._block)
+        self._position: FloatArray | None = None
+        self._largest_effort = np.zeros(arm.joint_count)
+
+    def restart(self) -> None:
+        """Continue after a gap: the next sample has no relation to the previous one."""
+        self._rows.restart()
+
+    def add(
+        self, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, effort: FloatArray,
+    ) -> None:
+        """
+        Take filtered samples: times t (m,) [s], all others (m, n), in the order of time.
+
+        `effort` [N·m] or [N] is measured, on the joint side of the gearbox, with gravity.
+        """
+        if not len(t):
+            return
+        dynamics = self._dynamics
+        rigid = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
+        rows = np.zeros((2, *q.shape, COLUMNS))
+        rows[:, :, :, :COUNT] = self._regressor(q, v, a)
+        rows[..., VELOCITY], rows[..., EFFORT] = v, effort
+        rows[..., SIGN] = np.tanh(v / _FRICTION_SMOOTHING)
+        friction = dynamics.friction
+        rows[0, ..., RESIDUAL] = friction.load_behind(v, effort, np.sign(v)) - rigid
+        # at rest, dry friction is unknown
+        rows[1, ..., RESIDUAL] = friction.load_behind(
+            np.zeros_like(v), effort, np.zeros_like(v)) - rigid
+        for i, time in enumerate(t.tolist()):
+            self._rows.add(time, q[i], v[i], rows[0, i], rows[1, i])
+        self._position = q[-1]
+        self._largest_effort = np.maximum(self._largest_effort, np.abs(effort).max(axis=0))
+
+    def estimate(self, with_advice: bool = True) -> PayloadEstimate:
+        """Return the estimate from all samples; `with_advice` costs about 0.1 s."""
+        rows = self._rows.rows()
+        rests = pair_rests(rows.rests, self._block)
+        limit = self.arm.limits.effort
+        scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, np.maximum(
+            self._largest_effort, 1.0))
+        friction = self.arm.friction
+        band = friction.at_rest.static + friction.load * self._largest_effort
+        solution = solve(rows, rests, band, scale)
+        return make_result(
+            self.arm, self.link, solution, rows, rests, band, self._block, self._position,
+            with_advice)

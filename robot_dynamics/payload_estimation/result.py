@@ -1,0 +1,213 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The result of an estimation: values, deviations, verdict, advice and remarks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.load_regressor import LoadRegressor
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULTIPLE
+from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
+from robot_dynamics.model.regressor import random_states
+from robot_dynamics.payload_estimation.advice import advise, Knowledge
+from robot_dynamics.payload_estimation.information import Solution
+from robot_dynamics.payload_estimation.pairing import RestRows
+from robot_dynamics.payload_estimation.rows import Rows
+
+UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
+OBSERVABLE, UNOBSERVABLE = 'observable', 'not observable'
+INSEPARABLE, NO_EFFECT = 'inseparable', 'no effect'
+LARGEST_DEVIATIONS = np.array([0.1, *(0.01,) * 3, *(0.003,) * 6])
+"""
+Largest deviations of observable parameters per kilogram of mass [kg, kg·m, kg·m²].
+
+A mass below 1 kg counts as 1 kg.
+"""
+LENGTH = 0.1
+"""Length [m] with which parameters are scaled to compare them."""
+EFFORT_REMARK = (
+    'a wrong torque constant or a wrong mass of the arm in the URDF changes the estimate, and is '
+    'not part of the deviations: see the error per 1 % of the measured effort')
+_STATES = 40
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadEstimate:
+    """
+    What is attached to `link`: π = (m, m c, I), each (10,), in the frame of the link.
+
+    `values` [kg, kg·m, kg·m²] have the standard `deviations`: ± 1.96 deviations covers the true
+    value in 95 % of the cases. `verdicts` has one of OBSERVABLE, UNOBSERVABLE, INSEPARABLE (every
+    motion of this arm depends only on a sum with others) and NO_EFFECT. `per_percent` is the error
+    if all measured efforts are 1 % too large. `duration` [s], `holds`, `pairs` and `singles`
+    (rests of single joints) and `blocks` (of motion) count the data. `implausible` says why the
+    estimate is physically impossible.
+    """
+
+    link: str
+    values: FloatArray
+    deviations: FloatArray
+    covariance: FloatArray
+    verdicts: tuple[str, ...]
+    per_percent: FloatArray
+    duration: float
+    holds: int
+    pairs: int
+    singles: int
+    blocks: int
+    friction: str
+    advice: tuple[str, ...]
+    implausible: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def mass(self) -> float:
+        return float(self.values[0])
+
+    @property
+    def com(self) -> FloatArray:
+        """Centre of mass (3,) [m], NaN if the mass is not above 0."""
+        return self.values[1:4] / self.mass if self.mass > 0.0 else np.full(3, np.nan)
+
+    @property
+    def com_deviations(self) -> FloatArray:
+        """Standard deviations (3,) [m] of the centre of mass, NaN if the mass is not above 0."""
+        if not self.mass > 0.0:
+            return np.full(3, np.nan)
+        slope = np.hstack([-self.com[:, None], np.eye(3)]) / self.mass
+        known = np.isfinite(self.deviations[:4])
+        widening = np.where(known, self.deviations[:4], 0.0) / np.sqrt(
+            np.diag(self.covariance)[:4])
+        covariance = self.covariance[:4, :4] * np.outer(widening, widening)
+        deviations = np.sqrt(np.einsum('ij,jk,ik->i', slope, covariance, slope))
+        return np.where(known[1:], deviations, np.inf)
+
+    @property
+    def is_observable(self) -> bool:
+        """Return whether the mass and all first moments that have an effect are observable."""
+        return self.verdicts[0] == OBSERVABLE and all(
+            verdict in (OBSERVABLE, NO_EFFECT) for verdict in self.verdicts[1:4])
+
+    @property
+    def has_inertia(self) -> bool:
+        """Return whether the whole inertia tensor is observable."""
+        return all(verdict == OBSERVABLE for verdict in self.verdicts[4:])
+
+    def payload(self) -> Payload:
+        """
+        Return the estimate as a payload, a point mass unless the whole inertia is observable.
+
+        Raises InvalidInputError if it is not observable, or physically impossible.
+        """
+        if not self.is_observable:
+            missing = [name for name, verdict in zip(NAMES[:4], self.verdicts)
+                       if verdict not in (OBSERVABLE, NO_EFFECT)]
+            raise InvalidInputError(
+                f'the estimate has no observable {", ".join(missing)}, expected mass and first '
+                'moments to be observable: ' + ('; '.join(self.advice) or 'move the arm'))
+        if self.implausible:
+            raise InvalidInputError('the estimate is implausible: ' + '; '.join(self.implausible))
+        inertia = None
+        if self.has_inertia and is_consistent(self.values):
+            inertia = tensor(self.values) - self.mass * (
+                self.com @ self.com * np.eye(3) - np.outer(self.com, self.com))
+        return make_payload(self.link, self.mass, self.com, inertia)
+
+
+def tensor(values: FloatArray) -> FloatArray:
+    """Return the inertia tensor (3, 3) of π (10,), about the origin of the link."""
+    xx, xy, yy, xz, yz, zz = values[4:]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def make_result(
+    arm: ArmModel, link: str, solution: Solution, rows: Rows, rests: RestRows, band: FloatArray,
+    block: float, position: FloatArray | None, with_advice: bool,
+) -> PayloadEstimate:
+    """Return the result of a solution; `position` (n,) is the present one, None without data."""
+    limit = LARGEST_DEVIATIONS * max(abs(float(solution.values[0])), 1.0)
+    verdicts = _verdicts(LoadRegressor(arm, link), solution, limit)
+    missing = [i for i, verdict in enumerate(verdicts) if verdict == UNOBSERVABLE]
+    advice: tuple[str, ...] = ()
+    if with_advice and position is not None and missing:
+        advice = advise(arm, link, missing, Knowledge(
+            np.asarray(np.linalg.inv(solution.covariance)), limit, position,
+            solution.expected, block))
+    remarks: tuple[str, ...] = ()
+    if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
+        remarks = ('no mass distribution has the estimated inertia: its error is too large',)
+    deviations = np.where([one == NO_EFFECT for one in verdicts], np.inf, solution.deviations)
+    return PayloadEstimate(
+        link, solution.values, deviations, solution.covariance, verdicts,
+        solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
+        int((~rests.paired).sum()), int(rows.count.sum()),
+        _friction_text(rests, band), advice, _implausible(arm, solution, verdicts),
+        (EFFORT_REMARK, *remarks))
+
+
+def _verdicts(
+    regressor: LoadRegressor, solution: Solution, limit: FloatArray,
+) -> tuple[str, ...]:
+    Y = regressor(*random_states(regressor.arm, _STATES)).reshape(-1, COUNT)
+    Y = Y * np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
+    _, s, Vt = np.linalg.svd(Y, full_matrices=True)
+    rank = int((s > _NOTHING * max(s.max(), 1e-300)).sum())
+    inside = np.sum(Vt[:rank]**2, axis=0)  # 1 for a parameter that can be determined
+    has_effect = np.abs(Y).max(axis=0) > _NOTHING * max(np.abs(Y).max(), 1e-300)
+    return tuple(
+        NO_EFFECT if not effect else INSEPARABLE if part < 1.0 - 1e-6 else
+        OBSERVABLE if deviation <= largest else UNOBSERVABLE
+        for effect, part, deviation, largest in zip(
+            has_effect.tolist(), inside.tolist(), solution.deviations.tolist(), limit.tolist()))
+
+
+def _friction_text(rests: RestRows, band: FloatArray) -> str:
+    """Return how dry friction at rest is treated."""
+    pairs, singles = int(rests.paired.sum()), int((~rests.paired).sum())
+    if not pairs + singles:
+        return 'no rest is used: dry friction at rest has no effect'
+    known = 'within the dry friction of the model' if band.any() else (
+        'estimated from the residuals, because the model has no dry friction')
+    parts = []
+    if pairs:
+        parts.append(f'{pairs} pairs of rests of a joint, approached from both directions, are '
+                     'averaged: dry friction cancels')
+    if singles:
+        parts.append(f'{singles} rests of a joint have no partner: their friction of unknown '
+                     f'sign is part of the deviations, {known}')
+    return '; '.join(parts)
+
+
+def _implausible(
+    arm: ArmModel, solution: Solution, verdicts: tuple[str, ...],
+) -> tuple[str, ...]:
+    """Return what is physically impossible; values are reported as they are, not clipped."""
+    if verdicts[0] != OBSERVABLE:
+        return ()
+    mass, deviation = float(solution.values[0]), float(solution.deviations[0])
+    if mass <= 0.0:
+        return (f'm is {mass:.4g} kg (deviation {deviation:.2g} kg), expected a mass > 0: nothing '
+                'is attached, or the model is heavier than the arm, or efforts are too small',)
+    limit = max(REACH_MULTIPLE * reach(arm), LEAST_DISTANCE)
+    distance = float(np.linalg.norm(solution.values[1:4])) / mass
+    if all(verdict in (OBSERVABLE, NO_EFFECT) for verdict in verdicts[1:4]) and distance > limit:
+        return (f'the centre of mass is {distance:.3g} m from the origin of the link, '
+                f'expected at most {limit:.3g} m',)
+    return ()

@@ -1,0 +1,200 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Regression rows of single joints: averages over blocks of motion and over holds.
+
+r = Y π is linear, so that averages of r and Y over time satisfy it too. Filtered samples are not
+independent, averages over `block` seconds nearly are. A joint at rest is different: dry friction
+has an unknown value that stays the same during the rest, so that a rest is one observation,
+however long it lasts. Samples close to a velocity reversal, where friction changes its sign, and
+samples just after the beginning of a rest are discarded.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.model.pseudo_inertia import COUNT
+
+REST_VELOCITY = 0.01
+"""Velocity [rad/s] or [m/s] below which a joint is at rest."""
+SLIDING_VELOCITY = 0.03
+"""Velocity [rad/s] or [m/s] from which the direction of dry friction is known."""
+SHORTEST_REST = 0.3
+"""Shortest rest [s] that is an observation."""
+MOST_RESTS = 2000
+"""Number of rests that are kept; older ones are discarded."""
+LARGEST_GAP = 0.5
+"""[s] between two samples from which on the motion between them is unknown."""
+VELOCITY, SIGN, RESIDUAL, EFFORT = COUNT, COUNT + 1, COUNT + 2, COUNT + 3
+COLUMNS = COUNT + 4
+"""Columns of a row: Y, velocity, sign of the velocity, residual, measured effort."""
+_REST, _BETWEEN = 0, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """
+    The average over a rest of one joint, [N·m] or [N].
+
+    `row` (COLUMNS,); `variance` is that of the residual between samples, `duration` is in [s].
+    `approach` is the direction of motion before the rest, ±1, or 0 if unknown. Rests with one
+    `stay` of a joint are parts of one uninterrupted rest. `position` (n,) is that of the arm.
+    """
+
+    joint: int
+    row: FloatArray
+    variance: float
+    duration: float
+    approach: int
+    stay: int
+    position: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """
+    All observations: sums over the blocks of motion, and the rests.
+
+    `gram` and `lagged` (n, COLUMNS, COLUMNS) are Σ z zᵀ of the rows z and Σ z₁ z₂ᵀ of consecutive
+    rows, of which there are `count` and `pairs` (n,). `duration` is in [s]; `holds` counts the
+    holds, in which all joints were at rest.
+    """
+
+    gram: FloatArray
+    lagged: FloatArray
+    count: FloatArray
+    pairs: FloatArray
+    rests: tuple[Rest, ...]
+    duration: float
+    holds: int
+
+
+class RowBuilder:
+    """Forms the rows of n joints from samples in the order of time, in constant memory."""
+
+    def __init__(self, joint_count: int, block: float, settling: float) -> None:
+        """Average over `block` [s]; discard `settling` [s] after a change of direction."""
+        n = joint_count
+        self._block, self._settling = block, settling
+        self._gram, self._lagged = np.zeros((2, n, COLUMNS, COLUMNS))
+        self._count, self._pairs = np.zeros((2, n))
+        self._rests: deque[Rest] = deque(maxlen=MOST_RESTS)
+        self._holds, self._duration = 0, 0.0
+        self._approach = np.zeros(n, dtype=np.intp)
+        self._stay = np.zeros(n, dtype=np.intp)
+        self._begin_stretch()
+
+    def restart(self) -> None:
+        """Begin a new stretch of samples, after a gap."""
+        self._holds += self._is_held()
+        self._finish_rests(np.ones(len(self._count), dtype=np.bool_))
+        self._begin_stretch()
+
+    def _begin_stretch(self) -> None:
+        n = len(self._count)
+        self._kind: IntArray = np.full(n, _BETWEEN)
+        self._since = np.full(n, -np.inf)
+        self._begin, self._time = np.zeros(n), -np.inf
+        self._sums, self._squares = np.zeros((n, COLUMNS)), np.zeros(n)
+        self._samples = np.zeros(n, dtype=np.intp)
+        self._previous = np.full((n, COLUMNS), np.nan)
+        self._is_hold = False
+        self._position = np.zeros(n)
+        self._approach[:] = 0
+        self._stay += 1
+
+    def add(self, t: float, q: FloatArray, v: FloatArray, moving: FloatArray,
+            resting: FloatArray) -> None:
+        """
+        Take a sample at the time t [s] with the position and velocity (n,).
+
+        `moving` and `resting` (n, COLUMNS) are the rows of joints that slide and rest, which
+        differ in the friction of the model.
+        """
+        if not 0.0 < t - self._time <= LARGEST_GAP and np.isfinite(self._time):
+            self.restart()
+        self._duration += t - self._time if np.isfinite(self._time) else 0.0
+        self._time = t
+        self._change_kind(t, v)
+        is_rest = self._kind == _REST
+        used = (self._kind != _BETWEEN) & (t - self._since >= self._settling)
+        z = np.where(is_rest[:, None], resting, moving)
+        self._begin = np.where(used & (self._samples == 0), t, self._begin)
+        self._sums[used] += z[used]
+        self._squares[used] += z[used, RESIDUAL]**2
+        self._samples[used] += 1
+        self._position = q
+        self._finish_blocks(
+            used & ~is_rest & (t - self._begin >= self._block) & (self._samples > 1))
+
+    def rows(self) -> Rows:
+        """Return all observations, with those of the current rest."""
+        current = [self._rest(j) for j in np.flatnonzero(self._is_complete()).tolist()]
+        return Rows(
+            self._gram.copy(), self._lagged.copy(), self._count.copy(), self._pairs.copy(),
+            (*self._rests, *current), self._duration, self._holds + self._is_held())
+
+    def _change_kind(self, t: float, v: FloatArray) -> None:
+        speed = np.abs(v)
+        kind = np.where(speed < REST_VELOCITY, _REST, np.where(
+            speed >= SLIDING_VELOCITY, np.sign(v), _BETWEEN)).astype(np.intp)
+        is_other = kind != self._kind
+        is_hold = bool((kind == _REST).all())
+        # The pose of a joint at rest changes when the others begin to move.
+        ended = (self._kind == _REST) & (is_other | (is_hold != self._is_hold))
+        self._holds += not is_hold and self._is_held()
+        self._finish_rests(ended)
+        slid = is_other & (np.abs(self._kind) == 1)
+        self._approach = np.where(slid, self._kind, self._approach)
+        self._stay = self._stay + (is_other & (self._kind == _REST))
+        cleared = is_other | ended
+        self._sums[cleared], self._squares[cleared], self._samples[cleared] = 0.0, 0.0, 0
+        self._previous[cleared] = np.nan
+        self._since = np.where(cleared, t, self._since)
+        self._kind, self._is_hold = kind, is_hold
+
+    def _finish_blocks(self, done: BoolArray) -> None:
+        if not done.any():
+            return
+        rows = self._sums[done] / self._samples[done, None]
+        before = self._previous[done]
+        self._gram[done] += rows[:, :, None] * rows[:, None, :]
+        self._count[done] += 1.0
+        has_before = np.isfinite(before[:, 0])
+        joints = np.flatnonzero(done)[has_before]
+        self._lagged[joints] += before[has_before, :, None] * rows[has_before, None, :]
+        self._pairs[joints] += 1.0
+        self._previous[done] = rows
+        self._sums[done], self._squares[done], self._samples[done] = 0.0, 0.0, 0
+
+    def _is_held(self) -> bool:
+        return self._is_hold and bool(self._is_complete().all())
+
+    def _is_complete(self) -> BoolArray:
+        return np.asarray((self._kind == _REST) & (self._samples > 1) & (
+            self._time - self._begin >= SHORTEST_REST))
+
+    def _finish_rests(self, ended: BoolArray) -> None:
+        for j in np.flatnonzero(ended & self._is_complete()).tolist():
+            self._rests.append(self._rest(j))
+
+    def _rest(self, j: int) -> Rest:
+        row = self._sums[j] / self._samples[j]
+        variance = max(self._squares[j] / self._samples[j] - row[RESIDUAL]**2, 0.0)
+        return Rest(
+            j, row, float(variance), float(self._time - self._begin[j]), int(self._approach[j]),
+            int(self._stay[j]), self._position)

@@ -1,0 +1,265 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is attached to a link: the regressor, recovery of hidden loads, coverage, verdicts."""
+
+from dataclasses import replace
+
+import numpy as np
+from payload_bench import (
+    Case,
+    CUTOFF,
+    errors_in_deviations,
+    estimated,
+    hidden_load,
+    holds,
+    LINKS,
+    measured,
+    motion,
+    Samples,
+)
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.load_regressor import load_parameters, LoadRegressor
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.regressor import random_states
+from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics.payload_estimation.information import student_factor
+from robots import robot_urdf
+
+SEEDED_CASES = 240
+"""Cases per kind of motion, divided among the robots."""
+
+
+# --- the regressor -------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('name', 'link'), [
+    ('ur10', 'tool0'), ('ur10', 'forearm_link'), ('panda', 'panda_leftfinger'),
+    ('xarm7', 'link7'), ('kinova', 'j2s6s200_end_effector')])
+def test_the_regressor_times_the_parameters_is_the_effort_of_a_payload(
+    name: str, link: str,
+) -> None:
+    """Among them continuous, prismatic and mimic joints."""
+    arm = load_arm(robot_urdf(name))
+    load = make_payload(link, 2.5, (0.1, -0.05, 0.2), np.diag([0.02, 0.03, 0.04]))
+    states = random_states(arm, 20)
+    expected = ArmDynamics(arm.with_payloads([load])).inverse_dynamics_batch(*states) - (
+        ArmDynamics(arm).inverse_dynamics_batch(*states))
+    effort = LoadRegressor(arm, link)(*states) @ load_parameters(load)
+    assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+
+
+def test_a_load_on_the_base_has_no_effect() -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    assert not LoadRegressor(arm, 'base_link')(*random_states(arm, 2)).any()
+
+
+def test_an_unknown_link_is_rejected() -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    with pytest.raises(InvalidInputError, match=r"link is 'hand', expected one of the links \['"):
+        PayloadEstimator(arm, 'hand', CUTOFF)
+
+
+# --- recovery ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', LINKS)
+@pytest.mark.parametrize('kind', ['singles', 'pairs', 'motion'])
+def test_a_hidden_load_is_recovered(name: str, kind: str) -> None:
+    case = hidden_load(name, seed=1)
+    samples = samples_of(case, kind)
+    estimate = estimated(case, samples, measured(case, samples))
+    check_recovery(case, estimate)
+    assert estimate.is_observable
+    assert (estimate.pairs > 0) == (kind == 'pairs')
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('kind', ['singles', 'pairs', 'motion'])
+def test_intervals_cover_the_truth_in_95_percent(kind: str) -> None:
+    inside = total = 0
+    for seed in range(SEEDED_CASES // len(LINKS)):
+        for name in LINKS:
+            case = hidden_load(name, seed)
+            samples = samples_of(case, kind)
+            estimate = estimated(case, samples, measured(case, samples))
+            check_recovery(case, estimate)
+            assert estimate.is_observable, (name, seed)
+            errors = [error for i, error in errors_in_deviations(case, estimate).items()
+                      if i < 4 or kind == 'motion']
+            total += len(errors)
+            inside += sum(abs(error) <= 1.96 for error in errors)
+    assert total >= SEEDED_CASES
+    assert 0.93 <= inside / total <= 0.97
+
+
+def samples_of(case: Case, kind: str) -> Samples:
+    return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
+
+
+def check_recovery(case: Case, estimate: PayloadEstimate) -> None:
+    """Mass within 2 % or 20 g, moments within 1 cm × mass or 0.01 kg·m; small deviations."""
+    truth = load_parameters(case.load)
+    values, deviations = estimate.values, estimate.deviations
+    assert abs(values[0] - truth[0]) <= max(0.02 * truth[0], 0.02), case.seed
+    assert (np.abs(values[1:4] - truth[1:4]) <= np.maximum(0.01 * truth[0], 0.01)).all()
+    assert all(deviation < 0.05 for deviation, verdict in zip(deviations[:4], estimate.verdicts)
+               if verdict == 'observable')
+
+
+def test_holds_from_both_directions_are_free_of_friction() -> None:
+    # friction five times as large, and unknown to the model
+    case = hidden_load('ur10', seed=2, friction=0.05)
+    samples = holds(case, 6, both_sides=True)
+    effort = measured(case, samples)
+    known = estimated(case, samples, effort)
+    assert 'averaged' in known.friction
+    ignorant = case._replace(arm=case.arm.with_friction(
+        load_arm(robot_urdf('ur10')).friction))
+    unknown = estimated(ignorant, samples, effort)
+    assert unknown.friction.endswith('has no dry friction') or unknown.singles == 0
+    for estimate in (known, unknown):
+        assert estimate.mass == pytest.approx(case.load.mass, abs=4.0 * estimate.deviations[0])
+        assert estimate.deviations[0] < 0.2
+
+
+# --- verdict and advice --------------------------------------------------------------------------
+
+def one_hold(case: Case, position: np.ndarray, seconds: float = 2.0) -> Samples:
+    t = np.arange(0.0, seconds, 0.04)
+    zero = np.zeros((len(t), case.arm.joint_count))
+    return Samples(t, zero + position, zero, zero, zero)
+
+
+def test_one_hold_leaves_moments_open_and_the_advice_closes_them() -> None:
+    case = hidden_load('ur10', seed=3, friction=0.0005)
+    start = np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4])
+    samples = one_hold(case, start)
+    first = estimated(case, samples, measured(case, samples), with_advice=True)
+    assert not first.is_observable
+    with pytest.raises(InvalidInputError, match='expected mass and first moments to be obser'):
+        first.payload()
+    assert first.advice
+    assert all('move ' in one or 'hold the poses' in one for one in first.advice[:1])
+    # the advice of a single joint: the same estimator, after that joint has moved
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    estimator.add(*samples[:4], measured(case, samples))
+    position, t = start.copy(), samples.t
+    for i in range(6):
+        estimate = estimator.estimate()
+        if estimate.is_observable:
+            break
+        position = followed(case, estimate.advice[0], position)
+        t = t + 100.0
+        more = one_hold(case, position)
+        estimator.add(t, *more[1:4], measured(case._replace(seed=i), more))
+    assert 0 < i < 6
+    final = estimator.estimate()
+    assert final.is_observable
+    assert (final.deviations[:4] < 0.1 * first.deviations[:4]).sum() >= 2
+    errors = errors_in_deviations(case, final)
+    assert max(abs(errors[k]) for k in range(4)) < 4.0
+
+
+def followed(case: Case, advice: str, position: np.ndarray) -> np.ndarray:
+    """Return the pose that an advice names first."""
+    if 'hold the poses (' in advice:
+        return np.array([float(one) for one in advice.split('(')[1].split(')')[0].split(',')])
+    if 'present pose' in advice:
+        return position
+    joint = case.arm.joint_names.index(advice.split("'")[1])
+    changed = position.copy()
+    changed[joint] = float(advice.split('(to ')[1].split(')')[0])
+    return changed
+
+
+def test_inertia_is_not_observable_at_rest_and_the_advice_is_to_accelerate() -> None:
+    case = hidden_load('ur10', seed=4)
+    samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.5, 0.4]))
+    estimate = estimated(case, samples, measured(case, samples), with_advice=True)
+    assert set(estimate.verdicts[4:]) == {'not observable'}
+    assert any('accelerate' in one and 'Izz' in one for one in estimate.advice)
+    assert estimate.deviations[4] > 50.0
+
+
+def test_a_planar_arm_has_parameters_without_effect() -> None:
+    case = hidden_load('default', seed=0)
+    samples = motion(case, 20.0)
+    estimate = estimated(case, samples, measured(case, samples, noise=0.001))
+    assert estimate.verdicts == (
+        'observable', 'observable', 'no effect', 'observable', 'no effect', 'no effect',
+        'observable', 'no effect', 'no effect', 'no effect')
+    assert estimate.payload().mass == pytest.approx(case.load.mass, rel=0.02)
+
+
+def test_the_payload_of_an_estimate_has_the_efforts_of_the_load() -> None:
+    case = hidden_load('xarm7', seed=5)
+    samples = motion(case, 30.0)
+    estimate = estimated(case, samples, measured(case, samples, noise=1e-5))
+    assert estimate.has_inertia
+    assert estimate.payload().inertia == pytest.approx(case.load.inertia, abs=1e-3)
+    assert estimate.com == pytest.approx(case.load.com, abs=1e-3)
+
+
+def test_too_large_efforts_change_the_mass_as_stated() -> None:
+    case = hidden_load('ur10', seed=6)
+    samples = holds(case, 6, both_sides=True)
+    right = estimated(case, samples, measured(case, samples, noise=0.0))
+    wrong = estimated(case, samples, measured(case, samples, noise=0.0, gain=1.02))
+    change = wrong.values[:4] - right.values[:4]
+    assert change == pytest.approx(2.0 * right.per_percent[:4], abs=0.02)
+    assert abs(change[0]) > 0.1  # 2 % of the efforts of the arm itself
+    assert any('torque constant' in remark for remark in wrong.remarks)
+
+
+def test_impossible_estimates_are_reported_and_not_clipped() -> None:
+    case = hidden_load('ur10', seed=7)
+    lighter = replace(case.load, mass=2.0)
+    heavy = case._replace(arm=case.arm.with_payloads([lighter]), load=make_payload('tool0', 0.0))
+    samples = holds(case, 6, both_sides=False)
+    bare = Case(case.arm, case.link, make_payload('tool0', 0.0), 7)
+    effort = measured(bare, samples)
+    estimator = PayloadEstimator(heavy.arm, case.link, CUTOFF)
+    estimator.add(*samples[:4], effort)
+    estimate = estimator.estimate()
+    assert estimate.mass == pytest.approx(-2.0, abs=0.1)
+    assert 'expected a mass > 0' in estimate.implausible[0]
+    with pytest.raises(InvalidInputError, match='the estimate is implausible: m is -'):
+        estimate.payload()
+
+
+def test_without_data_nothing_is_observable() -> None:
+    case = hidden_load('ur10', seed=0)
+    estimate = PayloadEstimator(case.arm, case.link, CUTOFF).estimate()
+    assert set(estimate.verdicts) == {'not observable'}
+    assert estimate.duration == 0.0
+
+
+def test_samples_in_parts_give_the_estimate_of_all_samples() -> None:
+    case = hidden_load('panda', seed=1)
+    samples = holds(case, 3, both_sides=True)
+    effort = measured(case, samples)
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    for i in range(0, len(effort), 7):
+        part = slice(i, i + 7)
+        estimator.add(*(one[part] for one in samples[:4]), effort[part])
+    whole = estimated(case, samples, effort)
+    assert estimator.estimate().values == pytest.approx(whole.values, rel=1e-9, abs=1e-12)
+
+
+def test_quantiles_of_students_distribution() -> None:
+    # 2.776, 2.228 and 2.042 for 4, 10 and 30 degrees of freedom
+    assert 1.959964 * student_factor(np.array([4.0, 10.0, 30.0, 1e9])) == pytest.approx(
+        [2.776, 2.228, 2.042, 1.960], rel=3e-3)

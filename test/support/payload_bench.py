@@ -1,0 +1,153 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Efforts of arms with hidden loads, friction and noise, for the tests of payload estimation."""
+
+from typing import NamedTuple
+
+from identification_bench import fourier_motion
+import numpy as np
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.load_regressor import load_parameters
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import robot_urdf
+
+LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
+"""The link that carries the load, by the name of the robot."""
+RATE, CUTOFF = 25.0, 5.0
+"""Rate and cut-off frequency of the filtered samples [Hz]."""
+NOISE, FRICTION = 0.004, 0.01
+"""Deviation of the filtered effort noise, and dry friction, relative to the effort limits."""
+LARGEST_MASS = 5.0
+SECONDS = 1.2
+"""Duration of a hold and of a motion to it."""
+
+
+class Case(NamedTuple):
+    """The model without the load, its link, and the load."""
+
+    arm: ArmModel
+    link: str
+    load: Payload
+    seed: int
+
+
+class Samples(NamedTuple):
+    """Times (m,), all others (m, n); `rest` is the friction at rest, NaN in motion."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    rest: np.ndarray
+
+
+def hidden_load(name: str, seed: int, friction: float = FRICTION) -> Case:
+    """Return an arm with friction and a random load of up to 5 kg on its last link."""
+    arm = load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name))
+    joints = [one for one in arm.joint_names if 'finger' not in one]
+    if len(joints) < arm.joint_count:
+        arm = load_arm(robot_urdf(name), joints)
+    rng = np.random.default_rng(seed)
+    limit = effort_limit(arm)
+    arm = arm.with_friction(make_friction(
+        arm.joint_names, viscous=0.5 * friction * limit, coulomb=friction * limit))
+    mass = rng.uniform(0.0, LARGEST_MASS)
+    half = rng.uniform(0.03, 0.1, 3)  # of a box
+    inertia = mass / 3.0 * np.diag(half @ half - half**2)
+    com = rng.uniform(-0.1, 0.1, 3)
+    if name == 'default':  # whose motion is in a plane
+        com[1] = 0.0
+    return Case(arm, LINKS[name], make_payload(LINKS[name], mass, com, inertia), seed)
+
+
+def effort_limit(arm: ArmModel) -> np.ndarray:
+    limit = arm.limits.effort
+    return np.where(np.isfinite(limit) & (limit > 0.0), limit, 50.0)
+
+
+def poses(arm: ArmModel, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return random positions (count, n), away from the limits."""
+    low, high = np.maximum(arm.limits.lower, -2.5), np.minimum(arm.limits.upper, 2.5)
+    return low + (high - low) * rng.uniform(0.2, 0.8, (count, arm.joint_count))
+
+
+def holds(case: Case, count: int, both_sides: bool) -> Samples:
+    """Return holds in random poses, approached from one or both directions."""
+    rng = np.random.default_rng(case.seed + 10_000)
+    n, band = case.arm.joint_count, case.arm.friction.static
+    at, q, rest = np.zeros(n), [], []
+    for pose in poses(case.arm, count, rng):
+        sides = (-1.0, 1.0) if both_sides else (rng.choice([-1.0, 1.0]),)
+        for side in sides:
+            for goal in (pose + 0.3 * side, pose):
+                s = np.linspace(0.0, 1.0, int(SECONDS * RATE))[:, None]
+                q.append(at + (goal - at) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+                rest.append(np.full((len(s), n), np.nan))
+                at = goal
+            size = rng.uniform(0.8, 1.0, n) * -side if both_sides else rng.uniform(-1.0, 1.0, n)
+            q.append(np.tile(pose, (int(SECONDS * RATE), 1)))
+            rest.append(np.tile(band * size, (int(SECONDS * RATE), 1)))
+    position = np.concatenate(q)
+    v = np.gradient(position, 1.0 / RATE, axis=0)
+    v[~np.isnan(np.concatenate(rest))] = 0.0
+    a = np.gradient(v, 1.0 / RATE, axis=0)
+    a[~np.isnan(np.concatenate(rest))] = 0.0
+    return Samples(np.arange(len(position)) / RATE, position, v, a, np.concatenate(rest))
+
+
+def motion(case: Case, seconds: float) -> Samples:
+    """Return a sum of sines."""
+    states = fourier_motion(case.arm, RATE, seconds, case.seed)
+    return Samples(states.times, states.q, states.v, states.a, np.full(states.q.shape, np.nan))
+
+
+def measured(case: Case, samples: Samples, noise: float = NOISE, gain: float = 1.0) -> np.ndarray:
+    """Return the effort (m, n) of the loaded arm, whose friction differs from the model."""
+    rng = np.random.default_rng(case.seed + 20_000)
+    arm, friction = case.arm.with_payloads([case.load]), case.arm.friction
+    effort = RigidBody(arm).inverse_dynamics_batch(samples.q, samples.v, samples.a)
+    change = rng.uniform(0.7, 1.3, (2, arm.joint_count))
+    sliding = change[0] * friction.viscous * samples.v + (
+        change[1] * friction.coulomb * np.sign(samples.v))
+    effort = effort + np.where(np.isnan(samples.rest), sliding, samples.rest)
+    decay = np.exp(-2.0 * np.pi * CUTOFF / RATE)
+    white = rng.normal(size=effort.shape) * np.sqrt(1.0 - decay**2)
+    colored = np.empty_like(effort)
+    value = rng.normal(size=arm.joint_count)
+    for i, step in enumerate(white):  # noise after a low-pass filter of the first order
+        value = decay * value + step
+        colored[i] = value
+    return gain * (effort + noise * effort_limit(arm) * colored)
+
+
+def estimated(
+    case: Case, samples: Samples, effort: np.ndarray, with_advice: bool = False,
+) -> PayloadEstimate:
+    """Return the estimate of the load of a case."""
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    estimator.add(samples.t, samples.q, samples.v, samples.a, effort)
+    return estimator.estimate(with_advice)
+
+
+def errors_in_deviations(case: Case, estimate: PayloadEstimate) -> dict[int, float]:
+    """Return (estimate − truth) / deviation of the observable parameters, by their index."""
+    truth = load_parameters(case.load)
+    return {
+        i: float((estimate.values[i] - truth[i]) / estimate.deviations[i])
+        for i, verdict in enumerate(estimate.verdicts) if verdict == 'observable'}
