@@ -95,12 +95,13 @@ def test_intervals_cover_the_truth_in_95_percent(kind: str) -> None:
             case = hidden_load(name, seed)
             samples = samples_of(case, kind)
             estimate = estimated(case, samples, measured(case, samples))
-            check_recovery(case, estimate)
+            check_recovery(case, estimate, least_moment=0.02)
             assert estimate.is_observable, (name, seed)
             errors = [error for i, error in errors_in_deviations(case, estimate).items()
                       if i < 4 or kind == 'motion']
             total += len(errors)
             inside += sum(abs(error) <= 1.96 for error in errors)
+    print(f'{kind}: {inside / total:.3f} of {total} intervals')
     assert total >= SEEDED_CASES
     assert 0.93 <= inside / total <= 0.97
 
@@ -109,12 +110,15 @@ def samples_of(case: Case, kind: str) -> Samples:
     return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
 
 
-def check_recovery(case: Case, estimate: PayloadEstimate) -> None:
-    """Mass within 2 % or 20 g, moments within 1 cm × mass or 0.01 kg·m; small deviations."""
+def check_recovery(
+    case: Case, estimate: PayloadEstimate, least_moment: float = 0.01,
+) -> None:
+    """Mass within 2 % or 20 g, moments within 1 cm × mass or a least error; small deviations."""
     truth = load_parameters(case.load)
     values, deviations = estimate.values, estimate.deviations
     assert abs(values[0] - truth[0]) <= max(0.02 * truth[0], 0.02), case.seed
-    assert (np.abs(values[1:4] - truth[1:4]) <= np.maximum(0.01 * truth[0], 0.01)).all()
+    assert (np.abs(values[1:4] - truth[1:4]) <= np.maximum(
+        0.01 * truth[0], least_moment)).all(), case.seed
     assert all(deviation < 0.05 for deviation, verdict in zip(deviations[:4], estimate.verdicts)
                if verdict == 'observable')
 

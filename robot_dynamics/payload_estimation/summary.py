@@ -1,0 +1,75 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An estimate as text, and as a dictionary for JSON."""
+
+import math
+from typing import Any
+
+import numpy as np
+from robot_dynamics.model.pseudo_inertia import NAMES
+from robot_dynamics.payload_estimation.result import NO_EFFECT, PayloadEstimate, UNITS
+
+
+def headline(estimate: PayloadEstimate) -> str:
+    """Return mass and centre of mass with their standard deviations."""
+    mass = f'{estimate.mass:.4g} kg ± {estimate.deviations[0]:.2g} kg'
+    if not estimate.is_observable or estimate.implausible:
+        return f'mass {mass} on {estimate.link!r}, {estimate.verdicts[0]}'
+    com = ', '.join(
+        f'{axis} without effect' if verdict == NO_EFFECT else
+        f'{axis} {value:.3f} ± {deviation:.2g}' for axis, value, deviation, verdict in zip(
+            'xyz', estimate.com.tolist(), estimate.com_deviations.tolist(),
+            estimate.verdicts[1:4]))
+    return f'mass {mass} on {estimate.link!r}, centre of mass [m]: {com}'
+
+
+def data_text(estimate: PayloadEstimate) -> str:
+    """Return the amount of data."""
+    return (f'{estimate.duration:.1f} s: {estimate.holds} holds ({estimate.pairs} pairs and '
+            f'{estimate.singles} single rests of joints), {estimate.blocks} blocks of motion')
+
+
+def parameter_rows(estimate: PayloadEstimate) -> list[list[str]]:
+    """Return a table: a row of headings, then one row per parameter."""
+    rows = [['parameter', 'value', 'deviation', 'per 1 % of effort', 'unit', 'verdict']]
+    for name, value, deviation, change, unit, verdict in zip(
+            NAMES, estimate.values.tolist(), estimate.deviations.tolist(),
+            estimate.per_percent.tolist(), UNITS, estimate.verdicts):
+        has_effect = verdict != NO_EFFECT
+        rows.append([
+            name, f'{value:.4f}' if has_effect else '-',
+            f'{deviation:.2g}' if has_effect else '-', f'{change:+.2g}' if has_effect else '-',
+            unit, verdict])
+    return rows
+
+
+def as_dictionary(estimate: PayloadEstimate) -> dict[str, Any]:
+    """Return all figures with their units; numbers that do not exist are None."""
+    def numbers(values: Any) -> list[float | None]:
+        return [value if math.isfinite(value) else None for value in np.asarray(values).tolist()]
+
+    return {
+        'link': estimate.link, 'parameters': list(NAMES), 'units': list(UNITS),
+        'values': numbers(estimate.values), 'deviations': numbers(estimate.deviations),
+        'verdicts': list(estimate.verdicts),
+        'per_percent_of_effort': numbers(estimate.per_percent),
+        'covariance': estimate.covariance.tolist(),
+        'centre_of_mass_m': numbers(estimate.com),
+        'centre_of_mass_deviations_m': numbers(estimate.com_deviations),
+        'is_observable': estimate.is_observable, 'duration_s': estimate.duration,
+        'holds': estimate.holds, 'pairs': estimate.pairs, 'single_rests': estimate.singles,
+        'blocks_of_motion': estimate.blocks, 'friction': estimate.friction,
+        'advice': list(estimate.advice), 'implausible': list(estimate.implausible),
+        'remarks': list(estimate.remarks)}

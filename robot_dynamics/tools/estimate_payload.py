@@ -1,0 +1,125 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Estimate what is attached to a link: `estimate_payload BAG… --urdf URDF --link NAME`.
+
+Exit status: 0 done; 1 mass or first moments are not observable or implausible, or some recordings
+failed; 2 a mistake in the arguments, or no recording can be used; 130 interrupted.
+"""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+import json
+import os
+import sys
+import textwrap
+from typing import TYPE_CHECKING
+
+from robot_dynamics.tools.command_line import (
+    add_parameters,
+    add_recordings,
+    DONE,
+    FAILED,
+    Parser,
+    read_settings,
+    run_tool,
+)
+
+if TYPE_CHECKING:
+    from robot_dynamics.payload_estimation.recordings import RecordedPayload
+
+_WIDTH = 110
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    # The matrices are small: more than one thread is slower.
+    for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
+        os.environ.setdefault(name, '1')
+    return run_tool('estimate_payload', partial(_run, arguments))
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog='estimate_payload',
+        description='Estimate mass, first moments and inertia of what is attached to a link, from '
+                    'recorded joint\nstates with effort: static holds in several poses, or a '
+                    'motion.',
+        epilog='exit status: 0 done, 1 mass or first moments are not observable or implausible, '
+               'or some\nrecordings failed, 2 a mistake in the arguments or no recording can be '
+               'used, 130 interrupted')
+    add_recordings(parser, None)
+    parser.add_argument(
+        '--link', required=True, metavar='NAME',
+        help='Link to which the unknown body is attached; the URDF must not contain the body')
+    parser.add_argument(
+        '--cutoff', type=float, metavar='HZ',
+        help='Cut-off frequency of the low-pass filter [Hz] (default: 5, or less for slow joint '
+             'states)')
+    add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
+    parser.add_argument(
+        '--json', action='store_true', help='Print the result as JSON instead of text')
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from robot_dynamics.payload_estimation.recordings import estimate_from_bags
+    from robot_dynamics.payload_estimation.summary import as_dictionary
+    from robot_dynamics.recordings.bag_files import find_recordings
+    from robot_dynamics.reporting.progress import Progress
+    bags = find_recordings(arguments.bags)
+    settings = read_settings(arguments)
+    with Progress(len(bags), 'recordings') as progress:
+        found = estimate_from_bags(bags, arguments.link, settings, progress.advance)
+    if arguments.json:
+        print(json.dumps({
+            **as_dictionary(found.estimate), 'recordings': [str(bag) for bag in found.bags],
+            'failed': {str(bag): error for bag, error in found.failed}}, indent=2))
+    else:
+        print_payload(found)
+    for bag, error in found.failed:
+        print(f'estimate_payload: {bag}: {" ".join(error.split())}', file=sys.stderr)
+    estimate = found.estimate
+    is_good = estimate.is_observable and not estimate.implausible and not found.failed
+    return DONE if is_good else FAILED
+
+
+def print_payload(found: 'RecordedPayload') -> None:
+    """Print the estimate, its verdicts, and the advice."""
+    from robot_dynamics.payload_estimation.summary import data_text, headline, parameter_rows
+    from robot_dynamics.recordings.sample_faults import counted
+    from robot_dynamics.reporting.text_table import text_table
+    estimate = found.estimate
+    rows = parameter_rows(estimate)
+    print(headline(estimate))
+    print(f'{counted(len(found.bags), "recording")}, {data_text(estimate)}\n')
+    print(text_table(rows[0], rows[1:], left_columns=1))
+    for title, lines in (
+            ('Implausible:', estimate.implausible),
+            ('To make parameters observable:', estimate.advice),
+            ('Dry friction at rest:', (estimate.friction,)),
+            ('Remarks:', (*estimate.remarks, *found.remarks))):
+        if lines:
+            print(f'\n{title}')
+            for line in lines:
+                print(textwrap.fill(
+                    line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
+                    break_long_words=False, break_on_hyphens=False))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

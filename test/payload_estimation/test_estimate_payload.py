@@ -1,0 +1,102 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The tool `estimate_payload` on recordings of arms with hidden loads."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from payload_bench import hidden_load, holds, measured, Samples
+import pytest
+from recordings import START_NS, write_recording
+from robot_dynamics.model.load_regressor import load_parameters
+from robot_dynamics.recordings.message_encoding import joint_state_messages
+from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
+from robot_dynamics.tools.estimate_payload import main
+from robots import robot_path
+
+CASE = hidden_load('ur10', seed=11)
+
+
+def record(path: Path, samples: Samples, effort: np.ndarray | None) -> Path:
+    stamps = START_NS + np.round(1e9 * samples.t).astype(np.int64)
+    data = joint_state_messages(stamps, CASE.arm.joint_names, samples.q, samples.v, effort)
+    return write_recording(path, list(zip(stamps.tolist(), data)))
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of six holds, approached from both directions."""
+    samples = holds(CASE, 6, both_sides=True)
+    return record(tmp_path_factory.mktemp('payload') / 'bag', samples, measured(CASE, samples))
+
+
+def options(link: str = 'tool0') -> list[str]:
+    return ['--urdf', str(robot_path('ur10')), '--link', link]
+
+
+def test_the_load_of_a_recording(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # the model of the tool has no friction: that of the URDF
+    assert main([str(bag), *options(), '--json']) == DONE
+    figures = json.loads(capsys.readouterr().out)
+    truth = load_parameters(CASE.load)
+    error = np.array(figures['values'][:4]) - truth[:4]
+    assert abs(error[0]) < max(0.02 * truth[0], 0.02)
+    assert (np.abs(error) < 4.0 * np.array(figures['deviations'][:4])).all()
+    assert figures['pairs'] >= 30
+    assert figures['holds'] == 12
+    assert main([str(bag), *options()]) == DONE
+    text = capsys.readouterr().out
+    for words in ('centre of mass', 'observable', 'friction cancels', 'torque constant', 'mx'):
+        assert words in text
+
+
+def test_two_recordings_are_one_estimate(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    samples = holds(CASE._replace(seed=12), 2, both_sides=True)
+    other = record(tmp_path / 'bag', samples, measured(CASE._replace(seed=12), samples))
+    assert main([str(bag), str(other), *options(), '--json']) == DONE
+    figures = json.loads(capsys.readouterr().out)
+    assert len(figures['recordings']) == 2
+    assert figures['holds'] == 12 + 4
+    assert figures['values'][0] == pytest.approx(
+        CASE.load.mass, abs=4.0 * figures['deviations'][0])
+
+
+def test_one_hold_does_not_suffice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    samples = holds(CASE, 1, both_sides=False)
+    t = np.arange(100) / 25.0
+    still = samples._replace(
+        t=t, **{name: np.repeat(getattr(samples, name)[-1:], 100, axis=0)
+                for name in ('q', 'v', 'a', 'rest')})
+    path = record(tmp_path / 'bag', still, measured(CASE, still))
+    assert main([str(path), *options()]) == FAILED
+    text = capsys.readouterr().out
+    assert 'not observable' in text
+    assert 'To make parameters observable:' in text
+
+
+def test_mistakes_are_reported_in_one_line(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    bare = record(tmp_path / 'bare', holds(CASE, 1, both_sides=False), None)
+    for arguments, words in (
+            ([str(bag), *options('hand')], "link is 'hand', expected one of the links"),
+            ([str(bare), *options()], 'the recording has no effort'),
+            ([str(bag), *options(), '--cutoff', '90'], 'cutoff is 90 Hz, expected at most'),
+            ([str(tmp_path / 'nowhere'), *options()], 'does not exist')):
+        assert main(arguments) == MISTAKE
+        assert words in capsys.readouterr().err
