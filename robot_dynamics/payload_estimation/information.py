@@ -19,9 +19,9 @@ The unknowns are π (10,) of the load, and for each joint an error of the viscou
 friction of the model. The rows of a joint form up to three groups with a variance each: blocks of
 motion, paired rests, and single rests. Λ = Σ_g Λ_g / σ_g², with σ_g² from the residuals of the
 group and its degrees of freedom. Few residuals determine a variance poorly. It is therefore
-combined with a prior: dry friction with uniform distribution over the known band, F² / 3, or the
-variance of the other joints relative to their effort limits. Blocks whose residuals are correlated
-with the next block count less, by (1 − ρ) / (1 + ρ).
+combined with a prior: that of dry friction within the known band ± F, or the variance of the other
+joints relative to their effort limits. Blocks whose residuals are correlated with the next block
+count less, by (1 − ρ) / (1 + ρ).
 """
 
 from dataclasses import dataclass
@@ -40,11 +40,15 @@ LEAST_NOISE = 1e-5
 """Smallest deviation of an observation, relative to the effort limit: resolution of efforts."""
 ASSUMED_NOISE = 0.01
 """Deviation of an observation relative to the effort limit, if no residual determines it."""
+POOLED_PAIRS = 30.0
+"""Number of pairs of consecutive rows that the correlation of all joints counts as."""
 EXPECTED_NOISE = 0.003
 """Deviation of an expected observation without friction, relative to the effort limit."""
+BAND_VARIANCE = 1.0 / 3.0
+"""Variance of dry friction with a uniform distribution within ± F, relative to F²."""
 PAIRED_FRACTION = 0.2
 """Part of the friction band that remains in a pair, if no residual determines it."""
-BAND_WEIGHT, POOLED_WEIGHT = 6.0, 2.0
+BAND_WEIGHT, POOLED_WEIGHT = 12.0, 2.0
 """Number of residuals that the friction band, and the variance of the other joints, count as."""
 _ASSUMED_WEIGHT = 0.01
 _ITERATIONS = 12
@@ -111,7 +115,7 @@ def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> S
             max(group.count - float(np.sum(inverse * A)) / s, 0.0)
             for group, A, s in zip(groups, information, variances)])
         variances, freedom = _variances(groups, squares, free, scale)
-        variances = variances * np.array([_correlation(group, theta, n) for group in groups])
+        variances = variances * _rows_per_independent_row(groups, theta, n)
     covariance = inverse[:COUNT, :COUNT]
     effort = sum((_right_side(group, n, EFFORT) / s for group, s in zip(groups, variances)),
                  np.zeros(size))
@@ -136,7 +140,7 @@ def _groups(
             if own.any():
                 z, w = rests.row[own], rests.weight[own]
                 noise = float(np.sum(w * rests.noise[own]) / w.sum())
-                prior = (fraction * band[j])**2 / 3.0 + noise if band[j] > 0.0 else 0.0
+                prior = BAND_VARIANCE * (fraction * band[j])**2 + noise if band[j] > 0.0 else 0.0
                 groups.append(_Group(
                     j, kind, (z * w[:, None]).T @ z, float(w.sum()), prior,
                     BAND_WEIGHT if band[j] > 0.0 else POOLED_WEIGHT, max(least, noise)))
@@ -179,15 +183,25 @@ def _squares(group: _Group, theta: FloatArray, n: int) -> float:
     return max(float(u @ group.gram @ u), 0.0)
 
 
-def _correlation(group: _Group, theta: FloatArray, n: int) -> float:
-    """Return the number of rows that count as one, from the correlation of consecutive rows."""
-    if group.lagged is None or group.pairs < 3.0:
-        return 1.0
-    u = _residual_form(group, theta, n)
-    power = float(u @ group.gram @ u) / group.count
-    rho = float(u @ group.lagged @ u) / group.pairs / power if power > 0.0 else 0.0
-    rho = min(max(rho, 0.0), 0.95)
-    return (1.0 + rho) / (1.0 - rho)
+def _rows_per_independent_row(
+    groups: list[_Group], theta: FloatArray, n: int,
+) -> FloatArray:
+    """
+    Return the number of rows (groups,) that count as one, from consecutive residuals.
+
+    The filter causes most of the correlation, and is the same for all joints. The correlation of
+    one joint is therefore combined with that of all joints.
+    """
+    sums, pairs = np.zeros(len(groups)), np.zeros(len(groups))
+    for i, group in enumerate(groups):
+        if group.lagged is not None:
+            u = _residual_form(group, theta, n)
+            power = max(float(u @ group.gram @ u), 1e-300) / group.count
+            sums[i], pairs[i] = float(u @ group.lagged @ u) / power, group.pairs
+    pooled = sums.sum() / max(pairs.sum(), 1.0)
+    rho = np.clip((sums + POOLED_PAIRS * pooled) / (pairs + POOLED_PAIRS), 0.0, 0.95)
+    is_motion = np.array([group.lagged is not None for group in groups])
+    return np.where(is_motion, (1.0 + rho) / (1.0 - rho), 1.0)
 
 
 def _variances(
@@ -215,9 +229,11 @@ def _widening(
     freedom: FloatArray,
 ) -> FloatArray:
     """
-    Return t / 1.96 (10,), t of Student's distribution.
+    Return the factors (10,) by which few residuals enlarge the deviations.
 
-    The degrees of freedom are those of Welch and Satterthwaite.
+    Weights from estimated variances make the result appear too precise: P. Meier, "Variance of a
+    weighted mean", Biometrics 9(1), 1953. The rest is t / 1.96, t of Student's distribution with
+    the degrees of freedom of Welch and Satterthwaite.
     """
     parts = np.array([
         np.diag(inverse @ (A / s) @ inverse)[:COUNT] for A, s in zip(information, variances)])
@@ -225,7 +241,9 @@ def _widening(
         return np.ones(COUNT)
     total = np.maximum(parts.sum(axis=0), 1e-300)
     effective = total**2 / np.maximum((parts**2 / freedom[:, None]).sum(axis=0), 1e-300)
-    return student_factor(effective)
+    share = parts / total
+    weighting = 1.0 + 4.0 * np.sum(share * (1.0 - share) / freedom[:, None], axis=0)
+    return np.asarray(np.sqrt(weighting) * student_factor(effective))
 
 
 def student_factor(freedom: FloatArray) -> FloatArray:
@@ -240,10 +258,10 @@ def _expected(
     groups: list[_Group], variances: FloatArray, scale: FloatArray, band: FloatArray,
 ) -> dict[str, FloatArray]:
     """Return the variances (n,) of further rows by kind, at joints without any from friction."""
-    noise = (EXPECTED_NOISE * scale)**2
+    noise, friction = (EXPECTED_NOISE * scale)**2, BAND_VARIANCE * band**2
     expected = {
-        'motion': noise + (PAIRED_FRACTION * band)**2 / 3.0, 'single': noise + band**2 / 3.0,
-        'paired': noise + (PAIRED_FRACTION * band)**2 / 3.0}
+        'motion': noise + PAIRED_FRACTION**2 * friction, 'single': noise + friction,
+        'paired': noise + PAIRED_FRACTION**2 * friction}
     for group, variance in zip(groups, variances):
         expected[group.kind][group.joint] = variance
     return expected
