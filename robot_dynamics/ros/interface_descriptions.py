@@ -108,6 +108,9 @@ SERVICES: Descriptions = {
         '~/set_payload': 'Sets the payload of a link, on request gradually. m = 0 removes it, '
                          'and with an empty `frame_id` all payloads. A payload that the arm '
                          f'cannot carry is rejected {_SEE_PAYLOADS}.',
+        '~/estimate_payload': 'Estimates what is attached to a link from measured efforts: starts '
+                              'an estimation, returns the estimate so far, and applies it on '
+                              'request ([payload estimation](../payload_estimation.md)).',
         '~/stop': 'Stops the arm within its limits, along the reference if there is one, and '
                   'then holds the position. Available in every state of the node, also during '
                   'long requests.',

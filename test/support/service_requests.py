@@ -21,6 +21,7 @@ from geometry_msgs.msg import WrenchStamped
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.conversions import payload_to_ros
 from robot_dynamics_interfaces.srv import (
+    EstimatePayload,
     ForwardDynamics,
     InverseDynamics,
     InverseDynamicsBatch,
@@ -38,6 +39,7 @@ SERVICES: dict[str, Any] = {
     'forward_dynamics': ForwardDynamics,
     'manipulator_equation': ManipulatorEquation,
     'set_payload': SetPayload,
+    'estimate_payload': EstimatePayload,
 }
 Q = (math.pi / 4, math.pi / 6)
 
@@ -96,5 +98,10 @@ REFUSALS: list[tuple[str, dict[str, Any], str]] = [
      r"payload\.header\.frame_id is 'hand'"),
     ('set_payload', {'transition_time': -1.0}, 'transition_time is -1, expected'),
     ('set_payload', {'transition_time': NAN}, 'transition_time is nan'),
+    ('estimate_payload', {}, 'no estimation is active, expected an earlier call with start'),
+    ('estimate_payload', {'start': True, 'link': 'hand'}, "link is 'hand', expected one of the"),
+    ('estimate_payload', {'start': True, 'link': 'tool0', 'apply': True},
+     'start is true together with apply or stop'),
+    ('estimate_payload', {'apply': True, 'transition_time': -1.0}, 'transition_time is -1, exp'),
 ]
 """Service, fields of the request, and a pattern of the response message."""

@@ -46,6 +46,7 @@ from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.dynamics.markers import LiveMarkers
+from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples
 from robot_dynamics.ros.dynamics.references import References
 from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
@@ -111,6 +112,7 @@ class ControlPath:
         self._count_reference = subscription_count(self._reference)
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
+        self.payload_samples = PayloadSamples()
         self.references = References(
             self.counters, lambda: self.command.obstacle, lambda: self.command.is_faulty)
         self.command = SafeCommand(
@@ -226,6 +228,7 @@ class ControlPath:
         self._count(verdict, output, 1e-9 * steady_ns)
         self._publish(state, served, output)
         self.estimates.look(served.reader, state, q, v, verdict, output.robot_gravity)
+        self.payload_samples.take(served.reader, state, q, v, verdict, output.robot_gravity)
         if self.estimates.external_limit is not None:
             joint = self.estimates.excess()
             if joint is not None:

@@ -46,6 +46,7 @@ from robot_dynamics.ros.dynamics.parameters import (
     safety_options,
     SPECS,
 )
+from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_report import StateReport
@@ -107,7 +108,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
         self._graph = GraphWatch(
             self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
-        self._dynamics_services = DynamicsServices(self, self._payloads)
+        self._estimation = PayloadEstimation(self, self._path.payload_samples, self._payloads)
+        self._dynamics_services = DynamicsServices(self, self._payloads, self._estimation)
         self._models = ModelSource(
             self, lambda: self._settings.values, self._payloads,
             lambda: self._path.command.is_commanding, self._use_model)
@@ -185,6 +187,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._gravity.forget()
+        self._estimation.forget()
         self._arm = self._controller = self._effort_check = self._estimates = None
         self._models.forget()
         return TransitionCallbackReturn.SUCCESS
@@ -227,6 +230,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._limit_path(values, arm)
         self._path.markers.use(controller, parse_urdf(xml).root_link)
         self._dynamics_services.use(controller)
+        self._estimation.use(options.semantics)
         self._arm, self._controller = arm, controller
         self._effort_check, self._estimates = check, estimates
         self._warn_of_loop(controller, options)

@@ -62,6 +62,11 @@ class PayloadKeeper:
         """Return whether there is a payload."""
         return bool(self._payloads)
 
+    @property
+    def payloads(self) -> tuple[Payload, ...]:
+        """All payloads that were set, at most one per link."""
+        return self._payloads
+
     def check(self, arm: ArmModel) -> None:
         """Raise InvalidInputError if an arm cannot carry the kept payloads."""
         try:

@@ -20,19 +20,21 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import ModelError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.ros.conversions import (
     floats_to_ros,
+    payload_to_ros,
     stamp_to_ros,
     terms_to_ros,
     trajectory_from_ros,
     with_efforts,
     wrenches_from_ros,
 )
+from robot_dynamics.ros.dynamics.payload_estimation import estimate_to_ros, PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -44,6 +46,7 @@ from robot_dynamics.trajectories.limit_warnings import (
 )
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import (
+    EstimatePayload,
     ForwardDynamics,
     InverseDynamics,
     InverseDynamicsBatch,
@@ -64,11 +67,13 @@ class DynamicsServices:
     The response to an invalid request has success = false and the reason.
     """
 
-    def __init__(self, node: GuardedCallbacks, payloads: PayloadKeeper) -> None:
+    def __init__(
+        self, node: GuardedCallbacks, payloads: PayloadKeeper, estimation: PayloadEstimation,
+    ) -> None:
         """Offer the services on a node; ~/set_payload changes `payloads`."""
         self._node = node
         self._controller: Controller | None = None
-        self._payloads = payloads
+        self._payloads, self._estimation = payloads, estimation
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
             node.create_service(
@@ -80,6 +85,7 @@ class DynamicsServices:
         offer(ForwardDynamics, 'forward_dynamics', self._forward_dynamics)
         offer(ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
         offer(SetPayload, 'set_payload', self._set_payload)
+        offer(EstimatePayload, 'estimate_payload', self._estimate_payload)
 
     def use(self, controller: Controller) -> None:
         """Use this arm from the next request on."""
@@ -198,6 +204,28 @@ class DynamicsServices:
             response.message = self._payloads.remove(request.payload.header.frame_id)
         else:
             response.message = self._payloads.change(self._used(), request.payload, seconds)
+
+    def _estimate_payload(
+        self, request: EstimatePayload.Request, response: EstimatePayload.Response,
+    ) -> None:
+        seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
+        controller = self._used()
+        if request.start:
+            if request.apply or request.stop:
+                raise InvalidInputError(
+                    'start is true together with apply or stop, expected separate calls')
+            self._estimation.start(controller, request.link)
+            response.link = request.link
+            response.message = f'estimation for {request.link!r} started'
+            return
+        estimate = self._estimation.estimate(request.link)
+        estimate_to_ros(estimate, response)
+        if request.apply:
+            change = self._payloads.change(
+                controller, payload_to_ros(estimate.payload()), seconds)
+            response.message += f'; applied: {change}'
+        if request.stop:
+            self._estimation.stop()
 
 
 def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:

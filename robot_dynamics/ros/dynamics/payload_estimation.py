@@ -1,0 +1,236 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The estimation of `~/estimate_payload`: from buffered states to an estimate, in the executor.
+
+The control path only stores states, and only while an estimation is active. A timer filters them
+and adds them to the estimator. Position, velocity and effort pass the same causal filter, whose
+derivative of the velocity is the acceleration (`monitoring.low_pass`).
+"""
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
+from robot_dynamics.joints.whole_turns import nearest_turn
+from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.pseudo_inertia import NAMES
+from robot_dynamics.monitoring.low_pass import LowPass
+from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics.payload_estimation.summary import headline
+from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
+from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples, Sample
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
+from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics_interfaces.srv import EstimatePayload
+
+CUTOFF = 5.0
+"""Cut-off frequency [Hz] of the filter."""
+INTERVAL = 1.0 / (10.0 * CUTOFF)
+"""Shortest interval [s] between two filtered samples that are used."""
+PERIOD = 0.2
+"""[s] between two calls that take the waiting states."""
+LONGEST_STEP = 0.1
+"""[s] between two states after which the filter restarts."""
+GRAVITY_CHANGE = 0.05
+"""Largest change of gravity [m/s²] during an estimation."""
+NOT_STARTED = (
+    'no estimation is active, expected an earlier call with start = true and the name of a link')
+
+
+class _Run:
+    """One estimation: the filter and the estimator."""
+
+    def __init__(
+        self, controller: Controller, semantics: EffortConvention, link: str,
+        others: tuple[Payload, ...],
+    ) -> None:
+        self.others, self._controller = others, controller
+        self._arm = controller.planning_dynamics.arm.with_payloads(others)
+        self._semantics = semantics
+        self._estimator = PayloadEstimator(self._arm, link, CUTOFF)
+        self._filters = [LowPass(CUTOFF) for _ in range(3)]
+        self._stamp: int | None = None
+        self._position: FloatArray = np.zeros(0)
+        self._settled = self._since_used = 0.0
+        self._first_stamp = 0
+
+    @property
+    def link(self) -> str:
+        return self._estimator.link
+
+    @property
+    def is_other_gravity(self) -> bool:
+        """Whether the gravity of the node has changed since the start."""
+        before, now = (arm.pinocchio_model.gravity.linear for arm in (
+            self._arm, self._controller.planning_dynamics.arm))
+        return bool(np.abs(before - now).max() > GRAVITY_CHANGE)
+
+    def estimate(self) -> PayloadEstimate:
+        return self._estimator.estimate()
+
+    def add(self, samples: list[Sample]) -> None:
+        """Filter states, and add some of them to the estimator."""
+        kept: list[tuple[float, list[FloatArray]]] = []
+        for sample in samples:
+            if self._is_gap(sample):
+                self._flush(kept)
+                self._restart(sample)
+            filtered = self._filtered(sample)
+            if filtered is not None:
+                kept.append((1e-9 * (sample.stamp - self._first_stamp), filtered))
+        self._flush(kept)
+
+    def _flush(self, kept: list[tuple[float, list[FloatArray]]]) -> None:
+        if kept:
+            signals = (np.array(signal) for signal in zip(*(signals for _, signals in kept)))
+            self._estimator.add(np.array([t for t, _ in kept]), *signals)
+            kept.clear()
+
+    def _is_gap(self, sample: Sample) -> bool:
+        return self._stamp is None or sample.is_restart or not (
+            0.0 < 1e-9 * (sample.stamp - self._stamp) <= LONGEST_STEP)
+
+    def _restart(self, sample: Sample) -> None:
+        for one in self._filters:
+            one.restart()
+        self._estimator.restart()
+        self._stamp, self._position = sample.stamp, sample.q
+        self._first_stamp = self._first_stamp or sample.stamp
+        self._settled = self._since_used = 0.0
+
+    def _filtered(self, sample: Sample) -> list[FloatArray] | None:
+        """Return position, velocity, acceleration and effort, None for a sample to skip."""
+        dt = 1e-9 * (sample.stamp - (self._stamp or sample.stamp))
+        self._stamp = sample.stamp
+        self._settled += dt
+        self._since_used += dt
+        self._position = nearest_turn(sample.q, self._position, self._arm.is_continuous)
+        effort = joint_from_measured(
+            self._semantics.measured_effort, sample.effort, sample.v, sample.robot_gravity,
+            self._arm.actuators)
+        position, velocity, torque = self._filters
+        q, v = position.update(self._position, dt), velocity.update(sample.v, dt)
+        tau = torque.update(effort, dt, held=True)
+        if self._settled < velocity.settling_time or self._since_used < INTERVAL:
+            return None
+        self._since_used = 0.0
+        return [q, v, velocity.rate, tau]
+
+
+class PayloadEstimation:
+    """The active estimation of the node, if any; for the thread of the executor."""
+
+    def __init__(
+        self, node: GuardedCallbacks, samples: PayloadSamples, payloads: PayloadKeeper,
+    ) -> None:
+        """Take states from `samples`; `payloads` are the present payloads of the node."""
+        self._node, self._samples, self._payloads = node, samples, payloads
+        self._semantics = EffortConvention()
+        self._run: _Run | None = None
+        self._ended = NOT_STARTED
+        self._timer: object = None
+
+    def use(self, semantics: EffortConvention) -> None:
+        """End an estimation, because another model is used; take its meaning of the effort."""
+        self._semantics = semantics
+        self._end('the estimation has ended, because another model was loaded')
+
+    def forget(self) -> None:
+        """End an estimation, because there is no model."""
+        self._end('the estimation has ended, because the model was unloaded')
+
+    def start(self, controller: Controller, link: str) -> None:
+        """Begin an estimation; raise InvalidInputError for an unknown link or without effort."""
+        if self._semantics.measured_effort == 'none':
+            raise InvalidInputError(
+                "measured_effort is 'none', expected a measured effort to estimate from")
+        run = _Run(controller, self._semantics, link, self._others(link))
+        self._end(NOT_STARTED)
+        self._run = run
+        self._samples.begin()
+        self._timer = self._node.create_timer(
+            PERIOD, self._take, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def stop(self) -> None:
+        """End the estimation."""
+        self._end(NOT_STARTED)
+
+    def estimate(self, link: str) -> PayloadEstimate:
+        """
+        Return the present estimate.
+
+        Raises InvalidInputError if no estimation is active, if it is for another link than `link`
+        (empty for any), or if it has no data.
+        """
+        self._take()
+        if self._run is None:
+            raise InvalidInputError(self._ended)
+        if link not in ('', self._run.link):
+            raise InvalidInputError(
+                f'link is {link!r}, expected {self._run.link!r}, the link of the estimation')
+        found = self._run.estimate()
+        if found.duration == 0.0:
+            raise InvalidInputError('no usable joint states yet: ' + (
+                self._samples.obstacle or 'expected more of them'))
+        return found
+
+    def _others(self, link: str) -> tuple[Payload, ...]:
+        return tuple(one for one in self._payloads.payloads if one.link != link)
+
+    def _take(self) -> None:
+        """Add the waiting states to the estimate; an error ends the estimation."""
+        run = self._run
+        if run is None:
+            return
+        if self._others(run.link) != run.others:
+            self._end('the estimation has ended, because the payload of another link has changed')
+            return
+        if run.is_other_gravity:
+            self._end('the estimation has ended, because the gravity of the base has changed')
+            return
+        try:
+            run.add(self._samples.drain())
+        except Exception as error:  # such as a state beyond all bounds
+            self._end(f'the estimation has ended: {describe_error(error)}')
+
+    def _end(self, reason: str) -> None:
+        if self._run is not None or reason == NOT_STARTED:
+            self._ended = reason
+        self._run = None
+        self._samples.end()
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._timer = None
+
+
+def estimate_to_ros(estimate: PayloadEstimate, response: EstimatePayload.Response) -> None:
+    """Fill an estimate into a response; the payload has m = 0 if it is not physical."""
+    response.message = headline(estimate)
+    response.link, response.duration = estimate.link, estimate.duration
+    response.holds = estimate.holds
+    response.parameters = list(NAMES)
+    response.values = floats_to_ros(estimate.values)
+    response.deviations = floats_to_ros(estimate.deviations)
+    response.verdicts = list(estimate.verdicts)
+    response.per_percent_of_effort = floats_to_ros(estimate.per_percent)
+    response.advice = list(estimate.advice)
+    response.remarks = [*estimate.implausible, estimate.friction, *estimate.remarks]
+    try:
+        response.payload = payload_to_ros(estimate.payload())
+    except InvalidInputError:  # the verdicts and the remarks state the reason
+        response.payload = payload_to_ros(None)

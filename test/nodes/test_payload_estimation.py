@@ -1,0 +1,119 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`~/estimate_payload` on running nodes: a payload that only the simulated arm has."""
+
+import math
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import InertiaStamped
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.conversions import payload_to_ros
+from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload
+from ros_harness import (
+    DYNAMICS,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+START = np.array([0.8, 0.5])
+ROBOT = {'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'friction.coulomb': [1.0, 0.5]}
+LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1))
+SECONDS = 16
+
+
+def swing() -> JointTrajectory:
+    """Return sines around START, after which the arm rests."""
+    points = []
+    for t in np.arange(0.0, SECONDS + 0.1, 0.25).tolist():
+        phase = 2.0 * math.pi * np.array([0.25, 0.375]) * t
+        rate = 2.0 * math.pi * np.array([0.25, 0.375])
+        points.append(JointTrajectoryPoint(
+            positions=START + 0.4 * (1.0 - np.cos(phase)), velocities=0.4 * rate * np.sin(phase),
+            time_from_start=Duration(sec=int(t) + 1, nanosec=round(1e9 * (t % 1.0)))))
+    return JointTrajectory(joint_names=NAMES, points=points)
+
+
+def ask(client: RosClient, **fields: Any) -> Any:
+    return client.call(
+        EstimatePayload, '/carried/dynamics/estimate_payload', EstimatePayload.Request(**fields),
+        LONG)
+
+
+def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
+    with client.collect(JointState, '/carried/dynamics/gravity_compensation') as gravity, \
+            client.collect(InertiaStamped, '/carried/dynamics/payload') as payloads, \
+            client.collect(JointState, '/carried/dynamics/reference') as references, \
+            running(
+                NodeProcess(DYNAMICS, {
+                    **ROBOT, 'gains.natural_frequency': [12.0], 'effort_check': False},
+                    namespace='/carried'),
+                NodeProcess(SIMULATED_ARM, {
+                    **ROBOT, 'rate': 250.0, 'lock_step': True, 'effort_noise': 0.2, 'seed': 1,
+                    'initial_position': START.tolist()}, namespace='/carried')):
+        gravity.wait_for(lambda _: True, LONG)
+        assert client.call(SetPayload, '/carried/simulated_arm/set_payload', SetPayload.Request(
+            payload=payload_to_ros(LOAD))).success
+        assert ask(client, start=True, link='tool0').message == "estimation for 'tool0' started"
+        publisher = client.publisher(JointTrajectory, '/carried/dynamics/joint_trajectory')
+        publisher.publish(swing())
+        references.wait_for(lambda _: True, LONG)
+        found: list[Any] = []
+
+        def is_found() -> bool:
+            found.append(ask(client))
+            return bool(found[-1].success and found[-1].duration > SECONDS)
+
+        wait_until(is_found, 'the whole motion', LONG)
+        answer = found[-1]
+        check(answer)
+        assert not ask(client, link='link1').success
+        applied = ask(client, apply=True, stop=True)
+        assert applied.success, applied.message
+        assert applied.message.endswith("kg on 'tool0'")
+        payloads.wait_for(lambda m: m.inertia.m > 0.0, LONG)
+        assert payloads.messages[-1].inertia.m == pytest.approx(LOAD.mass, rel=0.05)
+        state = client.wait_for(JointState, '/carried/joint_states', timeout=LONG)
+        loaded = RigidBody(load_arm(default_arm_urdf()).with_payloads([LOAD])).gravity(
+            np.array(state.position))
+        gravity.wait_for(lambda m: np.allclose(m.effort, loaded, atol=1.0), LONG)
+        assert 'no estimation is active' in ask(client).message
+
+
+def check(answer: Any) -> None:
+    """Check the estimate of a payload in the plane of the arm, of which z is upwards."""
+    values = dict(zip(answer.parameters, zip(answer.values, answer.deviations, answer.verdicts)))
+    truth = {'m': LOAD.mass, 'mx': LOAD.mass * 0.05, 'mz': LOAD.mass * 0.1}
+    for name, expected in truth.items():
+        value, deviation, verdict = values[name]
+        assert verdict == 'observable', (name, values)
+        assert value == pytest.approx(expected, abs=4.0 * deviation)
+    assert values['m'][0] == pytest.approx(LOAD.mass, abs=0.04)
+    assert values['my'][2] == 'no effect'
+    assert values['my'][1] == math.inf
+    assert any('torque constant' in remark for remark in answer.remarks)
+    assert answer.payload.header.frame_id == 'tool0'
