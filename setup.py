@@ -118,6 +118,7 @@ setup(
             'equation = robot_dynamics.tools.ros2_dynamics.ros2cli:EquationVerb',
             'check = robot_dynamics.tools.ros2_dynamics.ros2cli:CheckVerb',
             'payload = robot_dynamics.tools.ros2_dynamics.ros2cli:PayloadVerb',
+            'estimate_payload = robot_dynamics.tools.ros2_dynamics.ros2cli:EstimatePayloadVerb',
             'status = robot_dynamics.tools.ros2_dynamics.ros2cli:StatusVerb',
             'move = robot_dynamics.tools.ros2_dynamics.ros2cli:MoveVerb',
             'watch = robot_dynamics.tools.ros2_dynamics.ros2cli:WatchVerb',

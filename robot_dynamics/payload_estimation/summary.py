@@ -56,7 +56,7 @@ def parameter_rows(estimate: PayloadEstimate) -> list[list[str]]:
 
 
 def as_dictionary(estimate: PayloadEstimate) -> dict[str, Any]:
-    """Return all figures with their units; numbers that do not exist are None."""
+    """Return all figures with their units; numbers that do not exist become null."""
     def numbers(values: Any) -> list[float | None]:
         return [value if math.isfinite(value) else None for value in np.asarray(values).tolist()]
 

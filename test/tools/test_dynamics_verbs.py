@@ -218,6 +218,20 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
     assert gravity() == pytest.approx(without)
 
 
+def test_a_payload_is_estimated(ask: Ask) -> None:
+    status, _, err = ask('estimate_payload')
+    assert (status, 'no estimation is active' in err) == (2, True)
+    assert ask('estimate_payload', 'tool0')[1] == "/dynamics: estimation for 'tool0' started\n"
+    wait_until(lambda: ask('estimate_payload')[0] == 0, 'an estimate')
+    out = ask('estimate_payload')[1]
+    assert re.search(r'^m +\S+ +\S+ +\S+ +kg +', out, re.MULTILINE)
+    assert re.search(r'^my +- +- +- +kg·m +no effect$', out, re.MULTILINE)
+    figures = json.loads(ask('estimate_payload', '--stop', '--json')[1])
+    assert figures['parameters'][:4] == ['m', 'mx', 'my', 'mz']
+    assert figures['deviations'][2] is None
+    assert ask('estimate_payload', '--apply')[0] == 2
+
+
 def test_check_judges_the_model_of_the_node(ask: Ask) -> None:
     status, out, _ = ask('check')
     assert (status, out.splitlines()[-1]) == (0, '/dynamics: no errors')
@@ -272,6 +286,8 @@ def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
     (['inverse', '0.1'], 'position has 1 value, expected 2: joint1, joint2'),
     (['equation', '0.1', '0.2', '-v', 'joint3=1'], "velocity has joint 'joint3', expected one of"),
     (['payload', 'tool0'], "LINK is 'tool0' without a MASS"),
+    (['estimate_payload', 'tool0', '--apply'], "LINK is 'tool0' together with --apply"),
+    (['estimate_payload', 'hand'], "link is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '1', '--clear'], "LINK is 'tool0' together with --clear"),
     (['payload', 'hand', '1'], "is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '-1'], 'payload.inertia.m is -1, expected a number in'),
@@ -319,8 +335,9 @@ def test_every_verb_is_an_extension_of_ros2cli() -> None:
              if isinstance(node, ast.ClassDef)}
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
     for name, verb in VERBS.items():
-        assert helps[f'{name.capitalize()}Verb'] == f'{verb.help}.'
-        entry = f'robot_dynamics.tools.ros2_dynamics.ros2cli:{name.capitalize()}Verb'
+        class_name = name.title().replace('_', '') + 'Verb'
+        assert helps[class_name] == f'{verb.help}.'
+        entry = f'robot_dynamics.tools.ros2_dynamics.ros2cli:{class_name}'
         assert f"'{name} = {entry}'" in setup
 
 

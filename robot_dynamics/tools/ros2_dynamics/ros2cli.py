@@ -77,6 +77,10 @@ class PayloadVerb(VerbExtension):
     """Show the active loads, put one on a link, or remove them."""
 
 
+class EstimatePayloadVerb(VerbExtension):
+    """Estimate what is attached to a link from measured efforts."""
+
+
 class StatusVerb(VerbExtension):
     """How the node is: lifecycle, command, payload, diagnostics."""
 

@@ -86,6 +86,17 @@ def _payload_arguments(parser: argparse.ArgumentParser) -> None:
         help='remove the loads of all links (MASS 0 removes that of LINK)')
 
 
+def _estimate_payload_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_links, 'link', nargs='?', metavar='LINK',
+         help='Link for which an estimation begins. Without it, the estimate so far is printed.')
+    parser.add_argument(
+        '--apply', action='store_true',
+        help='Set the estimate as payload if mass and first moments are observable.')
+    parser.add_argument('--stop', action='store_true', help='End the estimation.')
+    _add(parser, complete_nothing, '--transition', type=float, default=0.0, metavar='SECONDS',
+         help='Time over which an applied payload replaces the old one [s]. The default is 0.')
+
+
 def _status_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-v', '--verbose', action='store_true', help='the figures of each check too')
@@ -128,6 +139,11 @@ def _record_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 # These modules load the library of the model, which the other verbs do not need.
+
+def _answer_estimate_payload(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
+    from robot_dynamics.tools.ros2_dynamics.payload_estimate import answer_estimate_payload
+    return answer_estimate_payload(client, arguments)
+
 
 def _answer_move(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
     from robot_dynamics.tools.ros2_dynamics.move import answer_move
@@ -182,6 +198,9 @@ VERBS: Mapping[str, Verb] = {
     'payload': Verb(
         'Show the active loads, put one on a link, or remove them', _payload_arguments,
         answer_payload),
+    'estimate_payload': Verb(
+        'Estimate what is attached to a link from measured efforts', _estimate_payload_arguments,
+        _answer_estimate_payload),
     'status': Verb(
         'How the node is: lifecycle, command, payload, diagnostics', _status_arguments,
         answer_status),

@@ -1,0 +1,62 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The verb `estimate_payload`: start an estimation, print the estimate, apply it."""
+
+from argparse import Namespace
+import math
+
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.payload_estimation.result import NO_EFFECT, UNITS
+from robot_dynamics.reporting.text_table import text_table
+from robot_dynamics.tools.ros2_dynamics.answers import Answer
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
+from robot_dynamics_interfaces.srv import EstimatePayload
+
+HEADINGS = ('parameter', 'value', 'deviation', 'per 1 % of effort', 'unit', 'verdict')
+
+
+def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Start an estimation if a link is given, else return the estimate so far."""
+    if arguments.link and (arguments.apply or arguments.stop):
+        raise InvalidInputError(
+            f'LINK is {arguments.link!r} together with --apply or --stop, expected only one')
+    request = EstimatePayload.Request(
+        start=bool(arguments.link), link=arguments.link or '', apply=arguments.apply,
+        stop=arguments.stop, transition_time=arguments.transition)
+    response = client.call(EstimatePayload, 'estimate_payload', request)
+    text = f'{client.name}: {response.message}'
+    data = {
+        'node': client.name, 'message': response.message, 'link': response.link,
+        'duration_s': response.duration, 'holds': response.holds,
+        'parameters': list(response.parameters), 'values': list(response.values),
+        'deviations': [value if math.isfinite(value) else None for value in response.deviations],
+        'verdicts': list(response.verdicts),
+        'per_percent_of_effort': list(response.per_percent_of_effort),
+        'advice': list(response.advice), 'remarks': list(response.remarks)}
+    if response.parameters:
+        text += f'\n{response.duration:.1f} s, {response.holds} holds\n\n{_table(response)}\n'
+        text += ''.join(f'\n{line}' for line in (*response.advice, *response.remarks))
+    return Answer(data, text)
+
+
+def _table(response: EstimatePayload.Response) -> str:
+    rows = []
+    for name, value, deviation, change, unit, verdict in zip(
+            response.parameters, response.values, response.deviations,
+            response.per_percent_of_effort, UNITS, response.verdicts):
+        figures = ['-'] * 3 if verdict == NO_EFFECT else [
+            f'{value:.4f}', f'{deviation:.2g}', f'{change:+.2g}']
+        rows.append([name, *figures, unit, verdict])
+    return text_table(HEADINGS, rows, left_columns=1)
