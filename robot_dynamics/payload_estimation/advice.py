@@ -28,6 +28,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.load_regressor import LoadRegressor
 from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
 from robot_dynamics.model.worst_gravity import sample_positions
+from robot_dynamics.payload_estimation.information import inverse_of
 
 TURNS = np.radians([15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0, 180.0])
 """Candidate displacements of a joint [rad]."""
@@ -66,8 +67,8 @@ class Knowledge:
 
     def deviation(self, parameter: int, gain: FloatArray) -> float:
         """Return the deviation of a parameter with this further information (10, 10)."""
-        covariance = np.linalg.inv(self.information + gain)
-        return float(np.sqrt(max(covariance[parameter, parameter], 0.0)))
+        covariance = inverse_of(self.information + gain)
+        return float(np.sqrt(covariance[parameter, parameter]))
 
 
 def advise(

@@ -52,6 +52,7 @@ BAND_WEIGHT, POOLED_WEIGHT = 12.0, 2.0
 """Number of residuals that the friction band, and the variance of the other joints, count as."""
 _ASSUMED_WEIGHT = 0.01
 _ITERATIONS = 12
+_ROUNDING = 1e-15
 _NORMAL = 1.959964
 
 
@@ -108,7 +109,7 @@ def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> S
     inverse, theta = np.diag(1.0 / prior), np.zeros(size)
     for _ in range(_ITERATIONS if groups else 0):
         whole = np.diag(prior) + sum(A / s for A, s in zip(information, variances))
-        inverse = np.asarray(np.linalg.inv(whole))
+        inverse = inverse_of(whole)
         theta = inverse @ sum(b / s for b, s in zip(right, variances))
         squares = np.array([_squares(group, theta, n) for group in groups])
         free = np.array([
@@ -123,6 +124,18 @@ def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> S
     deviations = np.sqrt(np.diag(covariance)) * factor
     return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
                     _expected(groups, variances, scale, band))
+
+
+def inverse_of(A: FloatArray) -> FloatArray:
+    """
+    Return the inverse (..., k, k) of symmetric positive definite matrices.
+
+    The inverse is positive definite also if rounding errors exceed the smallest eigenvalue.
+    """
+    scale = 1.0 / np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    values, vectors = np.linalg.eigh(A * scale[..., :, None] * scale[..., None, :])
+    roots = scale[..., :, None] * vectors / np.sqrt(np.maximum(values, _ROUNDING))[..., None, :]
+    return np.asarray(roots @ np.swapaxes(roots, -1, -2))
 
 
 def _groups(
@@ -235,11 +248,12 @@ def _widening(
     weighted mean", Biometrics 9(1), 1953. The rest is t / 1.96, t of Student's distribution with
     the degrees of freedom of Welch and Satterthwaite.
     """
-    parts = np.array([
-        np.diag(inverse @ (A / s) @ inverse)[:COUNT] for A, s in zip(information, variances)])
-    if not len(parts):
+    if not information:
         return np.ones(COUNT)
-    total = np.maximum(parts.sum(axis=0), 1e-300)
+    total = np.diag(inverse)[:COUNT]
+    parts = np.clip([
+        np.diag(inverse @ (A / s) @ inverse)[:COUNT] for A, s in zip(information, variances)],
+        0.0, total)  # the rest is that of the prior
     effective = total**2 / np.maximum((parts**2 / freedom[:, None]).sum(axis=0), 1e-300)
     share = parts / total
     weighting = 1.0 + 4.0 * np.sum(share * (1.0 - share) / freedom[:, None], axis=0)
@@ -248,7 +262,7 @@ def _widening(
 
 def student_factor(freedom: FloatArray) -> FloatArray:
     """Return t / 1.96, t the 97.5 % quantile of Student's distribution, for freedom >= 2."""
-    f, z = np.maximum(freedom, 2.0), _NORMAL
+    f, z = np.clip(freedom, 2.0, 1e6), _NORMAL
     t = (z + (z**3 + z) / (4 * f) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * f**2)
          + (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * f**3))
     return np.asarray(t / z)

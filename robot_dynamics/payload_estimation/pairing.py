@@ -27,7 +27,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.payload_estimation.rows import COLUMNS, Rest
 
-PAIR_DISTANCE = 0.1
+PAIR_DISTANCE = 0.5
 """Largest distance [rad] or [m] of every joint between the two rests of a pair."""
 
 

@@ -26,7 +26,7 @@ from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULT
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.payload_estimation.advice import advise, Knowledge
-from robot_dynamics.payload_estimation.information import Solution
+from robot_dynamics.payload_estimation.information import inverse_of, Solution
 from robot_dynamics.payload_estimation.pairing import RestRows
 from robot_dynamics.payload_estimation.rows import Rows
 
@@ -148,8 +148,7 @@ def make_result(
     advice: tuple[str, ...] = ()
     if with_advice and position is not None and missing:
         advice = advise(arm, link, missing, Knowledge(
-            np.asarray(np.linalg.inv(solution.covariance)), limit, position,
-            solution.expected, block))
+            inverse_of(solution.covariance), limit, position, solution.expected, block))
     remarks: tuple[str, ...] = ()
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
         remarks = ('no mass distribution has the estimated inertia: its error is too large',)
